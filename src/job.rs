@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 use crate::engine::{Backend, BackendError, EngineChoice};
-use crate::near_field::{FEW_PLACEMENTS, self_hits};
+use crate::near_field::{FEW_PLACEMENTS, below_ground, self_hits};
 use crate::problem::Problem;
 use crate::psog::Psog;
 use crate::scan::conditions::Condition;
@@ -321,7 +321,7 @@ impl Job {
 
     /// Adds to scores, by the first scene, whose own body stands for all scenes:
     ///
-    /// - the guard `self_hit` and the range card
+    /// - the guards `below_ground`, before all others, and `self_hit`, and the range card
     /// - places at which a target is missed although its requirement is met
     /// - the share of copies within the mounting tolerance that meet the requirements
     ///
@@ -347,6 +347,8 @@ impl Job {
         let problem = self.scenes[0].problem()?;
         let mut all: Vec<_> = all.into_iter().collect();
         for (placement, scores) in &mut all {
+            let below = below_ground(self.scene(), &problem, placement);
+            scores.guards = [below, std::mem::take(&mut scores.guards)].concat();
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
         let is_whole = self.add_holds(&mut all, None, go_on)?;
@@ -402,8 +404,9 @@ impl Job {
             let (member, engine) = evaluator.member_mut(index);
             let scene = &self.scenes[member.scene()];
             for (placement, judged) in member.seen(placements).iter().zip(judged.iter_mut()) {
-                let guards = self_hits(scene.scene(), member.problem(), engine, placement)?;
-                judged.by_scene[index].scores.guards.extend(guards);
+                let below = below_ground(scene.scene(), member.problem(), placement);
+                let hits = self_hits(scene.scene(), member.problem(), engine, placement)?;
+                judged.by_scene[index].scores.guards.extend(below.into_iter().chain(hits));
             }
             // A mirror image has the sectors of its scene on the other side.
             if !member.is_mirrored() {

@@ -219,6 +219,7 @@ fn near_fields_and_targets_are_those_of_the_json() {
         let seen = of.iter().filter(|pole| pole["seen"] == true).count();
         assert_eq!(csv.cell(row, "R159_seen"), seen.to_string());
         assert_eq!(csv.cell(row, "R159_poles"), of.len().to_string());
+        assert_eq!(csv.cell(row, "lost_again").is_empty(), near["zone"].get("lost").is_none());
         let own: Vec<f64> = csv
             .cell(row, "own_body_share_by_lidar")
             .split("; ")

@@ -43,9 +43,22 @@ fn agrees(scores: &Value, near: &Value) {
     assert_eq!(found(1), near["ring"].as_f64().unwrap(), "{near}");
     for (k, (side, depth)) in RULES.into_iter().enumerate() {
         let (rule, zone) = (&scores["requirements"][2 + k], &near["zone"][side]);
-        let is_met = zone.as_f64().is_some_and(|found| found <= depth);
+        let lanes: Vec<&Value> = near["zone"]["lanes"].as_array().unwrap().iter().collect();
+        let lanes: Vec<&Value> = lanes.into_iter().filter(|lane| lane["side"] == side).collect();
+        let is_lost = |lane: &&&Value| {
+            let lost = lane["lost"].as_array().into_iter().flatten();
+            let mut ends = lost.map(|of| [0, 1].map(|k| of[k].as_f64().unwrap()));
+            let begins_in = lane["depth"].as_f64().is_some_and(|found| found <= depth);
+            begins_in && ends.any(|[from, to]| from <= depth && to > depth)
+        };
+        let lost = lanes.iter().filter(is_lost).count();
+        let is_met = zone.as_f64().is_some_and(|found| found <= depth) && lost == 0;
         assert_eq!(rule["met"], is_met, "{side}: {rule} {zone}");
         let told = match zone.as_f64() {
+            Some(found) if lost > 0 => format!(
+                "the blind zone {side} ends at {found:.2} m; {lost} of {} lanes lose ground behind it again",
+                lanes.len()
+            ),
             Some(found) => format!("the blind zone {side} ends at {found:.2} m"),
             None => format!("the blind zone {side} does not end within 10 m"),
         };
@@ -240,4 +253,45 @@ fn wrong_rules_on_the_ground_are_named() {
         yard["static"][1]["class"] = json!("wall");
     });
     assert!(error.contains("no triangle of a class of ground"), "{error}");
+}
+
+#[test]
+fn a_lidar_below_the_ground_is_the_first_warning_of_a_score() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([]));
+    let lidar = |z: f64| json!({ "sensor": "wide", "x": 0.4, "y": 0.1, "z": z });
+    let low = json!({ "placements": [{ "name": "low", "lidars": [lidar(2.1), lidar(-0.5)] }] });
+    fs::write(dir.path().join("low.json"), low.to_string()).unwrap();
+    let found = ok(dir.path(), &["score", "yard.json", "low.json", "--backend", "cpu"]);
+    let first = found["scores"][0]["guards"][0].as_str().unwrap();
+    assert!(first.starts_with("below_ground: LiDAR 1 is 0.50 m below the ground"), "{found}");
+}
+
+#[test]
+fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path(), json!([{ "blind_zone": "behind", "depth": 2 }]));
+    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let mut cart: Value = serde_json::from_str(&text).unwrap();
+    // From 1.5 m over the rear edge beams end within 1.05 m of it.
+    cart["sensors"][1]["lidar"]["fov"] = json!([-80, -55]);
+    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    let back = json!({ "sensor": "side", "x": -2, "y": 0, "z": 1.5, "yaw": std::f64::consts::PI });
+    let rigs = json!({ "placements": [{ "name": "slit", "lidars": [back] }] });
+    fs::write(dir.path().join("slit.json"), rigs.to_string()).unwrap();
+    let files = ["yard.json", "slit.json", "--backend", "cpu"];
+    let near = ok(dir.path(), &[&["study", "nearfield"][..], &files].concat());
+    let zone = &near["near_fields"][0]["zone"];
+    assert_eq!(zone["behind"], 0.125, "{zone}");
+    let want = json!([{ "side": "behind", "from": 1.25, "to": 10.0, "lanes": 8, "of": 8 }]);
+    assert_eq!(zone["lost"], want);
+    let scores = ok(dir.path(), &[&["score", "--tolerance", "0"][..], &files].concat());
+    let rule = &scores["scores"][0]["requirements"][0];
+    assert_eq!((&rule["met"], &rule["found"]), (&json!(false), &json!(0.0)), "{rule}");
+    let missing = rule["missing"].as_str().unwrap();
+    assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
+    let text = sightline(dir.path(), &[&["study", "nearfield"][..], &files].concat());
+    let text = String::from_utf8(text.stdout).unwrap();
+    let words = "! slit: behind 0.1 m, but unseen from 1.3 to 10 m in 8 of 8 lanes\n";
+    assert!(text.contains(words), "{text}");
 }

@@ -273,6 +273,7 @@ fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     for words in [
         "all LiDARs off together by up to 5 mm and 0.5°: ",
         " % of 200 copies meet all other requirements (± ",
+        "± counts 15 draws a LiDAR, not 200 copies: where areas, ground or overlap are required, copies draw from 15",
         "LiDAR 1 alone off in all fields by up to ",
     ] {
         assert!(text.contains(words), "{words}: {text}");

@@ -95,7 +95,7 @@ impl PyScene {
     ///
     /// - `near_field` and `ring`: shares of the ground within 10 m and 3 m; `blind_area` in m²
     /// - `zone`: depth of the blind zone in metres `ahead`, `behind`, `left` and `right` (`None`: beyond 10 m), and its
-    ///   lanes
+    ///   lanes; `lost`: sides on which ground behind the nearest ground seen is unseen again over 2 m or more
     /// - `poles` of standards, and `beams` by LiDAR
     ///
     /// Means over the scored frames. Raises `ValueError` for a scene without geometry or own body.
@@ -211,7 +211,7 @@ impl PyScene {
 
     /// Scores of one placement with one pose field of one LiDAR at each of some values, as a `dict` with the sweep that
     /// `sightline study sweep` prints: `rows` with `value`, `as_given`, `broken_rules` and `scores`, the placement as it is
-    /// first. Field `of` is `"LIDAR.FIELD"` (`"0.pitch"`, `"roof.z"`: a number from 0, a mount or a model); `values` `[N]` are metres, or
+    /// first. On a symmetric vehicle its mirror image moves, too (`mirrored_lidar`). Field `of` is `"LIDAR.FIELD"` (`"0.pitch"`, `"roof.z"`: a number from 0, a mount or a model); `values` `[N]` are metres, or
     /// degrees of an angle (positive pitch looks down). Raises `ValueError` for an unknown LiDAR or field and for values
     /// that a placement may not have. `progress` as for `optimize`.
     #[pyo3(signature = (poses, of, values, *, sensors = None, phases = None, progress = None))]

@@ -27,6 +27,8 @@ pub struct SweptField {
     /// Number of the LiDAR in the placement.
     pub lidar: usize,
     field: usize,
+    /// Number of its mirror image, which moves with it; `None` where the vehicle wants no pairs, or it is in none.
+    pub image: Option<usize>,
 }
 
 /// A placement with one field moved through some values; one that is interrupted holds the first rows.
@@ -36,6 +38,9 @@ pub struct Sweep {
     pub placement: String,
     /// Number of the LiDAR.
     pub lidar: usize,
+    /// Number of its mirror image, which moves with it on a symmetric vehicle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mirrored_lidar: Option<usize>,
     /// Pose field.
     pub field: &'static str,
     /// `m` or `deg`.
@@ -48,7 +53,8 @@ impl Sweep {
     /// From rows of [`Job::sweep_rows`].
     pub fn new(placement: &Placement, field: SweptField, rows: Vec<SweepRow>) -> Self {
         let (placement, lidar) = (placement.name.clone(), field.lidar);
-        Self { placement, lidar, field: field.name(), unit: field.unit(), rows }
+        let (mirrored_lidar, unit) = (field.image, field.unit());
+        Self { placement, lidar, mirrored_lidar, field: field.name(), unit, rows }
     }
 }
 
@@ -82,10 +88,14 @@ impl SweptField {
         let field = SensorPose::FIELDS.iter().position(|name| *name == field).ok_or_else(|| {
             format!("`{field}` is no pose field; there are {}", SensorPose::FIELDS.join(", "))
         })?;
+        let of = |lidar: usize| {
+            let image = constraints.mirror_image_of(lidar, &placement.lidars);
+            Self { lidar, field, image }
+        };
         let count = placement.lidars.len();
         if let Ok(number) = lidar.parse::<usize>() {
             let name = &placement.name;
-            return (number < count).then_some(Self { lidar: number, field }).ok_or_else(|| {
+            return (number < count).then(|| of(number)).ok_or_else(|| {
                 format!("placement `{name}` has no LiDAR {number}; it has {count}, the first is 0")
             });
         }
@@ -97,7 +107,7 @@ impl SweptField {
         let named: Vec<usize> =
             (0..count).filter(|&k| names(k).iter().any(|n| n == lidar)).collect();
         match named[..] {
-            [lidar] => Ok(Self { lidar, field }),
+            [lidar] => Ok(of(lidar)),
             [] => {
                 let mut known: Vec<String> = (0..count).flat_map(names).collect();
                 known.retain(|name| !name.is_empty());
@@ -146,11 +156,13 @@ impl SweptField {
         })
     }
 
-    /// Every field of every LiDAR of a placement.
+    /// Every field of every LiDAR of a placement, which moves without its mirror image.
     pub(crate) fn all(placement: &Placement) -> impl Iterator<Item = Self> {
         let lidars = 0..placement.lidars.len();
         let fields = 0..SensorPose::FIELDS.len();
-        lidars.flat_map(move |lidar| fields.clone().map(move |field| Self { lidar, field }))
+        lidars.flat_map(move |lidar| {
+            fields.clone().map(move |field| Self { lidar, field, image: None })
+        })
     }
 
     /// Its value in a placement, metres or degrees.
@@ -175,6 +187,11 @@ impl SweptField {
         values[self.field] = if self.field < FIRST_ANGLE { value } else { value.to_radians() };
         let [x, y, z, roll, pitch, yaw] = values;
         *pose = SensorPose { x, y, z, roll, pitch, yaw, ..*pose };
+        let mirrored = pose.mirrored();
+        if let Some(image) = self.image {
+            let phase = moved.lidars[image].phase;
+            moved.lidars[image] = SensorPose { phase, ..mirrored };
+        }
         moved
     }
 }
@@ -248,7 +265,8 @@ mod tests {
 
     #[test]
     fn ranges_in_radians_are_doubted() {
-        let doubt = |range: [f64; 2]| SweptField { lidar: 0, field: FIRST_ANGLE }.doubt(range);
+        let doubt =
+            |range: [f64; 2]| SweptField { lidar: 0, field: FIRST_ANGLE, image: None }.doubt(range);
         for range in [[0.0, 3.15], [-1.57, 1.57], [-0.79, 0.0], [1.0, 2.36], [0.0, 0.2]] {
             assert!(doubt(range).is_some(), "{range:?}");
         }
@@ -257,8 +275,34 @@ mod tests {
         for range in degrees {
             assert_eq!(doubt(range), None, "{range:?}");
         }
-        let height = SweptField { lidar: 0, field: 2 };
+        let height = SweptField { lidar: 0, field: 2, image: None };
         assert_eq!(height.doubt([0.0, 3.15]), None, "metres");
+    }
+
+    #[test]
+    fn on_a_symmetric_vehicle_the_mirror_image_moves_too() {
+        let lidar = |y: f64, yaw: f64| SensorPose::from_values([0.5, y, 2.0, 0.0, 0.1, yaw]);
+        let lidars = vec![lidar(0.4, 0.3), lidar(0.0, 0.0), lidar(-0.4, -0.3)];
+        let placement = Placement { name: "pair".into(), lidars };
+        let mut constraints = Constraints::in_box([-1.0; 6], [3.0; 6], 3);
+        let find = |constraints: &Constraints, text: &str| {
+            SweptField::find(text, &placement, constraints).unwrap()
+        };
+        assert_eq!(find(&constraints, "2.yaw").image, None);
+        constraints.ties.symmetric = true;
+        assert_eq!(find(&constraints, "1.yaw").image, None);
+        let yaw = find(&constraints, "2.yaw");
+        assert_eq!(yaw.image, Some(0));
+        let moved = yaw.moved(&placement, -90.0);
+        assert_eq!(moved.lidars[1], placement.lidars[1]);
+        assert!((moved.lidars[0].yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        assert!(constraints.violations(&moved).iter().all(|of| !of.to_string().contains("mirror")));
+        let alone = SweptField { image: None, ..yaw }.moved(&placement, -90.0);
+        let told: Vec<String> =
+            constraints.violations(&alone).iter().map(ToString::to_string).collect();
+        let told: Vec<&String> = told.iter().filter(|of| of.contains("mirror")).collect();
+        let pair = "LiDARs 0 and 2: yaw is off by 1.271 rad from a mirror image at the plane y = 0";
+        assert_eq!(told, [pair]);
     }
 
     #[test]

@@ -1,15 +1,16 @@
-//! The own body: its footprint and wheels, and the guard `self_hit`.
+//! The own body: its footprint and wheels, and the guards `self_hit` and `below_ground`.
 
 use glam::DVec3;
 
+use super::outline;
 use crate::cast::closest_hit_in;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::{Frame, Problem, SensorBatch};
+use crate::problem::{Frame, Problem, SensorBatch, ground_triangles};
 use crate::scene::{EgoBody, Scene};
 use crate::score::{Guard, MOST_SELF_HITS};
-use crate::vehicle::Placement;
+use crate::vehicle::{Placement, doubt_of_ground};
 
 /// Convex hull of the own body seen from above: corners in the ego frame, metres, counter-clockwise.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -242,6 +243,23 @@ pub fn self_hits(
     let shares = own_shares(scene, problem, engine, placement)?;
     let much = shares.into_iter().enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
     Ok(much.map(|(lidar, share)| Guard::SelfHit { lidar, share }).collect())
+}
+
+/// The guards of a placement's LiDARs below the ground: below z = 0, and below the plane under the wheels in the first frame,
+/// since the origin of a scene's ego frame may be as high as a sensor.
+pub fn below_ground(scene: &Scene, problem: &Problem, placement: &Placement) -> Vec<Guard> {
+    let lidars = placement.lidars.iter().enumerate();
+    let low: Vec<_> = lidars.filter(|(_, pose)| doubt_of_ground(pose).is_some()).collect();
+    if low.is_empty() {
+        return Vec::new();
+    }
+    let plane = match (outline(scene, 0), problem.geometry(0)) {
+        (Ok(footprint), Some(frame)) => WheelPlane::of(&footprint, frame, &ground_triangles(scene)),
+        _ => WheelPlane::default(),
+    };
+    let below = low.into_iter().map(|(lidar, pose)| (lidar, plane.at([pose.x, pose.y]) - pose.z));
+    let below = below.filter(|(_, depth)| *depth > 0.0);
+    below.map(|(lidar, depth)| Guard::BelowGround { lidar, depth }).collect()
 }
 
 #[cfg(test)]

@@ -18,6 +18,8 @@
 //! - **Blind zone**: lanes one cell wide straight before the edges of the box around the footprint, each up to its
 //!   nearest cell that is seen in at least half of the frames in which it counts. Corners lie before no edge, and are not
 //!   counted.
+//! - **Lost ground**: a stretch of a lane without a cell seen that begins directly behind a seen one; 1 m or more, as rings of
+//!   beams leave less between them, and 2 m or more where it is said.
 //! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are looked at in each frame.
 //! - **Wasted**: share of a LiDAR's beams that end at the own body, a mean over the frames.
 //! - **Poles** stand alone on level ground, with the own body and without the scene; one is seen with five
@@ -25,7 +27,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `body` | the outline of the body, the plane under its wheels, the guard of placements that look at the own vehicle |
+//! | `body` | the outline of the body, the plane under its wheels, the guards of placements that look at the own vehicle or stand below the ground |
 //! | `ground` | cells, and which of them are ground |
 //! | `look` | ends of beams, cells and poles seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
@@ -38,7 +40,7 @@ mod required;
 mod zone;
 
 pub(crate) use self::body::WheelPlane;
-pub use self::body::{FEW_PLACEMENTS, Footprint, self_hits};
+pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, self_hits};
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
 pub(crate) use look::{CLOSE, outline, place, returned_hits};
 pub use look::{NearField, NearSite};
@@ -46,7 +48,7 @@ pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 
 #[cfg(test)]
-pub(crate) use zone::{BlindLane, BlindZone};
+pub(crate) use zone::{BlindLane, BlindZone, LostGround};
 
 #[cfg(test)]
 mod tests;

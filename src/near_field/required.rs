@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::ground::{Cell, Cells};
 use super::look::{CLOSE, MOST_BODY, NearSite};
-use super::zone::lane_before;
+use super::zone::{LOST, lane_before, lost_stretches};
 use super::{CELL, Footprint, NEAR};
 use crate::bvh::Hit;
 use crate::cast::Caster;
@@ -218,7 +218,7 @@ impl RequiredGround {
                 GroundSeen { share, soft: share.unwrap_or(0.0) }
             }
             CellRule::Lanes(lanes, metres, _) => {
-                let depths = lanes.iter().map(|lane| self.depth(lane, bits));
+                let depths = lanes.iter().map(|lane| self.kept_depth(lane, *metres, bits));
                 let [mut ends, mut soft] = [0.0; 2];
                 for depth in depths {
                     ends += f64::from(u8::from(depth.is_some_and(|depth| depth <= *metres)));
@@ -250,25 +250,57 @@ impl RequiredGround {
         (frames > 0).then(|| sum / frames as f64)
     }
 
-    /// Metres to the nearest cell of a lane that is seen in at least half of its frames.
+    /// True for a cell that is seen in at least half of its frames.
+    fn is_seen(&self, cell: &LaneCell, bits: &[u64]) -> bool {
+        2 * self.frames_of(cell.bit, Some(bits)) >= cell.ground
+    }
+
+    /// Metres to the nearest cell of a lane that is seen.
     fn depth(&self, lane: &[LaneCell], bits: &[u64]) -> Option<f64> {
-        let is_seen = |cell: &&LaneCell| 2 * self.frames_of(cell.bit, Some(bits)) >= cell.ground;
-        lane.iter().find(is_seen).map(|cell| cell.distance)
+        lane.iter().find(|cell| self.is_seen(cell, bits)).map(|cell| cell.distance)
+    }
+
+    /// Like [`Self::depth`]; where a stretch of 1 m or more that begins within some metres and ends beyond them is lost again,
+    /// metres to the nearest cell seen behind it. A stretch that ends within them is as good as a blind zone that does, so
+    /// that one more LiDAR never makes a lane worse.
+    fn kept_depth(&self, lane: &[LaneCell], metres: f64, bits: &[u64]) -> Option<f64> {
+        let depth = self.depth(lane, bits);
+        if depth.is_none_or(|depth| depth > metres) {
+            return depth;
+        }
+        let near = lane.iter().take_while(|cell| cell.distance < metres + LOST);
+        let near: Vec<(f64, bool)> =
+            near.map(|cell| (cell.distance, self.is_seen(cell, bits))).collect();
+        let lost = lost_stretches(&near);
+        let Some([from, _]) = lost.iter().find(|[from, to]| *from <= metres && *to > metres) else {
+            return depth;
+        };
+        let behind = |cell: &&LaneCell| cell.distance > *from && self.is_seen(cell, bits);
+        lane.iter().find(behind).map(|cell| cell.distance)
     }
 
     /// Ground that a rule lacks, in words.
     pub fn missing(&self, rule: usize, bits: &[u64]) -> String {
         match &self.rules[rule] {
             CellRule::Cells(masks) => self.least_side(masks, bits),
-            CellRule::Lanes(lanes, _, side) => {
+            CellRule::Lanes(lanes, metres, side) => {
                 let side = side.name();
                 if lanes.is_empty() {
                     return format!("no ground {side} within {NEAR:.0} m");
                 }
                 let depths: Option<Vec<f64>> =
                     lanes.iter().map(|lane| self.depth(lane, bits)).collect();
+                let is_within = |depth: Option<f64>| depth.is_some_and(|depth| depth <= *metres);
+                let is_lost = |lane: &&Vec<LaneCell>| {
+                    is_within(self.depth(lane, bits))
+                        && !is_within(self.kept_depth(lane, *metres, bits))
+                };
+                let lost = match (lanes.iter().filter(is_lost).count(), lanes.len()) {
+                    (0, _) => String::new(),
+                    (lost, all) => format!("; {lost} of {all} lanes lose ground behind it again"),
+                };
                 match depths.and_then(|depths| depths.into_iter().max_by(f64::total_cmp)) {
-                    Some(depth) => format!("the blind zone {side} ends at {depth:.2} m"),
+                    Some(depth) => format!("the blind zone {side} ends at {depth:.2} m{lost}"),
                     None => format!("the blind zone {side} does not end within {NEAR:.0} m"),
                 }
             }

@@ -18,6 +18,71 @@ pub struct BlindLane {
     pub along: [f64; 2],
     /// Metres from the edge to the middle of its nearest cell seen; `None` where none is within 10 m.
     pub depth: Option<f64>,
+    /// Ground lost again behind the nearest cell seen: stretches without a cell seen, 1 m long or longer, that begin directly
+    /// behind one, by their two ends in metres from the edge.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lost: Vec<[f64; 2]>,
+}
+
+/// The longest stretch of ground on one side that is lost again behind the nearest cell seen.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LostGround {
+    /// Side of the edge: `ahead`, `behind`, `left` or `right`.
+    pub side: &'static str,
+    /// Metres from the edge to its beginning.
+    pub from: f64,
+    /// Metres from the edge to its end.
+    pub to: f64,
+    /// Lanes before the edge with such a stretch of 2 m or more.
+    pub lanes: usize,
+    /// Lanes before the edge.
+    pub of: usize,
+}
+
+impl LostGround {
+    /// The longest stretch of a side; `None` where no lane has a stretch of 2 m or more.
+    fn new(side: Side, lanes: &[BlindLane]) -> Option<Self> {
+        let own = || lanes.iter().filter(|lane| lane.side == side.name());
+        let longest = |all: &mut dyn Iterator<Item = [f64; 2]>| {
+            all.max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
+        };
+        let long = |lane: &BlindLane| longest(&mut lane.lost.iter().copied().filter(is_long));
+        let [from, to] = longest(&mut own().filter_map(long))?;
+        let lanes = own().filter_map(long).count();
+        Some(Self { side: side.name(), from, to, lanes, of: own().count() })
+    }
+
+    /// Its place and lanes, such as `unseen from 1.2 to 10 m in 8 of 10 lanes`.
+    pub fn in_words(&self) -> String {
+        let [from, to] = [self.from, self.to].map(|metres| (10.0 * metres).round() / 10.0);
+        format!("unseen from {from} to {to} m in {} of {} lanes", self.lanes, self.of)
+    }
+}
+
+/// True for a stretch of a lane of 2 m or more.
+fn is_long([from, to]: &[f64; 2]) -> bool {
+    to - from > LONG_LOST - 1e-9
+}
+
+/// Metres of a stretch that a lane counts as lost: beams' rings leave less unseen between them.
+pub(super) const LOST: f64 = 1.0;
+/// Metres of a stretch that is said.
+const LONG_LOST: f64 = 2.0;
+
+/// Stretches of a lane that are lost again, from the metres of its ground cells, by distance, and whether each is seen; see
+/// [`BlindLane::lost`]. One that begins behind a thing, where ground is missing, does not count.
+pub(super) fn lost_stretches(cells: &[(f64, bool)]) -> Vec<[f64; 2]> {
+    let is_next = |a: &(f64, bool), b: &(f64, bool)| b.0 - a.0 < 1.5 * CELL;
+    let runs: Vec<&[(f64, bool)]> = cells.chunk_by(|a, b| a.1 == b.1 && is_next(a, b)).collect();
+    let lost = |pair: &[&[(f64, bool)]]| {
+        let (before, first, last) = (pair[0].last()?, pair[1].first()?, pair[1].last()?);
+        let is_lost = before.1 && !first.1 && is_next(before, first);
+        let end = last.0 + CELL / 2.0;
+        let end = if end > NEAR - CELL { NEAR } else { end };
+        let is_wide = pair[1].len() as f64 * CELL >= LOST;
+        (is_lost && is_wide).then_some([first.0 - CELL / 2.0, end])
+    };
+    runs.windows(2).filter_map(lost).collect()
 }
 
 /// Ground between the own body and the nearest ground seen, straight before its edges. Corners, which lie before no edge,
@@ -38,6 +103,9 @@ pub struct BlindZone {
     pub left: Option<f64>,
     /// Depth beside the right edge.
     pub right: Option<f64>,
+    /// Sides on which ground behind the nearest cell seen is lost again over 2 m or more.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lost: Vec<LostGround>,
 }
 
 /// Sides counter-clockwise, whether their lanes come by rising place along the edge, and the corner of the box that ends
@@ -54,6 +122,18 @@ impl BlindZone {
     pub fn depths(&self) -> [(&'static str, Option<f64>); 4] {
         let Self { ahead, behind, left, right, .. } = *self;
         [("ahead", ahead), ("behind", behind), ("left", left), ("right", right)]
+    }
+
+    /// Ground that is lost again on a side, of which a depth is known.
+    pub fn lost_on(&self, side: &str) -> Option<&LostGround> {
+        let has_depth = |(name, depth): (&str, Option<f64>)| name == side && depth.is_some();
+        let ends = self.depths().into_iter().any(has_depth);
+        self.lost.iter().find(|lost| ends && lost.side == side)
+    }
+
+    /// Like [`Self::lost_on`] in words that follow the depth of the side; empty where there is none.
+    pub fn but_lost(&self, side: &str) -> String {
+        self.lost_on(side).map_or(String::new(), |lost| format!(", but {}", lost.in_words()))
     }
 
     /// The zone before cells that are seen, among those that are ground.
@@ -75,7 +155,8 @@ impl BlindZone {
         let lanes = sides.concat();
         let area = |lane: &BlindLane| (lane.along[1] - lane.along[0]) * lane.depth.unwrap_or(NEAR);
         let area = lanes.iter().map(area).sum();
-        let mut zone = Self { lanes, polygon: Vec::new(), area, ahead, behind, left, right };
+        let lost = Side::ALL.into_iter().filter_map(|side| LostGround::new(side, &lanes)).collect();
+        let mut zone = Self { lanes, polygon: Vec::new(), area, ahead, behind, left, right, lost };
         zone.polygon =
             zone.outline(footprint, NEAR).into_iter().map(|(corner, _)| corner).collect();
         zone
@@ -113,12 +194,11 @@ impl BlindZone {
 
 /// Lanes before one edge, by rising place along it.
 fn lanes(footprint: &Footprint, ground: &[Cell], seen: &[Cell], side: Side) -> Vec<BlindLane> {
-    let mut depths: BTreeMap<i64, Option<f64>> = BTreeMap::new();
-    let before = |cell| lane_before(footprint, cell, side);
-    depths.extend(ground.iter().filter_map(before).map(|(lane, _)| (lane, None)));
-    for (lane, distance) in seen.iter().filter_map(before) {
-        let nearest = depths.entry(lane).or_default();
-        *nearest = Some(nearest.map_or(distance, |known| known.min(distance)));
+    let mut cells: BTreeMap<i64, Vec<(f64, bool)>> = BTreeMap::new();
+    for (some, are_seen) in [(ground, false), (seen, true)] {
+        for (lane, distance) in some.iter().filter_map(|cell| lane_before(footprint, cell, side)) {
+            cells.entry(lane).or_default().push((distance, are_seen));
+        }
     }
     let ([low, high], other) = (footprint.bounds(), 1 - outward(side).0);
     let (low, high) = (low[other], high[other]);
@@ -128,11 +208,15 @@ fn lanes(footprint: &Footprint, ground: &[Cell], seen: &[Cell], side: Side) -> V
         _ if end > high - CELL / 2.0 => high,
         _ => end,
     };
-    let lane = |(lane, depth): (i64, Option<f64>)| {
+    let lane = |(lane, mut cells): (i64, Vec<(f64, bool)>)| {
         let along = [lane, lane + 1].map(|k| snapped(CELL * k as f64));
-        BlindLane { side: side.name(), along, depth }
+        // Seen cells are in both lists: each stays once, as seen.
+        cells.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        cells.dedup_by_key(|cell| cell.0);
+        let depth = cells.iter().find(|(_, is_seen)| *is_seen).map(|cell| cell.0);
+        BlindLane { side: side.name(), along, depth, lost: lost_stretches(&cells) }
     };
-    depths.into_iter().map(lane).collect()
+    cells.into_iter().map(lane).collect()
 }
 
 /// Axis of the ego frame across an edge, and the sign of its way out.
@@ -219,6 +303,38 @@ mod tests {
         assert_eq!((zone.behind, zone.left), (None, None));
         let all = BlindZone::new(&footprint, &ground, &ground);
         assert_eq!((all.ahead, all.behind), (Some(CELL / 2.0), Some(CELL / 2.0)));
+    }
+
+    #[test]
+    fn ground_lost_again_behind_a_slit_is_told_and_gaps_between_rings_are_not() {
+        let footprint =
+            Footprint::of([[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]]).unwrap();
+        let cell = |x: f64, y: f64| Cell { centre: [x, y], distance: footprint.distance([x, y]) };
+        let middles =
+            |from: f64, count: i32| (0..count).map(move |k| from + CELL * (f64::from(k) + 0.5));
+        let behind = middles(-12.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
+        let ahead = middles(2.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
+        let ground: Vec<Cell> = behind.chain(ahead).map(|[x, y]| cell(x, y)).collect();
+        // Behind a slit of 1.25 m is seen, and all of two lanes. Ahead are rings with gaps of 0.75 m.
+        let is_seen = |cell: &&Cell| match cell.centre {
+            [x, _] if x > 0.0 => ((x - 2.0) % 1.0) < CELL,
+            [x, y] => x > -3.25 || y < -0.5,
+        };
+        let seen: Vec<Cell> = ground.iter().filter(is_seen).copied().collect();
+        let zone = BlindZone::new(&footprint, &ground, &seen);
+        assert_eq!((zone.ahead, zone.behind), (Some(CELL / 2.0), Some(CELL / 2.0)));
+        let want = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 6, of: 8 };
+        assert_eq!(zone.lost, [want]);
+        let words = "unseen from 1.3 to 10 m in 6 of 8 lanes";
+        assert_eq!(zone.lost_on("behind").unwrap().in_words(), words);
+        assert_eq!(zone.lost_on("ahead"), None);
+        // A thing of 1 m stands on a lane: the ground in its shadow is not lost by the rig.
+        let cells = |thing: bool| -> Vec<(f64, bool)> {
+            let all = middles(0.0, 40).map(|metres| (metres, metres < 2.0));
+            all.filter(|(metres, _)| !thing || !(2.0..3.0).contains(metres)).collect()
+        };
+        assert_eq!(lost_stretches(&cells(false)), [[2.0, 10.0]]);
+        assert_eq!(lost_stretches(&cells(true)), [[0.0; 2]; 0]);
     }
 
     #[test]

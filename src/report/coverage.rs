@@ -30,7 +30,7 @@ const UNSEEN: &str = "#e2cf94";
 const LEGEND: f64 = 560.0;
 const GOOD: &str = "#3d8f5f";
 
-/// A line a placement: shares, blind ground, depth of the blind zone in four directions; then poles seen by standard and
+/// A line a placement: shares, blind ground, depth of the blind zone in four directions; then ground lost again, poles seen by standard and
 /// wasted beams.
 pub fn near_field_text(all: &[NearField]) -> String {
     let titles = [
@@ -61,7 +61,19 @@ pub fn near_field_text(all: &[NearField]) -> String {
         row
     }));
     let [ground, poles] = [ground, poles].map(|rows| align_columns(&rows));
-    format!("{ground}\n{poles}{}\n{POLES}\n", seen_ground())
+    format!("{ground}{}\n{poles}{}\n{POLES}\n", lost_text(all), seen_ground())
+}
+
+/// Lines on sides of placements on which ground behind the nearest ground seen is lost again.
+fn lost_text(all: &[NearField]) -> String {
+    let of_near = |near: &NearField| {
+        let sides = near.zone.depths().into_iter().filter_map(|(side, depth)| {
+            let (depth, but) = (depth?, near.zone.but_lost(side));
+            (!but.is_empty()).then(|| format!("! {}: {side} {depth:.1} m{but}\n", near.name))
+        });
+        sides.collect::<String>()
+    };
+    all.iter().map(of_near).collect()
 }
 
 /// Meaning of ground that is seen.

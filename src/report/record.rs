@@ -13,8 +13,8 @@ use super::tables::by_scene;
 use super::targets::range_card_text;
 use super::text::{findings_text, poses_text, scores_text_by};
 use super::words::{
-    bound_in_words, broken_in_words, frames_in_words, methods_in_words, run_verdict,
-    spread_in_words,
+    bound_in_words, broken_in_words, climbs_in_words, frames_in_words, methods_in_words,
+    run_verdict, spread_in_words,
 };
 use super::{Axis, Plot, Series};
 use crate::near_field::{NEAR, NearField, RING};
@@ -171,7 +171,7 @@ impl NearRecord {
     fn in_words(&self) -> String {
         let Self { frames, near, .. } = self;
         let depths = near.zone.depths().map(|(side, depth)| match depth {
-            Some(depth) => format!("{side} {depth:.1} m"),
+            Some(depth) => format!("{side} {depth:.1} m{}", near.zone.but_lost(side)),
             None => format!("{side} more than {NEAR} m"),
         });
         let ring = near.ring.map(|ring| format!(", {:.1} % within {RING} m", percent_down(ring)));
@@ -425,7 +425,7 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
     }
     text += &format!("\nfound by: {}\n", methods_in_words(record));
-    if let Some(climbs) = &record.climbs {
+    if let Some(climbs) = climbs_in_words(record) {
         text += &format!("how sure: {climbs}.\n");
     }
     // The paper's bound tells nothing about a result; the page and the JSON have it.

@@ -4,10 +4,10 @@ use super::columns::align_columns;
 use super::plot::{Axis, Change, Plot, Series};
 use super::svg::trimmed;
 use super::tables::ScoreColumn;
-use crate::job::{Room, RoomOfLidar, RoomOfSide, RoomOfTilt, Sweep, SweepRow};
+use crate::job::{Room, RoomOfCopies, RoomOfLidar, RoomOfSide, RoomOfTilt, Sweep, SweepRow};
 use crate::json::fixed;
 use crate::score::{Guard, HOLDS, MOST_SELF_HITS, Scores, percent_down, percent_up};
-use crate::search::COPIES;
+use crate::search::{COPIES, error_of_share};
 use crate::study::{Row, Table, TablePlot};
 
 /// Draws a table by its `drawing`.
@@ -139,8 +139,11 @@ fn first_of(sweep: &Sweep, title: &str, faults: impl Fn(&SweepRow) -> Vec<String
 /// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
 pub fn sweep_text(all: &[Sweep]) -> String {
     let of = |sweep: &Sweep| {
-        let Sweep { placement, lidar, field, .. } = sweep;
-        let mut text = format!("{placement}: {field} of LiDAR {lidar}\n{}", table(sweep));
+        let Sweep { placement, lidar, mirrored_lidar, field, .. } = sweep;
+        let mirrored = mirrored_lidar.map_or(String::new(), |image| {
+            format!("; LiDAR {image}, its mirror image, moves with it, as the vehicle is symmetric")
+        });
+        let mut text = format!("{placement}: {field} of LiDAR {lidar}{mirrored}\n{}", table(sweep));
         let Some(first) = sweep.rows.first() else { return text };
         for (k, seen) in first.scores.required.iter().enumerate() {
             let least = percent_up(seen.least);
@@ -269,6 +272,14 @@ fn copies_text(room: &Room) -> String {
             "all LiDARs off together by up to {}: {share:.0} % of {COPIES} copies meet {all} requirements (± {error:.0}, two \
              standard errors)\n",
             copies.tolerance.in_words()
+        );
+    }
+    // Fewer draws than copies count only where there are few LiDARs.
+    let all_drawn = |of: &RoomOfCopies| of.error <= error_of_share(of.holds_in, COPIES) + 1e-9;
+    if !room.copies.iter().all(all_drawn) {
+        text += &format!(
+            "± counts 15 draws a LiDAR, not {COPIES} copies: where areas, ground or overlap are required, copies draw from \
+             15 poses of each\n"
         );
     }
     let least = 100.0 * HOLDS;
@@ -408,7 +419,14 @@ mod tests {
         let svg = |given: f64| {
             let rows = vec![row(given, true), row(1.0, false), row(2.0, false), row(3.0, false)];
             let placement = "rig".to_owned();
-            sweep_plot(&Sweep { placement, lidar: 0, field: "z", unit: "m", rows })
+            sweep_plot(&Sweep {
+                placement,
+                lidar: 0,
+                mirrored_lidar: None,
+                field: "z",
+                unit: "m",
+                rows,
+            })
         };
         let drawn = |svg: &str| (svg.matches("<polyline").count(), svg.matches("r=\"4\"").count());
         assert_eq!(drawn(&svg(2.5)), (1, 4));

@@ -64,7 +64,7 @@ pub(crate) fn score_rows<'a>(
 }
 
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
-/// beams on the own body.
+/// beams on the own body, ground lost again by side.
 pub fn near_field_csv(all: &[NearField]) -> String {
     let mut rows = vec![titles(&[
         "placement", "near_field_share", "ring_3m_share", "blind_area_m2", "zone_area_m2",
@@ -74,7 +74,7 @@ pub fn near_field_csv(all: &[NearField]) -> String {
         let name = name.replace(' ', "_");
         rows[0].extend([format!("{name}_seen"), format!("{name}_poles")]);
     }
-    rows[0].push("own_body_share_by_lidar".to_owned());
+    rows[0].extend(titles(&["own_body_share_by_lidar", "lost_again"]));
     rows.extend(all.iter().map(|near| {
         let zone = &near.zone;
         let mut row = vec![near.name.clone(), number(near.near_field), number(near.ring)];
@@ -84,6 +84,7 @@ pub fn near_field_csv(all: &[NearField]) -> String {
             row.extend(super::coverage::seen_of(near, standard).map(|count| count.to_string()));
         }
         row.push(joined(near.beams.iter().map(|beams| beams.own)));
+        row.push(joined(zone.lost.iter().map(|lost| format!("{} {}", lost.side, lost.in_words()))));
         row
     }));
     csv(rows)

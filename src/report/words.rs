@@ -12,7 +12,7 @@ use crate::csv::rounded;
 use crate::json::spoken;
 use crate::near_field::{NEAR, NearField};
 use crate::score::{Guard, NEAR_GAIN, Objective};
-use crate::search::{Certificate, MethodRecord, Scored};
+use crate::search::{Certificate, Climbs, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 use sightline_files::json::counted;
 
@@ -38,7 +38,8 @@ struct OfRun {
     near: String,
 }
 
-/// Sentence on sides of the vehicle without any ground that is seen; empty where there is none.
+/// Sentence on sides of the vehicle without any ground that is seen, and on sides that lose it again in half of their lanes or
+/// more; empty where there is none.
 fn unseen_in_words(near: &NearField) -> String {
     let (mut sides, mut lanes) = (Vec::new(), Vec::new());
     for (side, _) in near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none()) {
@@ -52,8 +53,11 @@ fn unseen_in_words(near: &NearField) -> String {
     }
     let places = [sides.join(" and "), lanes.join(" and ")];
     let each = places.iter().filter(|places| !places.is_empty());
-    let each: Vec<String> =
+    let mut each: Vec<String> =
         each.map(|places| format!("no ground is seen within {NEAR} m {places}")).collect();
+    let lost = near.zone.depths().into_iter().filter_map(|(side, _)| near.zone.lost_on(side));
+    let lost = lost.filter(|lost| 2 * lost.lanes >= lost.of);
+    each.extend(lost.map(|lost| format!("ground {} is {}", lost.side, lost.in_words())));
     if each.is_empty() { String::new() } else { format!("BLIND ZONE: {}. ", each.join("; ")) }
 }
 
@@ -111,7 +115,18 @@ fn judged_at(
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
     let warnings = warnings_in_words(best);
-    format!("{required}{}{near}{against}{last}.{share} {warnings}", blind_in_words(best))
+    let below = below_in_words(best);
+    format!("{below}{required}{}{near}{against}{last}.{share} {warnings}", blind_in_words(best))
+}
+
+/// Sentence on LiDARs below the ground; empty where there are none.
+fn below_in_words(best: &Scored) -> String {
+    let below = |guard: &Guard| match guard {
+        Guard::BelowGround { lidar, depth } => Some(format!("LiDAR {lidar} by {depth:.2} m")),
+        _ => None,
+    };
+    let each: Vec<String> = best.scores.guards.iter().filter_map(below).collect();
+    if each.is_empty() { String::new() } else { format!("BELOW THE GROUND: {}. ", each.join(", ")) }
 }
 
 /// Start of a sentence on a placement that no baseline is compared with, and why.
@@ -380,6 +395,26 @@ fn penalty_in_words(best: &Scored, objective: &str) -> String {
     format!(
         ", but a search ranks by {objective} less a penalty: the share of places around the vehicle at which too few beams meet a car"
     )
+}
+
+/// How far apart the climbs of the swaps ended; where none met all requirements and the result does, where that is from.
+/// `None` without swaps.
+pub fn climbs_in_words(run: &RunRecord) -> Option<String> {
+    let is_met = run.best.as_ref().is_some_and(|best| best.scores.missing() == 0.0);
+    let won = run.methods.iter().find(|method| method.won).map(|method| method.method);
+    Some(climbs_and_result(run.climbs.as_ref()?, is_met, won))
+}
+
+fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String {
+    let from = match won {
+        Some("cma-es") => "the other method, CMA-ES",
+        Some("swaps") | None => "later moves",
+        Some(_) => "a layout that was given",
+    };
+    match climbs.met {
+        Some(0) if is_met => format!("{climbs}. The result, which meets all, is from {from}"),
+        _ => climbs.to_string(),
+    }
 }
 
 /// Objective that each search method reached, and which method gave the result.

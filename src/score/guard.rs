@@ -64,6 +64,13 @@ pub enum Guard {
         /// Share of the information that only it gains.
         share: f64,
     },
+    /// A LiDAR below the ground; see [`crate::near_field`].
+    BelowGround {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Metres from it up to the ground.
+        depth: f64,
+    },
     /// A LiDAR that looks at the own vehicle; see [`crate::near_field`].
     SelfHit {
         /// Index of the LiDAR.
@@ -148,6 +155,11 @@ impl std::fmt::Display for Guard {
                 // Rounded down, so that it reads as less.
                 (1e4 * share).floor() / 100.0,
                 100.0 * LEAST_UNIQUE
+            ),
+            Self::BelowGround { lidar, depth } => write!(
+                f,
+                "below_ground: LiDAR {lidar} is {depth:.2} m below the ground; heights are counted from the ground below \
+                 the vehicle"
             ),
             Self::SelfHit { lidar, share } => write!(
                 f,

@@ -21,6 +21,11 @@ const OFFSET: f64 = 0.37;
 
 /// Level ground, the own body, and other static shapes.
 pub(super) fn scene(others: &str) -> Scene {
+    scene_on(0.0, others)
+}
+
+/// Like [`scene`], with the ground at a height in metres.
+fn scene_on(ground: f64, others: &str) -> Scene {
     let [x, y, z] = BODY;
     let text = format!(
         r#"{{ "sightline": 1, "name": "level",
@@ -28,7 +33,7 @@ pub(super) fn scene(others: &str) -> Scene {
         "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
         "mount": {{ "min": [-2, -1, 0.1], "max": [3, 1, 2.7], "lidars": 1 }},
         "coverage": "first-hit",
-        "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": 0 }} }}
+        "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": {ground} }} }}
                    {others}],
         "ego": {{ "body": [{{ "class": "vehicle",
                   "box": {{ "min": [-{x}, -{y}, 0], "max": [{x}, {y}, {z}] }} }}] }} }}"#
@@ -143,6 +148,21 @@ fn a_sensor_close_above_the_roof_wastes_beams_and_says_so() {
     assert!((share - wasted).abs() < 1e-12);
     let high = self_hits(&scene, &problem, &mut engine, &one(SensorPose::at(0.0, 0.0, 2.7)));
     assert_eq!(high.unwrap(), []);
+}
+
+#[test]
+fn a_lidar_below_the_ground_under_the_wheels_has_a_guard() {
+    use crate::score::Guard;
+    let pose = |z: f64| SensorPose::at(3.0, 0.0, z);
+    let placement = Placement { name: "low".into(), lidars: vec![pose(2.0), pose(-0.5)] };
+    let told = |ground: f64| {
+        let scene = scene_on(ground, "");
+        below_ground(&scene, &problem(&scene), &placement)
+    };
+    let [Guard::BelowGround { lidar: 1, depth }] = told(0.0)[..] else { panic!() };
+    assert!((depth - 0.5).abs() < 1e-6, "{depth}");
+    // An ego frame with its origin at the height of a sensor.
+    assert_eq!(told(-1.73), []);
 }
 
 #[test]

@@ -85,9 +85,12 @@ fn depths(
 ) {
     let Ok((_, near)) = &rig.near else { return };
     let zone = &near.zone;
-    let words = |name: &str, depth: Option<f64>| match depth {
-        Some(depth) => format!("{name}: blind to {depth:.1} m"),
-        None => format!("{name}: blind beyond 10 m"),
+    let words = |name: &str, depth: Option<f64>| match (depth, zone.lost_on(name)) {
+        (Some(depth), Some(lost)) => {
+            format!("{name}: blind to {depth:.1} m, {:.1} to {:.1} m", lost.from, lost.to)
+        }
+        (Some(depth), None) => format!("{name}: blind to {depth:.1} m"),
+        (None, _) => format!("{name}: blind beyond 10 m"),
     };
     let [left, right, upper, lower] = panel.edges();
     let middle = panel.at([0.5 * (low[0] + high[0]), 0.0])[0];

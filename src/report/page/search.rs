@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::record::steps_of_generations;
-use crate::report::words::frames_in_words;
+use crate::report::words::{climbs_in_words, frames_in_words};
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 use sightline_files::json::counted;
 
@@ -110,7 +110,7 @@ fn facts(run: &RunRecord) -> Markup {
             ),
         ),
         ("found by", methods_in_words(run)),
-        ("draw", run.climbs.map_or("nothing was swapped".into(), |climbs| climbs.to_string())),
+        ("draw", climbs_in_words(run).unwrap_or_else(|| "nothing was swapped".into())),
         ("bound", certificate_in_words(run)),
     ];
     html! {

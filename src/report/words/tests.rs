@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::*;
-use crate::near_field::{BlindLane, BlindZone};
+use crate::near_field::{BlindLane, BlindZone, LostGround};
 use crate::score::{Guard, Scores, Seen, TaskScores};
 use crate::targets::{BearingRanges, RangeCard, TargetRanges};
 use crate::vehicle::{Placement, SensorPose};
@@ -214,7 +214,7 @@ fn nothing_to_gain_is_compared_without_shares() {
 #[test]
 fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     let (ahead, left) = (None, Some(2.0));
-    let lane = |side, depth| BlindLane { side, along: [0.0, 0.25], depth };
+    let lane = |side, depth| BlindLane { side, along: [0.0, 0.25], depth, lost: vec![] };
     let zone = BlindZone {
         lanes: vec![lane("ahead", None), lane("behind", None), lane("behind", Some(0.125))],
         polygon: vec![],
@@ -223,6 +223,7 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
         behind: None,
         left,
         right: left,
+        lost: vec![],
     };
     let mut near = NearField {
         name: "found".into(),
@@ -242,6 +243,39 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
     (near.zone.ahead, near.zone.behind) = (left, Some(10.0));
     assert_eq!(unseen_in_words(&near), "");
+    let slit = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 1, of: 2 };
+    near.zone.lost = vec![slit];
+    let want = "BLIND ZONE: ground behind is unseen from 1.3 to 10 m in 1 of 2 lanes. ";
+    assert_eq!(unseen_in_words(&near), want);
+    near.zone.lost[0].of = 3;
+    assert_eq!(unseen_in_words(&near), "", "few lanes are said with the depths");
+}
+
+#[test]
+fn a_lidar_below_the_ground_is_said_first() {
+    let mut found = planted("found", 1.0, 500.0);
+    found.scores.required = vec![Seen::of("child", 0.95)];
+    found.scores.guards = vec![Guard::BelowGround { lidar: 1, depth: 0.5 }];
+    let words = verdict(Some(&found), &[], "near_gain");
+    let start = "BELOW THE GROUND: LiDAR 1 by 0.50 m. The placement found meets its requirement";
+    assert!(words.starts_with(start), "{words}");
+    assert!(words.contains("Warning: below_ground: LiDAR 1 is 0.50 m below the ground"), "{words}");
+}
+
+#[test]
+fn a_result_that_no_climb_reached_is_told_with_its_origin() {
+    let climbs = |met| Climbs { count: 8, frames: 4, met, near_best: 0, median_below: 0.0 };
+    let said = |met, is_met, won| climbs_and_result(&climbs(met), is_met, won);
+    let end = "none met all requirements. Another seed takes other starts. The result, which meets all, is from ";
+    for (won, from) in
+        [(Some("cma-es"), "the other method, CMA-ES"), (Some("swaps"), "later moves")]
+    {
+        let told = said(Some(0), true, won);
+        assert!(told.ends_with(&format!("{end}{from}")), "{told}");
+    }
+    for told in [said(Some(0), false, Some("swaps")), said(Some(3), true, Some("swaps"))] {
+        assert!(told.ends_with("Another seed takes other starts"), "{told}");
+    }
 }
 
 #[test]

@@ -94,13 +94,17 @@ impl SensorPose {
         if self.sensor != other.sensor {
             return f64::INFINITY;
         }
-        let differences = self.values().into_iter().zip(other.values()).map(|(a, b)| (a - b).abs());
-        let whole = |(k, by): (usize, f64)| match k {
+        self.differences(other).into_iter().sum()
+    }
+
+    /// Difference of each of the six numbers, in m and rad, angles up to half a turn.
+    pub fn differences(&self, other: &Self) -> [f64; 6] {
+        let (own, other) = (self.values(), other.values());
+        std::array::from_fn(|k| match (own[k] - other[k]).abs() {
             // Straight back is half a turn to the left as well as to the right.
-            3.. if by > 0.5 * TAU => (by - TAU * (by / TAU).round()).abs(),
-            _ => by,
-        };
-        differences.enumerate().map(whole).sum()
+            by if k >= 3 && by > 0.5 * TAU => (by - TAU * (by / TAU).round()).abs(),
+            by => by,
+        })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::pairing::{ROUNDED, SLACK, pairs};
+use super::pairing::{SLACK, not_mirrored};
 use super::{Placement, Region, SensorName, SensorPose};
 use sightline_files::json::counted;
 
@@ -195,7 +195,14 @@ pub enum Violation {
     NotMirrored {
         /// Index of the LiDAR.
         lidar: usize,
-        /// Sum of the differences of its pose fields from the nearest mirror image, in m and rad.
+        /// Index of the LiDAR without a mirror image that is nearest to this one's; it may be the LiDAR itself.
+        partner: usize,
+        /// Pose field that is farthest off.
+        field: &'static str,
+        /// Difference of that field, in m or rad.
+        off: f64,
+        /// Sum of the differences of all pose fields from its mirror image, in m and rad; over both LiDARs where each
+        /// is nearest to the other's image.
         by: f64,
     },
 }
@@ -215,13 +222,17 @@ impl Violation {
         }
     }
 
-    /// The rule in words, an angle outside of a mount in degrees.
+    /// The rule in words, angles in degrees.
     pub fn in_degrees(&self) -> String {
         let words = self.to_string();
         match self {
             Self::OutsideMount { by, .. } => {
                 let degrees = format!(" is {:.2}° outside ", by.to_degrees());
                 words.replacen(&format!(" is {by:.3} rad outside "), &degrees, 1)
+            }
+            Self::NotMirrored { off, .. } => {
+                let degrees = format!(" is off by {:.2}° ", off.to_degrees());
+                words.replacen(&format!(" is off by {off:.3} rad "), &degrees, 1)
             }
             _ => words,
         }
@@ -259,8 +270,16 @@ impl std::fmt::Display for Violation {
             Self::UnequalHeight { by } => {
                 write!(f, "heights differ by {by:.3} m, and are to be equal")
             }
-            Self::NotMirrored { lidar, by } => {
-                write!(f, "LiDAR {lidar} is off by {by:.3} from a mirror image at the plane y = 0")
+            Self::NotMirrored { lidar, partner, field, off, .. } => {
+                match lidar == partner {
+                    true => write!(f, "LiDAR {lidar}")?,
+                    false => write!(f, "LiDARs {} and {}", lidar.min(partner), lidar.max(partner))?,
+                }
+                let unit = if matches!(*field, "x" | "y" | "z") { "m" } else { "rad" };
+                write!(
+                    f,
+                    ": {field} is off by {off:.3} {unit} from a mirror image at the plane y = 0"
+                )
             }
         }
     }
@@ -389,12 +408,7 @@ impl Constraints {
             found.extend((by > SLACK).then_some(Violation::UnequalHeight { by }));
         }
         if self.ties.symmetric {
-            for lidar in pairs(&placement.lidars).alone {
-                let image = placement.lidars[lidar].mirrored();
-                let off = placement.lidars.iter().map(|other| image.difference(other));
-                let by = off.fold(f64::MAX, f64::min);
-                found.extend((by > ROUNDED).then_some(Violation::NotMirrored { lidar, by }));
-            }
+            found.extend(not_mirrored(&placement.lidars));
         }
         found
     }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3};
 
-use super::{Constraints, Outline, Region, SensorPose, Slot};
+use super::{Constraints, Outline, Region, SensorPose, Slot, Violation};
 use lidar_cast::geom::Pose;
 
 /// Metres and radians that two images may be apart: corners of patches are written in decimals.
@@ -119,6 +119,12 @@ impl Constraints {
         2 * self.slots.chunks_exact(2).take_while(two).count()
     }
 
+    /// Index of the LiDAR that is the mirror image of another one, where the rules want pairs; `None` where there is none.
+    pub fn mirror_image_of(&self, lidar: usize, lidars: &[SensorPose]) -> Option<usize> {
+        let pairs = if self.ties.symmetric { pairs(lidars).mirrored } else { Vec::new() };
+        pairs.into_iter().find_map(|[a, b]| (lidar == a).then_some(b).or((lidar == b).then_some(a)))
+    }
+
     /// True if a LiDAR of a pair stands in the same slot as its image.
     pub(super) fn is_pair_of_one(&self, first: usize) -> bool {
         self.slots[first] == self.slots[first + 1]
@@ -179,6 +185,37 @@ pub(super) struct Pairs {
     pub(super) in_plane: Vec<usize>,
     /// LiDARs outside of the plane without a mirror image.
     pub(super) alone: Vec<usize>,
+}
+
+/// LiDARs outside of the plane without a mirror image; two that are each nearest to the other's image once.
+pub(super) fn not_mirrored(lidars: &[SensorPose]) -> Vec<Violation> {
+    let mut found: Vec<Violation> = Vec::new();
+    let alone = pairs(lidars).alone;
+    for &lidar in &alone {
+        let image = lidars[lidar].mirrored();
+        let by = |other: usize| image.difference(&lidars[other]);
+        let nearest = alone.iter().copied().min_by(|&a, &b| by(a).total_cmp(&by(b)));
+        let partner = nearest.unwrap_or(lidar);
+        let by = by(partner);
+        let known = found.iter_mut().find_map(|known| match known {
+            Violation::NotMirrored { lidar: a, partner: b, by, .. } => {
+                ([*a, *b] == [partner, lidar]).then_some(by)
+            }
+            _ => None,
+        });
+        match known {
+            Some(sum) => *sum += by,
+            None if by > ROUNDED => {
+                let off = image.differences(&lidars[partner]);
+                let largest =
+                    (0..off.len()).max_by(|&a, &b| off[a].total_cmp(&off[b])).unwrap_or(0);
+                let (field, off) = (SensorPose::FIELDS[largest], off[largest]);
+                found.push(Violation::NotMirrored { lidar, partner, field, off, by });
+            }
+            None => {}
+        }
+    }
+    found
 }
 
 /// Sorts LiDARs into pairs, LiDARs in the plane and LiDARs without a pair.
