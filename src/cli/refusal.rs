@@ -319,6 +319,29 @@ mod tests {
     }
 
     #[test]
+    fn a_run_that_goes_on_takes_no_option_that_its_state_decides() {
+        for option in [
+            "--vehicle m.json", "--sensor 0=a", "--tolerance 5mm,0.5deg", "--condition fog:mor=50",
+            "--budget 3", "--seed 2",
+        ] {
+            let said = refused(&format!("optimize --resume run {option}"));
+            let name = option.split(' ').next().unwrap();
+            assert!(said.contains("'--resume <DIR>' cannot be used with '--"), "{said}");
+            assert!(said.contains(&format!("'{name} <")), "{said}");
+        }
+        let taken = [
+            "resume", "max_seconds", "figures", "format", "gltf", "backend", "adapter", "inexact",
+            "threads", "memory", "verbose", "quiet", "strict", "trust_paths", "force", "help",
+        ];
+        let program = program();
+        let optimize = program.find_subcommand("optimize").unwrap();
+        for arg in optimize.get_arguments().filter(|arg| !taken.contains(&arg.get_id().as_str())) {
+            let refuses = optimize.get_arg_conflicts_with(arg);
+            assert!(refuses.iter().any(|other| other.get_id() == "resume"), "{}", arg.get_id());
+        }
+    }
+
+    #[test]
     fn numbers_apart_are_to_be_written_with_commas() {
         for command in ["rig import", "rig compare"] {
             let line = format!("{command} a.urdf --base-link 0.3 0 -1");
