@@ -21,14 +21,17 @@ use crate::vehicle::pose_grid::Spacing;
 use crate::vehicle::{MountRules, SensorPose};
 
 #[derive(clap::Args)]
-#[command(after_help = "Examples:
+#[command(
+    after_help = "Examples:
   sightline optimize scenes/urban-crossing.json
   sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
   sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
   sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
   sightline optimize scenes/urban-crossing.json --vehicle scenes/vehicles/car.json --front price,near_gain
-  sightline optimize --resume runs/highway", mut_args(of_new_run))]
+  sightline optimize --resume runs/highway",
+    mut_args(of_new_run)
+)]
 pub struct OptimizeArgs {
     /// Scene files; of several the mean is maximized
     ///
