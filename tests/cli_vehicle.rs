@@ -386,7 +386,7 @@ fn faults_are_said() {
         ),
         (
             &["study", "height", "sonar.json"],
-            "sonar.json: is a file of placements, where a scene belongs; give it behind the scenes",
+            "sonar.json: holds placements, which `study height` does not take, as it searches its own",
         ),
         (
             &["score", "room.json", "sonar.json", "--vehicle", "room.json"],
