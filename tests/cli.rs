@@ -288,8 +288,13 @@ fn verify_passes_on_a_room_and_says_what_it_compared() {
     let clear = ok(dir.path(), &[&args[..], &["--hostile", "0"]].concat());
     let covered = |answer: &Value| answer["gpu_against_cpu"]["voxels"].as_u64().unwrap();
     assert!(0 < covered(&foggy) && covered(&foggy) < covered(&clear));
-    let text = String::from_utf8(sightline(dir.path(), &fog).stdout).unwrap();
+    let output = sightline(dir.path(), &fog);
+    let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("under fog:mor=5"), "{text}");
+    // A comparison takes a minute on a scene of many frames: its size is said before.
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains(" placements × 2 frames on "), "{said}");
+    assert!(said.contains(" with the CPU, then 3000 beams with f64\n"), "{said}");
 }
 
 #[test]

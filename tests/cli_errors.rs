@@ -169,6 +169,16 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
             .contains("no/such/folder/scores.json: there is no folder no/such/folder; make it")
     );
     assert!(with(&["--out", "."]).contains("directory"));
+    #[cfg(target_os = "linux")]
+    for command in [
+        "score scene.json placements.json --backend cpu --out /proc/x",
+        "score scene.json placements.json --backend cpu --coverage-out /proc/x",
+        "optimize scene.json --backend cpu --out /proc/x",
+        "scene new --kind street --seed 1 --out /proc/x",
+    ] {
+        let told = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+        assert!(told.contains("sightline: /proc/x: cannot be written: No such file"), "{told}");
+    }
     let usage = with(&["--backend", "abacus"]);
     assert!(usage.starts_with("sightline: invalid value 'abacus' for '--backend"), "{usage}");
     assert!(

@@ -106,7 +106,17 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     let phases =
         |lidar: usize| ["phase_rad", "phase_deg"].map(|of| locked[lidar + 1][column(of)].clone());
     assert_eq!([phases(0), phases(1)], [["0", "0"]; 2].map(|both| both.map(String::from)));
+    // A sensor within the body sees little else, and is told off.
+    let mut rigs: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(dir.path().join("p.json")).unwrap()).unwrap();
+    rigs["placements"][0]["lidars"][0]["z"] = json!(1.5);
+    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    let warning = "Warning: self_hit: LiDAR 0 ends ";
+    assert!(read(&handed_over(&dir, &[]), "README.txt").contains(warning));
     let readme = read(&out, "README.txt");
+    let line = readme.lines().find(|line| line.starts_with("  LiDAR 0: ")).unwrap();
+    let share = line.split(", ").nth(1).unwrap().split(' ').next().unwrap().parse::<f64>().unwrap();
+    assert_eq!(readme.contains(warning), share > 25.0, "{readme}");
     assert!(readme.contains("ISO 8855") && readme.contains("a positive pitch looks down"));
     for (name, _) in all_files(out.path()).iter().map(|(path, _)| (path.file_name().unwrap(), ())) {
         let name = name.to_str().unwrap();

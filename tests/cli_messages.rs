@@ -86,6 +86,23 @@ fn files_of_other_kinds_are_named() {
         let told = fails(dir.path(), &[command, "s.json", "result.json"]);
         assert!(told.contains(words), "{told}");
     }
+    for (comment, line) in [("// mine\n", 1), ("\n/* mine */", 2), ("# mine\n# and yours\n", 1)] {
+        for (file, args) in [
+            ("s.json", "score c.json rigs.json"),
+            ("rigs.json", "score s.json c.json"),
+            ("car.json", "score s.json rigs.json --vehicle c.json"),
+            ("car.json", "study targets rigs.json --vehicle car.json --target c.json"),
+            ("car.json", "sensor info c.json"),
+            ("rigs.json", "rig export c.json --format urdf"),
+            ("rigs.json", "rig import c.json"),
+        ] {
+            let text = fs::read_to_string(dir.path().join(file)).unwrap();
+            write(&dir, "c.json", &format!("{comment}{text}"));
+            let told = fails(dir.path(), &args.split(' ').collect::<Vec<_>>());
+            let words = format!("c.json: line {line} is a comment, and JSON has no comments");
+            assert!(told.contains(&words), "{args}: {told}");
+        }
+    }
     write(&dir, "a.json", "{ // mine\n \"sightline\": 1 }");
     let told = fails(dir.path(), &["score", "s.json", "rigs.json", "--vehicle", "a.json"]);
     assert!(told.contains("not 1,5 (line 1, column 3)"), "{told}");

@@ -167,10 +167,18 @@ fn without_a_scene_the_near_field_is_that_of_level_ground() {
 fn what_cannot_be_is_named() {
     let dir = TempDir::new().unwrap();
     yard(&dir);
+    fs::create_dir(dir.path().join("run")).unwrap();
+    fs::copy(dir.path().join("two.json"), dir.path().join("run/placements.json")).unwrap();
+    let result = json!({ "best": { "placement": { "name": "high" } } });
+    fs::write(dir.path().join("run/result.json"), result.to_string()).unwrap();
     for (args, says) in [
         (&["study", "nearfield", "none.json"][..], "none.json"),
         (&["study", "nearfield", "yard.json", "two.json", "--out", "two.json"], "two.json"),
         (&["study"], "<KIND>"),
+        (&["study", "nearfield", "two.json"], "two.json: there is neither a scene nor a vehicle"),
+        (&["study", "nearfield", "run"], "run/placements.json:high: there is neither a scene nor"),
+        (&["cast", "run", "two.json"], "run: is the folder of a run, where a scene belongs; give"),
+        (&["study", "lidars", "run"], "high: holds placements, which `study lidars` does not take"),
     ] {
         let message = fails(dir.path(), args);
         assert!(message.contains(says), "{args:?}: {message}");

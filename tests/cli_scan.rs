@@ -200,7 +200,8 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     }
     #[cfg(target_os = "linux")]
     assert!(
-        refused(&[one[0], one[1], "--out", "/proc/xx"]).starts_with("sightline: /proc/xx: No such")
+        refused(&[one[0], one[1], "--out", "/proc/xx"])
+            .starts_with("sightline: /proc/xx: cannot be written: No such")
     );
     fs::create_dir(dir.path().join("mine")).unwrap();
     fs::write(dir.path().join("mine/thesis.txt"), "all of it").unwrap();

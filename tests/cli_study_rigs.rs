@@ -355,6 +355,8 @@ fn own_rigs_lose_each_lidar_in_turn() {
     fs::write(dir.path().join("own.json"), rigs.to_string()).unwrap();
     let args = ["study", "loss", "street.json", "own.json", "--backend", "cpu", "--out", "lost"];
     let found = ok(dir.path(), &args);
+    let title = found["title"].as_str().unwrap();
+    assert!(title.ends_with(": near gain % with all LiDARs, and after the loss of one"), "{title}");
     let columns = found["columns"].as_array().unwrap();
     assert_eq!(columns.len(), 8, "{columns:?}");
     let values =

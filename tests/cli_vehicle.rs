@@ -114,6 +114,7 @@ fn prices_add_up_as_they_are_written() {
     assert!(told.contains("--budget: 3.29 is below") && told.contains("costs 3.3;"), "{told}");
     let found = ok(dir.path(), &search("3.3"));
     assert_eq!(found["settings"]["equipped"]["cost"], json!(3.3), "{found}");
+    assert_eq!(found["settings"]["equipped"]["open_mounts"], json!([]), "three stand on one mount");
     let listed = fs::read_to_string(dir.path().join("run/placements.json")).unwrap();
     let listed: Value = serde_json::from_str(&listed).unwrap();
     assert_eq!(listed["placements"][0]["price"], json!(3.3));
@@ -184,6 +185,9 @@ fn sensors_on_two_sides_stay_mirror_images() {
         }
     });
     let found = ok(dir.path(), &optimize("100", "even"));
+    // The rule is the vehicle's; no option gave it.
+    let rules = json!({ "equal_height": false, "symmetric": true, "fixed": [] });
+    assert_eq!(found["settings"]["rules"], rules);
     let lidars = found["best"]["placement"]["lidars"].as_array().unwrap();
     let field = |k: usize, name: &str| lidars[k][name].as_f64().unwrap();
     let side = |k: usize| lidars[k]["sensor"] == "solid";
@@ -382,7 +386,7 @@ fn faults_are_said() {
         ),
         (
             &["study", "height", "sonar.json"],
-            "sonar.json: is a file of placements, where a scene belongs; give it behind the scenes",
+            "sonar.json: holds placements, which `study height` does not take, as it searches its own",
         ),
         (
             &["score", "room.json", "sonar.json", "--vehicle", "room.json"],

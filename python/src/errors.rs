@@ -103,6 +103,7 @@ fn of_system(error: &Error) -> Option<(i32, String)> {
             let told = cause.to_string();
             let (told, _) = told.split_once(&system.to_string())?;
             let file = told.trim_end_matches(": ").trim_end_matches(": cannot be read");
+            let file = file.trim_end_matches(": cannot be written");
             return Some((number, file.to_owned()));
         }
         cause = source;

@@ -21,14 +21,17 @@ use crate::vehicle::pose_grid::Spacing;
 use crate::vehicle::{MountRules, SensorPose};
 
 #[derive(clap::Args)]
-#[command(after_help = "Examples:
+#[command(
+    after_help = "Examples:
   sightline optimize scenes/urban-crossing.json
   sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
   sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
   sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
   sightline optimize scenes/urban-crossing.json --vehicle scenes/vehicles/car.json --front price,near_gain
-  sightline optimize --resume runs/highway")]
+  sightline optimize --resume runs/highway",
+    mut_args(of_new_run)
+)]
 pub struct OptimizeArgs {
     /// Scene files; of several the mean is maximized
     ///
@@ -43,6 +46,7 @@ pub struct OptimizeArgs {
     out: Option<PathBuf>,
     /// Go on with an interrupted run, to the same bytes that it would have given; a finished one says where its result is
     ///
+    /// Options that the run was begun with, the vehicle and the seed among them, are those of the run and are refused here.
     /// Where time ended the choice of sensors, its poses are cast anew: give more --max-seconds than before.
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
@@ -146,6 +150,14 @@ pub struct OptimizeArgs {
     named: UnnamedModelArgs,
     #[command(flatten)]
     compute: Compute,
+}
+
+/// Options of several commands that the state of a run decides here: --resume refuses them.
+const OF_NEW_RUN: [&str; 4] = ["vehicle", "sensor", "tolerance", "condition"];
+
+/// Refuses an option of [`OF_NEW_RUN`] beside --resume.
+fn of_new_run(arg: clap::Arg) -> clap::Arg {
+    if OF_NEW_RUN.contains(&arg.get_id().as_str()) { arg.conflicts_with("resume") } else { arg }
 }
 
 pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {

@@ -73,6 +73,7 @@ pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) 
     let (command, names) = command_of(program, arguments);
     let its_name = names[1..].join(" ");
     let told = unknown_option(error, program, (command, its_name.as_str()))
+        .or_else(|| one_too_many(error, command, &its_name))
         .or_else(|| unknown_study(error, command))
         .or_else(|| unknown_command(error, program, command))
         .unwrap_or_else(|| told(error));
@@ -150,6 +151,25 @@ fn unknown_option(
         (true, _) => String::new(),
     };
     Some(format!("{said}{mend}{}", near.unwrap_or_default()))
+}
+
+/// A file more than the command takes; `None` where it takes none, or many.
+fn one_too_many(error: &clap::Error, command: &Command, its_name: &str) -> Option<String> {
+    let given = match (error.kind(), error.get(ContextKind::InvalidArg)) {
+        (ErrorKind::UnknownArgument, Some(ContextValue::String(given))) => given,
+        _ => return None,
+    };
+    let name = |arg: &clap::Arg| match arg.get_value_names() {
+        Some([name, ..]) => format!("one {name}"),
+        _ => format!("one {}", arg.get_id().as_str().to_uppercase()),
+    };
+    let taken: Vec<String> = command.get_positionals().map(name).collect();
+    (!given.starts_with('-') && !taken.is_empty()).then(|| {
+        format!(
+            "'{given}' is one too many: `{its_name}` takes {}; give one, then another in a run of its own",
+            taken.join(" and ")
+        )
+    })
 }
 
 /// A command that stands below another one, as a study: its whole name.
@@ -316,6 +336,44 @@ mod tests {
                 .contains("did you mean `psog info` or `sensor info` or `scene info`?")
         );
         assert!(refused("scores a").contains("unrecognized subcommand 'scores'"));
+    }
+
+    #[test]
+    fn a_run_that_goes_on_takes_no_option_that_its_state_decides() {
+        for option in [
+            "--vehicle m.json", "--sensor 0=a", "--tolerance 5mm,0.5deg", "--condition fog:mor=50",
+            "--budget 3", "--seed 2",
+        ] {
+            let said = refused(&format!("optimize --resume run {option}"));
+            let name = option.split(' ').next().unwrap();
+            assert!(said.contains("'--resume <DIR>' cannot be used with '--"), "{said}");
+            assert!(said.contains(&format!("'{name} <")), "{said}");
+        }
+        let taken = [
+            "resume", "max_seconds", "figures", "format", "gltf", "backend", "adapter", "inexact",
+            "threads", "memory", "verbose", "quiet", "strict", "trust_paths", "force", "help",
+        ];
+        let program = program();
+        let optimize = program.find_subcommand("optimize").unwrap();
+        for arg in optimize.get_arguments().filter(|arg| !taken.contains(&arg.get_id().as_str())) {
+            let refuses = optimize.get_arg_conflicts_with(arg);
+            assert!(refuses.iter().any(|other| other.get_id() == "resume"), "{}", arg.get_id());
+        }
+    }
+
+    #[test]
+    fn a_file_more_than_a_command_takes_is_told_with_those_that_it_takes() {
+        for (line, takes) in [
+            ("study nearfield a.json b.json c.json", "one SCENE and one PLACEMENTS"),
+            ("cast a.json b.json c.json", "one SCENE and one PLACEMENTS"),
+            ("psog info a.npz c.json", "one PSOG"),
+        ] {
+            let said = refused(line);
+            let name = line.split(" a.").next().unwrap();
+            let told = format!("'c.json' is one too many: `{name}` takes {takes}; give one, then");
+            assert!(said.starts_with(&told), "{said}");
+        }
+        assert!(refused("devices c.json").starts_with("unexpected argument 'c.json' found"));
     }
 
     #[test]

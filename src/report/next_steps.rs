@@ -1,11 +1,16 @@
 //! Steps to take next where a result misses requirements.
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::RunRecord;
+use crate::search::OpenMount;
 
-/// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then changes that let
-/// a search find more. Empty if the time sufficed and all requirements are met.
+/// Mounts with room that are named.
+const MOST_MOUNTS: usize = 4;
+
+/// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then
+/// money and mounts that are left, and changes that let a search find more. Empty if the time sufficed and all requirements are met.
 pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     let cut = cut_in_words(&run.settings);
     let is_cut = cut.is_some();
@@ -21,6 +26,7 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     steps.extend(beyond.iter().map(|words| format!("Out of reach: {words}.")));
     let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
     if !unmet.iter().all(is_beyond) {
+        steps.extend(room_in_words(&run.settings).filter(|_| !is_cut));
         let evaluations = 2 * run.settings["search"]["evaluations"].as_u64().unwrap_or(180);
         let budget = run.settings["budget"]
             .as_f64()
@@ -46,6 +52,43 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     steps
 }
 
+/// Money that is left, mounts that could hold a LiDAR for it, and the `count` that forces one there; `None` where neither
+/// money nor room is left.
+fn room_in_words(settings: &Value) -> Option<String> {
+    let equipped = &settings["equipped"];
+    let open = Vec::<OpenMount>::deserialize(&equipped["open_mounts"]).unwrap_or_default();
+    let [cost, budget] = [&equipped["cost"], &settings["budget"]].map(Value::as_f64);
+    // Prices in cents differ by what floating point leaves.
+    let left = cost.zip(budget).map(|(cost, budget)| ((budget - cost) * 100.0).round() / 100.0);
+    let unspent = left.zip(budget).filter(|(left, _)| *left > 0.0);
+    let unspent = unspent.map(|(left, budget)| format!("{left} of the budget of {budget}"));
+    let is_paid = |mount: &&OpenMount| left.is_none_or(|left| mount.price <= left);
+    let named: Vec<String> = open.iter().filter(is_paid).map(with_count).collect();
+    let more = named.len().saturating_sub(MOST_MOUNTS);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let list = named.iter().take(MOST_MOUNTS).cloned().collect::<Vec<_>>().join(", ") + &more;
+    match (unspent, named.is_empty()) {
+        (None, true) => None,
+        (None, false) => Some(format!("Mounts with room: {list}.")),
+        (Some(unspent), true) => {
+            Some(format!("Unspent: {unspent}; no mount has room for a sensor at that price."))
+        }
+        (Some(unspent), false) => Some(format!("Unspent: {unspent}. Mounts with room: {list}.")),
+    }
+}
+
+/// LiDARs on a mount with room, and the `count` that forces one more.
+fn with_count(mount: &OpenMount) -> String {
+    let OpenMount { mount, lidars, most, .. } = mount;
+    let wanted = lidars + 1;
+    let count = if wanted == *most { most.to_string() } else { format!("[{wanted}, {most}]") };
+    let holds = match lidars {
+        0 => "no LiDAR".to_owned(),
+        held => format!("{held} of {most}"),
+    };
+    format!("`{mount}` holds {holds} (`\"count\": {count}` forces {wanted} there)")
+}
+
 /// Sentence on a time that ended before the sensors were chosen; `None` where they were.
 fn cut_in_words(settings: &Value) -> Option<String> {
     let equipped = &settings["equipped"];
@@ -60,4 +103,36 @@ fn cut_in_words(settings: &Value) -> Option<String> {
              poses for the choice are cast anew."
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn money_and_mounts_that_are_left_are_named_with_the_count_that_uses_them() {
+        let told = |budget: Value| {
+            let open = |mount: &str, lidars: u32, most: u32, price: f64| json!({ "mount": mount, "lidars": lidars, "most": most, "price": price });
+            let mounts = [open("rear", 0, 1, 900.0), open("roof", 1, 3, 2800.0)];
+            let equipped = json!({ "cost": 9100.0, "open_mounts": mounts });
+            room_in_words(&json!({ "budget": budget, "equipped": equipped }))
+        };
+        let rear = "`rear` holds no LiDAR (`\"count\": 1` forces 1 there)";
+        let roof = "`roof` holds 1 of 3 (`\"count\": [2, 3]` forces 2 there)";
+        let both = format!("Mounts with room: {rear}, {roof}.");
+        assert_eq!(told(Value::Null).as_deref(), Some(&*both));
+        let unspent = "Unspent: 2900 of the budget of 12000. ";
+        assert_eq!(told(json!(12000)), Some(format!("{unspent}{both}")));
+        let unspent = "Unspent: 900 of the budget of 10000. Mounts with room: ";
+        assert_eq!(told(json!(10000)), Some(format!("{unspent}{rear}.")));
+        let none =
+            "Unspent: 100.5 of the budget of 9200.5; no mount has room for a sensor at that price.";
+        assert_eq!(told(json!(9200.5)).as_deref(), Some(none));
+        // Full mounts, and nothing left to spend.
+        let full = json!({ "budget": 9100, "equipped": { "cost": 9100.0, "open_mounts": [] } });
+        assert_eq!(room_in_words(&full), None);
+        assert_eq!(room_in_words(&json!({})), None);
+    }
 }

@@ -86,6 +86,8 @@ pub fn study_text(table: &Table) -> String {
         Some(v) if (1e-3..1e6).contains(&v.abs()) => {
             fixed(v, 4).trim_end_matches('0').trim_end_matches('.').to_owned()
         }
+        // Counts of voxels: whole numbers, as below a million.
+        Some(v) if (1e6..1e9).contains(&v.abs()) => fixed(v, 0),
         Some(v) => format!("{v:.4e}"),
     };
     let value = |row: &Row, column: usize| row.values.get(column).copied().flatten();
@@ -330,5 +332,8 @@ mod tests {
         assert_eq!(text, "case  b   c\nrig   2  !–\nwithout a number: a\n");
         let none = study_text(&table(row([None; 3], &[])));
         assert_eq!(none, "case  a  b  c\nrig   –  –  –\n");
+        // Counts beside each other are written alike, however large.
+        let counts = study_text(&table(row([1_175_600.0, 794_158.0, 0.5].map(Some), &[])));
+        assert_eq!(counts, "case        a       b    c\nrig   1175600  794158  0.5\n");
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{Files, Given, held, name_published, rig_path};
+use super::inputs::{Files, Given, held, name_published, no_ground, rig_path};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
 use super::{Computing, GRACE, RunError, Watcher, opening, outputs};
@@ -134,10 +134,12 @@ fn site_of(
     computing: &Computing<'_>,
 ) -> Result<(Scene, Option<PathBuf>), RunError> {
     let watcher = computing.watcher;
-    if let (None, Some(vehicle)) = (&request.placements, &computing.vehicle) {
+    if request.placements.is_none() {
         // A file that is neither is told as a scene.
         let alone = Files::told_apart(std::slice::from_ref(&request.scene)).ok();
         if let Some(file) = alone.and_then(|files| files.placements) {
+            let vehicle = computing.vehicle.as_deref();
+            let vehicle = vehicle.ok_or_else(|| no_ground(file.display()))?;
             let scene = opening::level_ground(vehicle, request.frames, watcher)?;
             return Ok((scene, Some(rig_path(&file)?)));
         }

@@ -154,6 +154,13 @@ fn of_scene(
     let gpu = GpuBackend::open(problem.task().clone(), (&computing.engine).into(), memory);
     let mut gpu = gpu.map_err(needs_device)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
+    computing.watcher.note(&format!(
+        "comparing {} × {} on {} with the CPU, then {} with f64",
+        counted(placements.len(), "placement"),
+        counted(compared_frames(&problem), "frame"),
+        gpu.adapter(),
+        counted(request.sample as usize, "beam")
+    ));
     let bar = computing.watcher.bar(steps, Some("placements × frames"));
     let done = || bar.advance(1);
     let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done);

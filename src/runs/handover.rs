@@ -24,6 +24,7 @@ use crate::files::{
     Input, Session, is_forced, safe_name, safe_names, writable_folder, write_folder,
 };
 use crate::report::handover::{DrawnLidar, DrawnMount, DrawnRig};
+use crate::score::{Guard, MOST_SELF_HITS};
 use crate::shared::FieldOfView;
 use crate::vehicle::sensor_file::isaac_profile;
 use crate::vehicle::{MAX_LIDARS, sum_of_prices};
@@ -65,6 +66,8 @@ pub struct HandoverMade {
     pub own_beams: Vec<[usize; 2]>,
     /// Price of all sensors.
     pub price: f64,
+    /// Guards `self_hit` of its LiDARs in this frame, in words.
+    pub guards: Vec<String>,
 }
 
 /// Names and bytes of the files of the folder.
@@ -82,6 +85,8 @@ pub fn handover(
     writable_folder(&request.out)?;
     let rig = HandoverRig::new(request, computing)?;
     let masks = rig.masks();
+    let guards = self_hits(&masks);
+    guards.iter().for_each(|guard| computing.watcher.note(guard));
     let (materials, price) = materials(&rig);
     let mut files: NamedFiles = Vec::new();
     let mut add = |name: &str, bytes: Vec<u8>| files.push((name.to_owned(), bytes));
@@ -118,7 +123,25 @@ pub fn handover(
         files: files.into_iter().map(|(name, _)| name).collect(),
         own_beams: masks.iter().map(SelfHitMask::counts).collect(),
         price,
+        guards,
     })
+}
+
+/// Guards of LiDARs that end too many of their beams at the own body, in words.
+fn self_hits(masks: &[SelfHitMask<'_>]) -> Vec<String> {
+    let shares = masks.iter().map(SelfHitMask::counts).map(|[own, all]| own as f64 / all as f64);
+    let much = shares.enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
+    much.map(|(lidar, share)| Guard::SelfHit { lidar, share }.to_string()).collect()
+}
+
+/// Lines of these guards, but for LiDARs of which the run that found the rig has said so over all of its frames.
+fn unsaid_self_hits(rig: &HandoverRig, masks: &[SelfHitMask<'_>]) -> Vec<String> {
+    let lines = self_hits(masks).into_iter().map(|guard| format!("Warning: {guard}"));
+    let is_said = |line: &String| {
+        let lidar: String = line.split_inclusive(' ').take(4).collect();
+        rig.of_run.iter().any(|said| said.starts_with(&lidar))
+    };
+    lines.filter(|line| !is_said(line)).collect()
 }
 
 /// Removes masks that an earlier rig of more or other LiDARs has left in a folder: they would be taken for this one's.
@@ -271,7 +294,8 @@ fn text<'a>(
 ) -> Result<String, RunError> {
     let (vehicle, placement) = (rig.vehicle_name(), &rig.placement.name);
     let mut text = format!("{vehicle}, placement {placement}: LiDARs to be handed over\n\n");
-    let lines = rig.of_run.iter().chain(&rig.warnings).chain(&rig.about);
+    let own = unsaid_self_hits(rig, masks);
+    let lines = rig.of_run.iter().chain(&rig.warnings).chain(&own).chain(&rig.about);
     lines.for_each(|line| text += &format!("{line}\n"));
     let _ = write!(text, "\n{CONVENTION}\nFiles\n");
     for file in files {

@@ -1,5 +1,6 @@
 //! Sorts the files of a command into scenes and placements.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -87,11 +88,7 @@ impl Files {
         let placements = placements
             .ok_or_else(|| RunError::Usage("give a file of placements to look at".to_owned()))?;
         if scenes.is_empty() && computing.vehicle.is_none() {
-            return Err(RunError::Usage(format!(
-                "{}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a scene before \
-                 the placements",
-                placements.display()
-            )));
+            return Err(no_ground(placements.display()));
         }
         Ok((scenes, placements))
     }
@@ -120,6 +117,25 @@ impl Files {
             }
         }
     }
+}
+
+/// Error of placements that stand on no ground: neither a scene nor a vehicle is given.
+pub(super) fn no_ground(placements: impl Display) -> RunError {
+    RunError::Usage(format!(
+        "{placements}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a scene before \
+         the placements"
+    ))
+}
+
+/// Refuses the folder of a run in the place of a scene.
+pub(super) fn no_run_folder(scene: &Path) -> Result<(), RunError> {
+    if !scene.join(RESULT).is_file() {
+        return Ok(());
+    }
+    Err(RunError::Usage(format!(
+        "{}: is the folder of a run, where a scene belongs; give a scene first, and the folder behind it for its result",
+        scene.display()
+    )))
 }
 
 /// Scenes, and files of placements; folders of runs stand for their results.

@@ -15,6 +15,7 @@ use crate::scan::conditions::{Condition, ConditionKind};
 use crate::scene::{PsogSource, Scene};
 use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 
+use super::inputs::no_run_folder;
 use super::{Computing, RunError, Watcher};
 use sightline_files::json::counted;
 
@@ -35,6 +36,7 @@ pub struct Loaded {
 
 /// Reads a scene file for a job, and notes likely mistakes in it.
 pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, RunError> {
+    no_run_folder(path)?;
     told(Scene::read_with(path, vehicle)?, watcher)
 }
 

@@ -20,8 +20,7 @@ use crate::problem::Content;
 use crate::report::record::peak_memory;
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::search::{
-    Equipped, Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped,
-    TimeLimit, Work,
+    Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
 use crate::vehicle::Placement;
 use request::{Begun, RunCheckpoint, command};
@@ -350,8 +349,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     let settings = sitting.run.run().map_or(job.settings(), |run| run.state().settings());
     // A limit that did not end the run does not matter.
     let limit = sitting.request.max_seconds.filter(|_| outcome.stopped == Stopped::Time);
-    let mut settled =
-        settings_json(&sitting.begun, sitting.run.equipped(), settings, &outcome.left_out);
+    let mut settled = settings_json(sitting, settings, &outcome.left_out);
     if let Some(seconds) = limit {
         settled["max_seconds"] = json!(seconds);
     }
@@ -405,13 +403,9 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
 }
 
 /// Every setting that decides about the result, in the keys of `result.json`.
-fn settings_json(
-    begun: &Begun,
-    equipped: Option<&Equipped>,
-    settings: &Settings,
-    left_out: &[LeftOut],
-) -> Value {
-    let mut all = json!(begun.files);
+fn settings_json(sitting: &RunSession, settings: &Settings, left_out: &[LeftOut]) -> Value {
+    let (begun, vehicle) = (&sitting.begun, sitting.job.scene().vehicle());
+    let mut all = begun.settings(vehicle);
     all["frames"] = match settings.frames {
         FrameChoice::OnDemand => Value::Null,
         FrameChoice::All => json!(u32::MAX),
@@ -437,9 +431,10 @@ fn settings_json(
             all[key] = json!(file.to_string_lossy());
         }
     }
-    if let Some(equipped) = equipped {
+    if let Some(equipped) = sitting.run.equipped() {
         all["budget"] = json!(begun.files.budget);
         all["equipped"] = json!(equipped);
+        all["equipped"]["open_mounts"] = json!(equipped.open_mounts(vehicle));
     }
     all
 }

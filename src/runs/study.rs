@@ -120,7 +120,11 @@ pub fn study_scenes(
 fn only_scenes(kind: Kind, files: &[PathBuf], watcher: &dyn Watcher) -> Result<Files, RunError> {
     let files = &files.iter().map(|file| rig_path(file)).collect::<Result<Vec<_>, _>>()?[..];
     files.iter().try_for_each(|file| can_be_read(file))?;
-    if let Some(file) = files.iter().find(|file| files.len() > 1 && holds_placements(file)) {
+    // A single pipe may be a scene: nothing is read of it here.
+    let is_plain =
+        |file: &Path| file.to_str().is_some_and(|text| Path::new(file_and_name(text).0).is_file());
+    let may_be = |file: &Path| files.len() > 1 || is_plain(file);
+    if let Some(file) = files.iter().find(|file| may_be(file) && holds_placements(file)) {
         let (file, kind) = (file.display(), kind.name());
         let takers = Kind::ALL.iter().filter(|(kind, ..)| kind.takes_placements());
         let takers: Vec<String> = takers.map(|(_, name, _)| format!("`{name}`")).collect();

@@ -53,7 +53,7 @@ pub use bound::{Certificate, GainBound};
 pub(crate) use coarse_grid::coarse_grid;
 pub(crate) use copies::{COPIES, FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
 pub(crate) use equip::REQUIRED;
-pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, PLAIN, cost_front};
+pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, OpenMount, PLAIN, cost_front};
 pub use error::SearchError;
 pub use evaluator::{Evaluator, Judged, SceneScores};
 pub use findings::Finding;

@@ -37,6 +37,7 @@ fn table(
     mut notes: Vec<String>,
 ) -> Table {
     let (title, factor) = shown_objective(&scene.settings.objective);
+    let heading = format!("{title} with all LiDARs, and after the loss of one");
     // A column says its unit where that is not the objective's own.
     let unit = if factor == 1.0 { "" } else { " %" };
     // Where every LiDAR has a mount, columns are wide enough without the word.
@@ -58,7 +59,7 @@ fn table(
         y_title: title,
     };
     let columns = columns.iter().map(String::as_str);
-    Table::new(scene.title("the loss of one LiDAR"), columns, rows, notes, drawing)
+    Table::new(scene.title(&heading), columns, rows, notes, drawing)
 }
 
 /// Names of the LiDARs of rigs: number and mount, or the number alone where mounts differ from rig to rig.

@@ -90,6 +90,11 @@ fn tenths(value: f64) -> String {
     text.strip_suffix(".0").unwrap_or(&text).to_owned()
 }
 
+/// A bearing in degrees from -180 to 180, as tables have it; a rule may count from 0 to 360.
+fn within_half_turn(bearing: f64) -> f64 {
+    if bearing.abs() > 180.0 { bearing - 360.0_f64.copysign(bearing) } else { bearing }
+}
+
 /// `2 to 5`, or `2` where both are written the same.
 fn range([from, to]: [f64; 2], unit: &str) -> String {
     let [from, to] = [from, to].map(|value| format!("{}{unit}", tenths(value)));
@@ -101,7 +106,7 @@ impl std::fmt::Display for Missing {
         let at = range(self.distances, "");
         let all = self.bearings.len();
         let between = |first: usize, count: usize| {
-            range([first, first + count - 1].map(|k| self.bearings[k % all]), "°")
+            range([first, first + count - 1].map(|k| within_half_turn(self.bearings[k % all])), "°")
         };
         let count = self.is_missing.iter().filter(|is_missing| **is_missing).count();
         if all == 1 {
@@ -145,6 +150,11 @@ mod tests {
             "two neighbours are not the whole circle"
         );
         assert_eq!(round(&[24]), "missing at 25 m: 1 of 48 bearings, 0°");
+        // A rule from 0 to 360° is told like one from -180 to 180°.
+        assert_eq!(
+            words([0.0, 360.0], 48, &[24, 28], [25.0, 25.0]),
+            "missing at 25 m: 2 of 48 bearings, 180°, -150°"
+        );
         let all: Vec<usize> = (0..48).collect();
         assert_eq!(round(&all), "missing at 25 m: all 48 bearings, all round");
         assert_eq!(

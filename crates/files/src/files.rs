@@ -37,6 +37,9 @@ pub enum FileError {
     /// The operating system says why.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
+    /// A place that cannot be written; the operating system says why.
+    #[error("{}: cannot be written: {source}", path.display())]
+    Write { path: PathBuf, source: std::io::Error },
     /// The disk is full.
     #[error("{}: the disk is full; make room and run again", path.display())]
     Full { path: PathBuf },
@@ -64,6 +67,16 @@ impl FileError {
                 path.display()
             )),
             _ => Self::Io { path: path.to_owned(), source: without_place(source) },
+        }
+    }
+
+    /// Names the place that could not be written; sentences of this program stay as they are.
+    pub fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        move |source| match Self::io(path)(source) {
+            Self::Io { path, source } if source.kind() != ErrorKind::Other => {
+                Self::Write { path, source }
+            }
+            other => other,
         }
     }
 
@@ -116,5 +129,11 @@ mod tests {
         assert!(nowhere.to_string().contains("/no/such/folder"), "{nowhere}");
         let told = FileError::io(path)(nowhere).to_string();
         assert!(told.starts_with("scores.json: ") && !told.contains("/no/such"), "{told}");
+        let told = |error: std::io::Error| FileError::write(path)(error).to_string();
+        let missing = told(ErrorKind::NotFound.into());
+        assert!(missing.starts_with("scores.json: cannot be written: "), "{missing}");
+        let own = std::io::Error::other("is a directory; name a file in it");
+        assert_eq!(told(own), "scores.json: is a directory; name a file in it");
+        assert_eq!(told(ErrorKind::StorageFull.into()), full.to_string());
     }
 }

@@ -12,7 +12,7 @@ use crate::geom::Pose;
 use crate::job::{Job, Tolerance};
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::SensorBatch;
-use crate::runs::inputs::{Given, file_and_name, named_placements};
+use crate::runs::inputs::{Given, file_and_name, named_placements, no_ground};
 use crate::runs::opening::{LoadTimes, Loaded};
 use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
@@ -360,12 +360,7 @@ fn scene(
             scene.notes().iter().try_for_each(|note| computing.watcher.tell(note))?;
             scene
         }
-        ([], None) => {
-            return Err(RunError::Usage(format!(
-                "{placements}: there is neither a scene nor a vehicle; give --vehicle FILE for level ground, or a \
-                 scene before the placements"
-            )));
-        }
+        ([], None) => return Err(no_ground(placements)),
         ([_, second, ..], _) => {
             return Err(RunError::Usage(format!(
                 "{second}: is a second scene, and a rig is handed over in one; leave it out"

@@ -232,7 +232,7 @@ fn settings_json(
     objectives: &FrontObjectives,
     max_seconds: Option<f64>,
 ) -> Value {
-    let (mut all, settings) = (json!(begun.files), job.settings());
+    let (mut all, settings) = (begun.settings(job.scene().vehicle()), job.settings());
     all["front"] = json!(objectives);
     all["max_seconds"] = json!(max_seconds);
     all["search"] = json!({

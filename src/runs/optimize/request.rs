@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::files::holds_run;
 use crate::job::{JobFiles, JobState};
@@ -14,7 +14,7 @@ use crate::runs::inputs::{Given, RESULT, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
 use crate::vehicle::placement_file::holds_placements;
-use crate::vehicle::{MountRules, read_placements};
+use crate::vehicle::{MountRules, Vehicle, read_placements};
 
 /// A search to begin or to go on with.
 #[derive(Debug, Clone)]
@@ -87,6 +87,14 @@ impl Begun {
             0 => stem.into_owned(),
             more => format!("{stem}-and-{more}-more"),
         }
+    }
+
+    /// Files and options in the keys of `result.json`. Its rules are those in force, be they of the vehicle or of an option.
+    pub fn settings(&self, vehicle: &Vehicle) -> Value {
+        let (mut all, ties) = (json!(self.files), vehicle.ties);
+        all["rules"]["equal_height"] = json!(ties.equal_height);
+        all["rules"]["symmetric"] = json!(ties.symmetric);
+        all
     }
 }
 

@@ -52,6 +52,19 @@ impl Equipped {
         format!("{}, {} in all", self.words(vehicle), self.cost)
     }
 
+    /// Mounts that could hold more LiDARs, in the order of the vehicle; none where a placement may have no more.
+    pub fn open_mounts(&self, vehicle: &Vehicle) -> Vec<OpenMount> {
+        let held = |k: usize| self.equipment.iter().filter(|(mount, _)| *mount == k).count();
+        let mounts = vehicle.mounts.iter().enumerate().map(|(k, mount)| OpenMount {
+            mount: mount.region.name.clone(),
+            lidars: held(k),
+            most: mount.count[1],
+            price: mount.sensors.iter().map(|s| vehicle.price(*s)).fold(f64::INFINITY, f64::min),
+        });
+        let has_room = self.equipment.len() < MAX_LIDARS;
+        mounts.filter(|mount| has_room && mount.lidars < mount.most).collect()
+    }
+
     /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
     pub fn words(&self, vehicle: &Vehicle) -> String {
         let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();
@@ -66,6 +79,19 @@ impl Equipped {
         };
         counted.iter().map(word).collect::<Vec<_>>().join(", ")
     }
+}
+
+/// A mount that could hold more LiDARs than were chosen for it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OpenMount {
+    /// Its name.
+    pub mount: String,
+    /// LiDARs chosen for it.
+    pub lidars: usize,
+    /// Most that it may hold.
+    pub most: usize,
+    /// Price of the cheapest model that it may hold.
+    pub price: f64,
 }
 
 /// Most that the sensors of a vehicle may cost, and how many there may be.

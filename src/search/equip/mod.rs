@@ -10,7 +10,7 @@ mod equipped;
 
 pub(crate) use choosing::REQUIRED;
 pub use choosing::{Choosing, EquipStep};
-pub use equipped::{Equipped, Limits, PLAIN};
+pub use equipped::{Equipped, Limits, OpenMount, PLAIN};
 
 use choosing::{Equip, FRAMES, Opened};
 

@@ -107,11 +107,11 @@ pub(super) fn is_empty(path: &Path) -> Result<(), FileError> {
 pub fn shared_folder(path: &Path) -> Result<(), FileError> {
     if path.exists() && !path.is_dir() {
         let message = "is a file where a folder is wanted; name another place";
-        return Err(FileError::io(path)(std::io::Error::other(message)));
+        return Err(FileError::write(path)(std::io::Error::other(message)));
     }
-    std::fs::create_dir_all(path).map_err(FileError::io(path))?;
+    std::fs::create_dir_all(path).map_err(FileError::write(path))?;
     guard::sweep(path);
-    tempfile::tempfile_in(path).map_err(FileError::io(path))?;
+    tempfile::tempfile_in(path).map_err(FileError::write(path))?;
     Ok(())
 }
 
@@ -210,12 +210,12 @@ pub fn writable_folder(path: &Path) -> Result<(), FileError> {
     } else if target.exists() {
         is_no_input(path)?;
         let message = "is a file where a folder is wanted; name another place";
-        return Err(FileError::io(path)(std::io::Error::other(message)));
+        return Err(FileError::write(path)(std::io::Error::other(message)));
     }
     let around = folder_of(&target);
     let there = around.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
     guard::sweep(there);
-    tempfile::tempfile_in(there).map(drop).map_err(FileError::io(path))
+    tempfile::tempfile_in(there).map(drop).map_err(FileError::write(path))
 }
 
 /// Writes all files of a folder: beside its place, then moved there in one step once the disk has them. In a folder
@@ -227,19 +227,19 @@ pub fn write_folder(path: &Path, files: &[(String, Vec<u8>)]) -> Result<(), File
     writable_folder(path)?;
     let target = target(path)?;
     let around = folder_of(&target);
-    std::fs::create_dir_all(around).map_err(FileError::io(path))?;
+    std::fs::create_dir_all(around).map_err(FileError::write(path))?;
     let prefix = guard::temporary_prefix();
     let beside = tempfile::Builder::new().prefix(&prefix).suffix(".tmp").tempdir_in(around);
-    let beside = beside.map_err(FileError::io(path))?;
+    let beside = beside.map_err(FileError::write(path))?;
     for (name, bytes) in files {
         let place = path.join(name);
-        std::fs::write(beside.path().join(name), bytes).map_err(FileError::io(&place))?;
+        std::fs::write(beside.path().join(name), bytes).map_err(FileError::write(&place))?;
     }
     sync_disk(beside.path());
     as_readable_as_any(beside.path(), path)?;
     if !target.exists() || is_empty(&target).is_ok() {
         // An empty folder gives way to a whole one.
-        std::fs::rename(beside.path(), &target).map_err(FileError::io(path))?;
+        std::fs::rename(beside.path(), &target).map_err(FileError::write(path))?;
         let _ = beside.keep();
     } else {
         let _lock = lock_folder(&target, Duration::ZERO)?;
@@ -247,7 +247,7 @@ pub fn write_folder(path: &Path, files: &[(String, Vec<u8>)]) -> Result<(), File
             let place = path.join(name);
             is_no_input(&place)?;
             std::fs::rename(beside.path().join(name), target.join(name))
-                .map_err(FileError::io(&place))?;
+                .map_err(FileError::write(&place))?;
         }
     }
     sync_disk(around);
@@ -262,9 +262,9 @@ fn as_readable_as_any(folder: &Path, path: &Path) -> Result<(), FileError> {
         let permissions = std::fs::create_dir(&plain)
             .and_then(|()| std::fs::metadata(&plain))
             .map(|meta| meta.permissions())
-            .map_err(FileError::io(path))?;
-        std::fs::remove_dir(&plain).map_err(FileError::io(path))?;
-        std::fs::set_permissions(folder, permissions).map_err(FileError::io(path))?;
+            .map_err(FileError::write(path))?;
+        std::fs::remove_dir(&plain).map_err(FileError::write(path))?;
+        std::fs::set_permissions(folder, permissions).map_err(FileError::write(path))?;
     }
     let _ = (folder, path);
     Ok(())

@@ -203,7 +203,7 @@ impl<S> RunDir<S> {
         let path = self.file(name);
         write_own(&path, |file| {
             serde_json::to_writer_pretty(&mut *file, value).map_err(FileError::json(&path))?;
-            file.write_all(b"\n").map_err(FileError::io(&path))
+            file.write_all(b"\n").map_err(FileError::write(&path))
         })
     }
 
@@ -217,7 +217,7 @@ impl<S> RunDir<S> {
         write_own(&path, |file| {
             for value in values {
                 serde_json::to_writer(&mut *file, &value).map_err(FileError::json(&path))?;
-                file.write_all(b"\n").map_err(FileError::io(&path))?;
+                file.write_all(b"\n").map_err(FileError::write(&path))?;
             }
             Ok(())
         })
@@ -226,7 +226,7 @@ impl<S> RunDir<S> {
     /// Writes a file of text.
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), FileError> {
         let path = self.file(name);
-        write_own(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::io(&path)))
+        write_own(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::write(&path)))
     }
 }
 
@@ -266,11 +266,11 @@ fn free_folder(name: &str) -> Result<(PathBuf, MissingFolders), FileError> {
             _ => runs.join(format!("{name}-{number}")),
         };
         let made = MissingFolders::of(&path);
-        std::fs::create_dir_all(runs).map_err(FileError::io(runs))?;
+        std::fs::create_dir_all(runs).map_err(FileError::write(runs))?;
         match std::fs::create_dir(&path) {
             Ok(()) => return Ok((path, made)),
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
-            Err(error) => return Err(FileError::io(&path)(error)),
+            Err(error) => return Err(FileError::write(&path)(error)),
         }
     }
     Err(FileError::Refused(format!("runs/{name}: too many runs; name a folder with --out")))

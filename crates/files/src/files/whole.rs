@@ -64,12 +64,12 @@ fn write_as<E: From<FileError>>(
     match written(path, &target, write)? {
         PendingFile::Sink(whole) => {
             guard::is_no_input(path)?;
-            Ok(pour(whole, &target).map_err(FileError::io(path))?)
+            Ok(pour(whole, &target).map_err(FileError::write(path))?)
         }
         PendingFile::Beside(file, temporary) => {
             ready(&file, &target, path)?;
             if output != Output::OneOfMany {
-                on_disk(file.as_file()).map_err(FileError::io(path))?;
+                on_disk(file.as_file()).map_err(FileError::write(path))?;
             }
             let replaces = output == Output::Own || guard::overwrites();
             place(file.into_temp_path(), &target, replaces, path)?;
@@ -96,11 +96,11 @@ pub fn write_pair<E: From<FileError>>(
         [written(first, &targets[0], write_first)?, written(second, &targets[1], write_second)?];
     let [PendingFile::Beside(one, _first), PendingFile::Beside(two, _second)] = begun else {
         let message = "is no regular file; name a file";
-        return Err(FileError::io(second)(std::io::Error::other(message)).into());
+        return Err(FileError::write(second)(std::io::Error::other(message)).into());
     };
     for (file, target, path) in [(&one, &targets[0], first), (&two, &targets[1], second)] {
         ready(file, target, path)?;
-        on_disk(file.as_file()).map_err(FileError::io(path))?;
+        on_disk(file.as_file()).map_err(FileError::write(path))?;
     }
     let pair = [(one.into_temp_path(), first), (two.into_temp_path(), second)];
     Ok(place_pair(pair, &targets, guard::overwrites(), || Ok(()))?)
@@ -132,11 +132,11 @@ fn place_pair(
         std::fs::rename(path, &aside)?;
         Ok(Some((aside, temporary)))
     };
-    let old_second = aside(&targets[1]).map_err(FileError::io(second))?;
+    let old_second = aside(&targets[1]).map_err(FileError::write(second))?;
     let mut old_first = None;
     let moved = || {
         if !kept {
-            old_first = aside(&targets[0]).map_err(FileError::io(first))?;
+            old_first = aside(&targets[0]).map_err(FileError::write(first))?;
             place(one, &targets[0], replaces, first)?;
         }
         sync_folder(folder);
@@ -170,7 +170,7 @@ fn written<E: From<FileError>>(
     target: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
 ) -> Result<PendingFile, E> {
-    let io = |error| FileError::io(path)(error);
+    let io = |error| FileError::write(path)(error);
     let begun = match is_sink(target) {
         true => tempfile::tempfile().map(PendingFile::Sink),
         false => beside(target),
@@ -187,7 +187,7 @@ fn written<E: From<FileError>>(
 fn ready(file: &NamedTempFile, target: &Path, path: &Path) -> Result<(), FileError> {
     guard::is_no_input(path)?;
     if let Ok(before) = std::fs::metadata(target) {
-        file.as_file().set_permissions(before.permissions()).map_err(FileError::io(path))?;
+        file.as_file().set_permissions(before.permissions()).map_err(FileError::write(path))?;
     }
     Ok(())
 }
@@ -261,15 +261,15 @@ fn pour(mut whole: File, target: &Path) -> std::io::Result<()> {
 /// Moves a file to its place in one step. `path` is how the user calls the place.
 fn place(file: TempPath, target: &Path, replaces: bool, path: &Path) -> Result<(), FileError> {
     if replaces {
-        return file.persist(target).map_err(|error| FileError::io(path)(error.error));
+        return file.persist(target).map_err(|error| FileError::write(path)(error.error));
     }
     file.persist_noclobber(target).or_else(|error| match error.error.kind() {
         ErrorKind::AlreadyExists => Err(guard::exists(path)),
         // A file system without hard links.
         _ if !target.exists() => {
-            error.path.persist(target).map_err(|error| FileError::io(path)(error.error))
+            error.path.persist(target).map_err(|error| FileError::write(path)(error.error))
         }
-        _ => Err(FileError::io(path)(error.error)),
+        _ => Err(FileError::write(path)(error.error)),
     })
 }
 
@@ -311,7 +311,7 @@ pub fn writable_file(path: &Path) -> Result<(), FileError> {
     }
     if target.is_dir() {
         let message = "is a directory; name a file in it";
-        return Err(FileError::io(path)(std::io::Error::other(message)));
+        return Err(FileError::write(path)(std::io::Error::other(message)));
     }
     let folder = folder_of(&target);
     if !folder.is_dir() {
@@ -323,7 +323,7 @@ pub fn writable_file(path: &Path) -> Result<(), FileError> {
     }
     guard::claim(path)?;
     guard::sweep(folder);
-    tempfile::tempfile_in(folder).map_err(FileError::io(path))?;
+    tempfile::tempfile_in(folder).map_err(FileError::write(path))?;
     Ok(())
 }
 

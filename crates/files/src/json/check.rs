@@ -197,6 +197,9 @@ pub enum DescriptionError {
     /// The text is not JSON or YAML, or a value has the wrong type.
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json { at: Box<Location>, problem: String, line: usize, column: usize },
+    /// A comment before the JSON.
+    #[error("{file}: line {line} is a comment, and JSON has no comments; remove it")]
+    Comment { file: String, line: usize },
     /// A text that is no JSON.
     #[error("{file}: {told}; a {} file begins with {{", .wanted.word())]
     NotJson { file: String, told: String, wanted: FileKind },

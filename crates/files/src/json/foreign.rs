@@ -15,8 +15,6 @@ const BEGINNINGS: &[(&str, &str)] = &[
     ("NUMPY", "a NumPy array"),
     ("\u{1f}", "a gzip file"),
     ("---", "YAML"),
-    ("//", "JSON with comments, which JSON does not have"),
-    ("/*", "JSON with comments, which JSON does not have"),
     ("v ", "an OBJ mesh"),
     ("o ", "an OBJ mesh"),
     ("mtllib ", "an OBJ mesh"),
@@ -70,6 +68,20 @@ pub fn is_utf_16(bytes: &[u8]) -> bool {
         || bytes.starts_with(b"\xfe\xff")
         || (bytes.len() >= 4 && pairs().all(|[a, b]| ascii(*a) && *b == 0))
         || (bytes.len() >= 4 && pairs().all(|[a, b]| *a == 0 && ascii(*b)))
+}
+
+/// Line, from 1, of the comment that a text of JSON begins with: `//`, `/*`, or `#` before an object or a list.
+pub fn leading_comment(text: &str) -> Option<usize> {
+    let rest = text.trim_start();
+    let line = 1 + text[..text.len() - rest.len()].matches('\n').count();
+    let mut lines = rest.lines().map(str::trim_start);
+    // YAML, OBJ and PCD have comments of `#`, too.
+    let first = lines.find(|line| !line.is_empty() && !line.starts_with('#'));
+    let is_comment = match rest.starts_with('#') {
+        true => first.is_some_and(|line| line.starts_with(['{', '['])),
+        false => rest.starts_with("//") || rest.starts_with("/*"),
+    };
+    is_comment.then_some(line)
 }
 
 /// Why a text cannot be an object of JSON; `None` where its first sign says that it may be one, or a list.
@@ -134,6 +146,21 @@ mod tests {
     }
 
     #[test]
+    fn a_comment_before_json_is_found_with_its_line() {
+        for (text, line) in [
+            ("// rig\n{}", Some(1)),
+            ("\n\n  /* rig */ {}", Some(3)),
+            ("# rig\n\n# of two\n[1]", Some(1)),
+            ("# rig\nsightline: 1\n", None),
+            ("# .PCD v0.7\nVERSION 0.7\n", None),
+            ("{ // rig\n}", None),
+            ("", None),
+        ] {
+            assert_eq!(leading_comment(text), line, "{text:?}");
+        }
+    }
+
+    #[test]
     fn other_kinds_of_files_are_named() {
         for (text, told) in [
             ("x,y,z\n1,2,3\n", "is not JSON, it looks like CSV"),
@@ -144,10 +171,6 @@ mod tests {
             ("PK\u{3}\u{4}\0\0", "is not JSON, it looks like a ZIP archive"),
             ("\u{fffd}NUMPY\u{1}", "is not JSON, it looks like a NumPy array"),
             ("<?xml version='1.0'?>", "is not JSON, it looks like XML"),
-            (
-                "// rig\n{}",
-                "is not JSON, it looks like JSON with comments, which JSON does not have",
-            ),
             ("# Blender\nmtllib a.mtl\n", "is not JSON, it looks like an OBJ mesh"),
             ("# .PCD v0.7\nVERSION 0.7\n", "is not JSON, it looks like a PCD point cloud"),
             ("hello", "is not JSON"),

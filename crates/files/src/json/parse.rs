@@ -9,7 +9,10 @@ use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
 use super::objects::{IS_A_LIST, Objects};
-use super::{DescriptionError, Location, from_text, is_utf_16, kind_of_bytes, nearest, not_json};
+use super::{
+    DescriptionError, Location, from_text, is_utf_16, kind_of_bytes, leading_comment, nearest,
+    not_json,
+};
 
 /// Reads `text` as a `T`, naming `file` in errors. A list is no struct.
 pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, DescriptionError> {
@@ -33,6 +36,7 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
     struct Version {
         sightline: Option<serde_json::Value>,
     }
+    refuse_comment(text, file)?;
     if let Some(told) = not_json(text) {
         return Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted });
     }
@@ -210,6 +214,15 @@ pub fn refuse_utf_16(bytes: &[u8], file: &Path) -> Result<(), DescriptionError> 
 /// Error for a file with the keys of another kind.
 fn other_kind(file: &str, found: FileKind, wanted: &str) -> DescriptionError {
     DescriptionError::OtherKind { file: file.to_owned(), found, wanted: wanted.to_owned() }
+}
+
+/// Refuses a text of JSON that begins with a comment.
+///
+/// # Errors
+/// [`DescriptionError::Comment`], with its line.
+pub fn refuse_comment(text: &str, file: &str) -> Result<(), DescriptionError> {
+    let refused = |line| Err(DescriptionError::Comment { file: file.to_owned(), line });
+    leading_comment(text).map_or(Ok(()), refused)
 }
 
 /// Refuses a text that is a [`ForeignJson`], where a thing of another kind is `wanted`.

@@ -155,6 +155,11 @@ impl ExportError {
         move |source| Self::File(FileError::io(path)(source))
     }
 
+    /// Names the place that could not be written.
+    pub(super) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        move |source| Self::File(FileError::write(path)(source))
+    }
+
     /// Names the file in an error of its JSON.
     pub(super) fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
         move |source| Self::File(FileError::json(path)(source))

@@ -63,7 +63,7 @@ impl Folder {
     pub fn open(root: &Path) -> Result<Self, ExportError> {
         let folder = Self::at(root)?;
         let hidden = root.join(HIDDEN);
-        std::fs::create_dir_all(&hidden).map_err(ExportError::io(root))?;
+        std::fs::create_dir_all(&hidden).map_err(ExportError::write(root))?;
         files::sweep(&hidden);
         Ok(folder)
     }
@@ -85,7 +85,7 @@ impl Folder {
     pub fn begin(&self, name: &str) -> Result<StagedFile, ExportError> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
-        let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::io(&place))?;
+        let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::write(&place))?;
         let out = BufWriter::with_capacity(BUFFER, file);
         Ok(StagedFile { out, _temporary: temporary, place, name: name.to_owned() })
     }
@@ -166,13 +166,13 @@ impl StagedFile {
         &mut self,
         write: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<T>,
     ) -> Result<T, ExportError> {
-        write(&mut self.out).map_err(ExportError::io(&self.place))
+        write(&mut self.out).map_err(ExportError::write(&self.place))
     }
 
     /// Moves the file to its place.
     pub fn end(self) -> Result<Written, ExportError> {
         let Self { out, place, name, _temporary } = self;
-        let io = |error| ExportError::io(&place)(error);
+        let io = |error| ExportError::write(&place)(error);
         files::is_no_input(&place)?;
         let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
         let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
@@ -181,7 +181,7 @@ impl StagedFile {
             let (Some(folder), ErrorKind::NotFound) = (place.parent(), error.error.kind()) else {
                 return Err(io(error.error));
             };
-            std::fs::create_dir_all(folder).map_err(ExportError::io(folder))?;
+            std::fs::create_dir_all(folder).map_err(ExportError::write(folder))?;
             error.file.persist(&place).map_err(|error| io(error.error))?;
         }
         Ok(Written { path: name, bytes })

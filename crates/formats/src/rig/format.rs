@@ -6,7 +6,7 @@ use std::str::FromStr;
 use serde_json::Value;
 use sightline_files::json::{
     DescriptionError, FileKind, Location, Quantity, YamlDocument, parse_documents, parse_yaml,
-    plain_names, read_limited, refuse_foreign, refuse_own_kinds, refuse_utf_16,
+    plain_names, read_limited, refuse_comment, refuse_foreign, refuse_own_kinds, refuse_utf_16,
 };
 
 use super::beams::{Models, RigBeams};
@@ -106,6 +106,10 @@ pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
             "launch" => Ok(RigFormat::Ros2Launch),
             _ => Err(unrecognised()),
         };
+    }
+    // YAML has comments.
+    if source.file.ends_with(".json") {
+        refuse_comment(text, &source.file)?;
     }
     refuse_foreign(text, &source.file, "a rig of another program")?;
     // Own placements are a format of rigs.

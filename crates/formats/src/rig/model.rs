@@ -160,6 +160,7 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
 /// Refuses a text that is no file of placements, by its kind.
 fn refuse_others(text: &str, file: &str) -> Result<(), DescriptionError> {
     let wanted = FileKind::Placements;
+    json::refuse_comment(text, file)?;
     match json::not_json(text) {
         Some(told) => Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted }),
         None if FileKind::of(text) == Some(wanted) => Ok(()),

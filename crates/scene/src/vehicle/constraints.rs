@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::doubts::stands_on;
 use super::pairing::{SLACK, not_mirrored};
 use super::{Placement, Region, SensorName, SensorPose};
 use sightline_files::json::counted;
@@ -21,6 +22,8 @@ pub struct Constraints {
     pub ties: Ties,
     /// Model of LiDARs that name none.
     pub first: SensorName,
+    /// Mounts that hold no LiDAR: their `count` is 0.
+    pub closed: Vec<Arc<Region>>,
 }
 
 /// Region, model and phase allowed to one LiDAR of a placement.
@@ -85,9 +88,8 @@ impl Constraints {
     /// A copy with every region changed.
     pub fn with_regions(&self, change: impl Fn(&mut Region)) -> Self {
         let mut changed = self.clone();
-        for slot in &mut changed.slots {
-            change(Arc::make_mut(&mut slot.region));
-        }
+        let held = changed.slots.iter_mut().map(|slot| &mut slot.region);
+        held.chain(&mut changed.closed).for_each(|region| change(Arc::make_mut(region)));
         changed
     }
 
@@ -239,6 +241,9 @@ impl Violation {
     }
 }
 
+/// Words for a mount whose `count` is 0.
+pub(super) const HOLDS_NONE: &str = "holds no LiDAR (`count` is 0)";
+
 impl std::fmt::Display for Violation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -249,6 +254,9 @@ impl std::fmt::Display for Violation {
             }
             Self::NotTaken { lidar, sensor, mount, takes, room, .. } => {
                 write!(f, "LiDAR {lidar}: it stands on mount {mount}, which ")?;
+                if *room == 0 {
+                    return f.write_str(HOLDS_NONE);
+                }
                 if takes.contains(sensor) {
                     return write!(f, "holds {} at most", counted(*room, "LiDAR"));
                 }
@@ -385,7 +393,8 @@ impl Constraints {
         for (lidar, pose) in placement.lidars.iter().enumerate() {
             let slot = if alike { Some(0) } else { slots[lidar] };
             let Some(slot) = slot.filter(|&slot| self.has_model(slot, pose)) else {
-                found.push(Violation::NoPlace { lidar, sensor: pose.sensor });
+                let none = Violation::NoPlace { lidar, sensor: pose.sensor };
+                found.push(self.on_closed(lidar, pose, none.amount()).unwrap_or(none));
                 continue;
             };
             self.off_mount(lidar, pose, slot, &mut found);
@@ -438,13 +447,24 @@ impl Constraints {
                 let sensor = self.model_of(pose);
                 found.push(Violation::NotTaken { lidar, sensor, mount, takes, room, by });
             }
-            None => found.extend(off.into_iter().map(outside)),
+            None if off.is_empty() => {}
+            None => match self.on_closed(lidar, pose, off.iter().map(|(_, by)| by).sum()) {
+                Some(closed) => found.push(closed),
+                None => found.extend(off.into_iter().map(outside)),
+            },
         }
         let bounds = self.slots[slot].allows(self.model_of(pose)).flatten();
         if let (Some([from, to]), Some(phase)) = (bounds, pose.phase) {
             let by = (from - phase).max(phase - to);
             found.extend((by > SLACK).then(|| outside(("phase", by))));
         }
+    }
+
+    /// The broken rule of a LiDAR on a mount that holds none; `by` is its distance from the nearest other place.
+    fn on_closed(&self, lidar: usize, pose: &SensorPose, by: f64) -> Option<Violation> {
+        let mount = self.closed.iter().find(|region| stands_on(region, pose))?.name.clone();
+        let (sensor, takes, room) = (self.model_of(pose), Vec::new(), 0);
+        Some(Violation::NotTaken { lidar, sensor, mount, takes, room, by })
     }
 
     /// Keep-out boxes around a point, and its depth in each.

@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
+use super::constraints::HOLDS_NONE;
 use super::{Constraints, Lidar, Placement, Region, SensorPose};
 
 /// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.
@@ -115,6 +116,8 @@ pub(super) fn of_measures(
 pub struct Doubts {
     /// Where sensors may stand, each once; empty where that is nobody's matter.
     regions: Vec<Arc<Region>>,
+    /// Mounts that hold none.
+    closed: Vec<Arc<Region>>,
 }
 
 impl Doubts {
@@ -131,7 +134,7 @@ impl Doubts {
                 regions.push(slot.region.clone());
             }
         }
-        Self { regions }
+        Self { regions, closed: constraints.closed.clone() }
     }
 
     /// Sentences about LiDARs, with the name of the placement.
@@ -151,8 +154,13 @@ impl Doubts {
         let is_far = pose.position().abs().max_element() > FARTHEST;
         let beside = self.regions.iter().map(|region| beside(region, pose));
         let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
+        let closed = self.closed.iter().find(|region| stands_on(region, pose));
         let beside = beside.map(|beside| {
-            format!("it stands {beside:.3} m outside its mount; it is looked at there anyway")
+            let place = match closed {
+                Some(mount) => format!("on mount {}, which {HOLDS_NONE}", mount.name),
+                None => format!("{beside:.3} m outside its mount"),
+            };
+            format!("it stands {place}; it is looked at there anyway")
         });
         units.into_iter().chain(doubt_of_ground(pose)).chain(beside).collect()
     }
@@ -206,6 +214,11 @@ fn beside(region: &Region, pose: &SensorPose) -> f64 {
     let outside = region.outside(pose).into_iter();
     let metres = outside.filter(|(field, _)| SensorPose::FIELDS[..3].contains(field));
     metres.map(|(_, by)| by * by).sum::<f64>().sqrt()
+}
+
+/// True if a position lies in a region, to what poses lose where they are written with three decimals.
+pub(super) fn stands_on(region: &Region, pose: &SensorPose) -> bool {
+    beside(region, pose) <= SLACK
 }
 
 #[cfg(test)]
@@ -283,6 +296,21 @@ mod tests {
             "LiDAR 1: it stands 0.500 m outside its mount; it is looked at there anyway"
         ));
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
+        // A mount that holds none is named, in the doubt and in the broken rule alike.
+        let rear = Constraints::in_box(
+            [-3.0, -1.0, 1.5, 0.0, 0.0, 0.0],
+            [-2.0, 1.0, 2.5, 0.0, 0.0, 0.0],
+            1,
+        );
+        let region = Region { name: "rear".into(), ..Region::clone(&rear.slots[0].region) };
+        let mount = Constraints { closed: vec![Arc::new(region)], ..mount };
+        let lidars = vec![at(0.5, 0.0, 2.0), at(-2.5, 0.0, 2.0)];
+        let rig = Placement { name: "roof".into(), lidars };
+        let none = "LiDAR 1: it stands on mount rear, which holds no LiDAR (`count` is 0)";
+        let doubt = format!("placement `roof`, {none}; it is looked at there anyway");
+        assert_eq!(Doubts::of(&mount).about(&rig), [doubt]);
+        let broken: Vec<String> = mount.violations(&rig).iter().map(ToString::to_string).collect();
+        assert_eq!(broken, [none]);
     }
 
     #[test]

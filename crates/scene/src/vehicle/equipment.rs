@@ -244,7 +244,9 @@ impl Vehicle {
     }
 
     fn with_slots(&self, slots: Vec<Slot>) -> Constraints {
+        let closed = self.mounts.iter().filter(|mount| mount.count[1] == 0);
         Constraints {
+            closed: closed.map(|mount| mount.region.clone()).collect(),
             slots,
             min_distance: self.min_distance,
             keep_out: self.keep_out.clone(),

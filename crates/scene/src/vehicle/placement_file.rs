@@ -12,7 +12,7 @@ use super::{ForeignLidar, Placement, SensorError};
 use sightline_files::files;
 use sightline_files::json::{
     self, FileKind, ForeignJson, Objects, comma_too_many, did_you_mean, from_text, kind_of_bytes,
-    nearest, not_json, plain_words, unknown_key,
+    leading_comment, nearest, not_json, plain_words, unknown_key,
 };
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
@@ -37,6 +37,9 @@ pub enum PlacementFileError {
     /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json { path: PathBuf, line: u64, column: usize, near: Option<String>, problem: String },
+    /// A comment before the JSON.
+    #[error("{}: line {line} is a comment, and JSON has no comments; remove it", path.display())]
+    Comment { path: PathBuf, line: u64 },
     /// A text that is no JSON.
     #[error("{}{}: {told}; a file of placements begins with {{", path.display(), at_line(*line))]
     NotJson { path: PathBuf, line: Option<u64>, told: String },
@@ -102,6 +105,12 @@ fn name_in(text: &str, index: usize) -> Option<String> {
 fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
     // Parsing with the place takes longer, so it runs on errors alone.
     from_text(text).map_err(|error| {
+        if let Some(at) = leading_comment(text) {
+            return PlacementFileError::Comment {
+                path: path.to_owned(),
+                line: line + at as u64 - 1,
+            };
+        }
         if let Some(told) = not_json(text) {
             let line = (line > 1).then_some(line);
             return PlacementFileError::NotJson { path: path.to_owned(), line, told };

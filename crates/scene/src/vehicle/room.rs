@@ -159,17 +159,20 @@ impl Vehicle {
     /// Broken rules of a given placement, in words: rules of [`Self::rules`], and the least and largest numbers of LiDARs
     /// on the mounts of a vehicle file. Empty where it keeps all.
     pub fn broken_rules(&self, rules: &Constraints, placement: &Placement) -> Vec<String> {
-        let mut broken: Vec<String> =
-            rules.violations(placement).iter().map(ToString::to_string).collect();
+        let violations = rules.violations(placement);
+        let mut broken: Vec<String> = violations.iter().map(ToString::to_string).collect();
         // A scene's mount takes placements of any number of LiDARs.
         if self.is_nameless() {
             return broken;
         }
         let lidars = &placement.lidars;
         let stands_on = rules.mounts_of(lidars);
-        for (lidar, pose) in
-            lidars.iter().enumerate().filter(|(lidar, _)| stands_on[*lidar].is_none())
-        {
+        let is_told = |lidar: usize| {
+            let is = |v: &Violation| matches!(v, Violation::NotTaken { lidar: of, room: 0, .. } if *of == lidar);
+            violations.iter().any(is)
+        };
+        let without = |lidar: usize| stands_on[lidar].is_none() && !is_told(lidar);
+        for (lidar, pose) in lidars.iter().enumerate().filter(|(lidar, _)| without(*lidar)) {
             let words = Violation::NoPlace { lidar, sensor: pose.sensor }.to_string();
             if !broken.contains(&words) {
                 broken.push(words);

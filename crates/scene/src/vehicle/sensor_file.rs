@@ -78,6 +78,7 @@ fn parse_any(
         _ if csv::is_rgl(bytes) => return csv::parse_rgl(at, bytes),
         _ => return Err(unknown(at)),
     };
+    json::refuse_comment(text, &at.file)?;
     if table::is_velodyne(text) {
         return table::parse_velodyne(at, text);
     }
