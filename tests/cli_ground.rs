@@ -292,6 +292,7 @@ fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
     assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
     let text = sightline(dir.path(), &[&["study", "nearfield"][..], &files].concat());
     let text = String::from_utf8(text.stdout).unwrap();
-    let words = "! slit: behind 0.1 m, but unseen from 1.3 to 10 m in 8 of 8 lanes\n";
+    let words =
+        "! slit: behind 0.1 m, but unseen again in 8 of 8 lanes, at most from 1.3 to 10 m\n";
     assert!(text.contains(words), "{text}");
 }

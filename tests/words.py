@@ -2,7 +2,7 @@
 
     python3 tests/words.py
 
-Reads every file that Git knows: pages, comments and docstrings, and string literals of Rust on one line. Prints each such
+Reads the files that Git knows and whose ending it knows: pages, comments and docstrings, and string literals of Rust on one line. Prints each such
 sentence and ends with 1 if there is one. Code, tables, headings and questions are no sentences.
 """
 

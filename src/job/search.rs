@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{Job, JobError};
 use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
-    Settings, State, Suite, TimeLimit,
+    Settings, State, Stopped, Suite, TimeLimit,
 };
 use crate::vehicle::{Constraints, PoseGrid, SensorName, Vehicle, random_placements_by_the_rules};
 use fewest::{Fewest, Next, taken};
@@ -46,6 +46,13 @@ struct Wanted {
     settings: Settings,
     /// See [`Job::is_plain`].
     plainly: bool,
+}
+
+/// A search that has come to its end, and its result.
+struct Before {
+    state: JobState,
+    run: Run,
+    outcome: Outcome,
 }
 
 /// A step of a search.
@@ -84,8 +91,8 @@ pub struct JobRun<'a> {
     equipping: Option<Equipping>,
     /// The search of placements, once the sensors are chosen.
     run: Option<Run>,
-    /// Search and result of fewer sensors, which missed a requirement: they stand where more sensors are not chosen.
-    before: Option<(Run, Outcome)>,
+    /// The last search, whose result missed a requirement: it stands where more sensors are not searched.
+    before: Option<Before>,
     /// The time ended while sensors were chosen: a resumed search goes on with that choice.
     is_late: bool,
     /// Wall time that choosing sensors has taken in this process.
@@ -201,11 +208,24 @@ impl JobRun<'_> {
             return step;
         };
         let Some(outcome) = run.step(observer)? else { return Ok(JobStep::On) };
-        if self.takes_one_more(&outcome, observer) {
-            self.before = self.run.take().map(|run| (run, outcome));
-            return Ok(JobStep::On);
-        }
+        let Some(outcome) = self.met_or_last(outcome, observer) else { return Ok(JobStep::On) };
         self.done(outcome, observer)
+    }
+
+    /// The result of the last search, where no other is begun; `None` where there was none.
+    fn done_before(
+        &mut self,
+        stopped: Option<Stopped>,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<JobStep>, JobError> {
+        let Some(Before { state, run, mut outcome }) = self.before.take() else { return Ok(None) };
+        let equipment = state.equipped.as_ref().map(|equipped| &equipped.equipment);
+        let equipment = equipment.map(|equipment| self.vehicle.constraints(equipment));
+        self.suite =
+            equipment.map_or_else(|| self.suite.clone(), |of| self.suite.with_equipment(&of));
+        (self.state, self.run) = (state, Some(run));
+        outcome.stopped = stopped.unwrap_or(outcome.stopped);
+        self.done(outcome, observer).map(Some)
     }
 
     /// The end of a search: prices, ranges and self-hits join its result.
@@ -217,15 +237,15 @@ impl JobRun<'_> {
         Ok(JobStep::Done(Box::new(outcome)))
     }
 
-    /// Begins anew with one sensor more, if the fewest are wanted, the placements found do not meet the requirements, and
-    /// the search has come to its own end.
-    fn takes_one_more(&mut self, outcome: &Outcome, observer: &mut dyn Observer) -> bool {
-        let Some(fewest) = &self.state.fewest else { return false };
+    /// The result, or `None` where the search begins anew with one sensor more: the fewest are wanted, the placements found do
+    /// not meet the requirements, and the search has come to its own end.
+    fn met_or_last(&mut self, outcome: Outcome, observer: &mut dyn Observer) -> Option<Outcome> {
+        let Some(fewest) = &self.state.fewest else { return Some(outcome) };
         let allowed = fewest.limits.sensors;
         let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
         let is_over = outcome.stopped.is_unfinished() || self.is_late;
         if is_met || is_over || allowed >= self.vehicle.most_sensors(self.job.most_money()) {
-            return false;
+            return Some(outcome);
         }
         let words = format!(
             "no placement of {} was found that meets all requirements; one more is allowed",
@@ -234,18 +254,34 @@ impl JobRun<'_> {
         observer.on(&Event::Note(&words));
         let mut more = Fewest::new(self.job.most_money(), allowed + 1);
         more.searched.clone_from(&fewest.searched);
-        more.searched.extend(self.state.equipped.take().map(|equipped| equipped.equipment));
-        self.state = JobState { equipped: None, fewest: Some(more), course: self.job.equipping() };
-        self.equipping = None;
-        true
+        more.searched.extend(self.state.equipped.iter().map(|equipped| equipped.equipment.clone()));
+        let state = JobState { equipped: None, fewest: Some(more), course: self.job.equipping() };
+        let (before, Some(run)) = (self.state(), self.run.take()) else { return Some(outcome) };
+        self.before = Some(Before { state: before, run, outcome });
+        (self.state, self.equipping) = (state, None);
+        None
     }
 
     /// Goes on with the choice of sensors.
     fn equip(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
         let found = match self.choose(observer)? {
             ControlFlow::Continue(found) => found,
+            ControlFlow::Break(JobStep::Stopped) => {
+                let before = self.done_before(Some(Stopped::Interrupted), observer)?;
+                return Ok(before.unwrap_or(JobStep::Stopped));
+            }
             ControlFlow::Break(step) => return Ok(step),
         };
+        let fewest = self.state.fewest.as_ref();
+        let was_searched = fewest.is_some_and(|fewest| fewest.was_searched(&found.equipment));
+        if was_searched || found.is_cut {
+            let stopped = found.is_cut.then_some(Stopped::Time);
+            if let Some(step) = self.done_before(stopped, observer)? {
+                observer
+                    .on(&Event::Note("more sensors are not searched: the result of fewer stands"));
+                return Ok(step);
+            }
+        }
         let vehicle = self.vehicle;
         if found.equipment.is_empty() {
             let least = vehicle.rig_by_the_rules().map_err(SearchError::from)?.0;
@@ -255,13 +291,8 @@ impl JobRun<'_> {
         tell_equipment(vehicle, &found, observer);
         self.equipping = None;
         self.suite = self.suite.with_equipment(&vehicle.constraints(&found.equipment));
-        let searched = self.state.fewest.as_ref().map_or(&[][..], |fewest| &fewest.searched);
-        let was_last = searched.last() == Some(&found.equipment);
         self.state.equipped = Some(found);
-        if let Some((run, outcome)) = self.before.take().filter(|_| was_last) {
-            self.run = Some(run);
-            return self.done(outcome, observer);
-        }
+        self.before = None;
         self.search()?;
         Ok(JobStep::On)
     }
@@ -310,14 +341,14 @@ impl JobRun<'_> {
         let (found, name) = choice.or_given(vehicle, &given, found)?;
         if let Some(name) = name {
             observer.on(&Event::Note(&format!(
-                "the sensors of {name} are better over few frames than those chosen: they are taken"
+                "{name} is better over few frames than the rig chosen: its sensors and poses are taken"
             )));
         }
         Ok(match taken(&mut self.state.fewest, found, vehicle, observer) {
             Next::Take(found) => ControlFlow::Continue(*found),
             Next::Again(limits) => {
                 choice.again(limits);
-                wanted.choosing = Choosing::default();
+                wanted.choosing = choice.state().clone();
                 ControlFlow::Break(JobStep::On)
             }
         })

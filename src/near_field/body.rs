@@ -10,7 +10,7 @@ use crate::maths;
 use crate::problem::{Frame, Problem, SensorBatch, ground_triangles};
 use crate::scene::{EgoBody, Scene};
 use crate::score::{Guard, MOST_SELF_HITS};
-use crate::vehicle::{Placement, doubt_of_ground};
+use crate::vehicle::Placement;
 
 /// Convex hull of the own body seen from above: corners in the ego frame, metres, counter-clockwise.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -249,14 +249,15 @@ pub fn self_hits(
 /// since the origin of a scene's ego frame may be as high as a sensor.
 pub fn below_ground(scene: &Scene, problem: &Problem, placement: &Placement) -> Vec<Guard> {
     let lidars = placement.lidars.iter().enumerate();
-    let low: Vec<_> = lidars.filter(|(_, pose)| doubt_of_ground(pose).is_some()).collect();
+    let low: Vec<_> = lidars.filter(|(_, pose)| pose.z < 0.0).collect();
     if low.is_empty() {
         return Vec::new();
     }
-    let plane = match (outline(scene, 0), problem.geometry(0)) {
-        (Ok(footprint), Some(frame)) => WheelPlane::of(&footprint, frame, &ground_triangles(scene)),
-        _ => WheelPlane::default(),
+    // Without an own body nothing says where the wheels stand.
+    let (Ok(footprint), Some(frame)) = (outline(scene, 0), problem.geometry(0)) else {
+        return Vec::new();
     };
+    let plane = WheelPlane::of(&footprint, frame, &ground_triangles(scene));
     let below = low.into_iter().map(|(lidar, pose)| (lidar, plane.at([pose.x, pose.y]) - pose.z));
     let below = below.filter(|(_, depth)| *depth > 0.0);
     below.map(|(lidar, depth)| Guard::BelowGround { lidar, depth }).collect()

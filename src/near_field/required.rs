@@ -261,8 +261,8 @@ impl RequiredGround {
     }
 
     /// Like [`Self::depth`]; where a stretch of 1 m or more that begins within some metres and ends beyond them is lost again,
-    /// metres to the nearest cell seen behind it. A stretch that ends within them is as good as a blind zone that does, so
-    /// that one more LiDAR never makes a lane worse.
+    /// metres to the nearest cell seen behind it. A stretch that ends within them is as good as a blind zone that does.
+    /// One more LiDAR makes a lane worse only where it first sees ground right behind a thing, and none beyond.
     fn kept_depth(&self, lane: &[LaneCell], metres: f64, bits: &[u64]) -> Option<f64> {
         let depth = self.depth(lane, bits);
         if depth.is_none_or(|depth| depth > metres) {

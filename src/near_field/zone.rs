@@ -52,10 +52,13 @@ impl LostGround {
         Some(Self { side: side.name(), from, to, lanes, of: own().count() })
     }
 
-    /// Its place and lanes, such as `unseen from 1.2 to 10 m in 8 of 10 lanes`.
+    /// Its place and lanes, such as `unseen again in 8 of 10 lanes, at most from 1.2 to 10 m`.
     pub fn in_words(&self) -> String {
         let [from, to] = [self.from, self.to].map(|metres| (10.0 * metres).round() / 10.0);
-        format!("unseen from {from} to {to} m in {} of {} lanes", self.lanes, self.of)
+        format!(
+            "unseen again in {} of {} lanes, at most from {from} to {to} m",
+            self.lanes, self.of
+        )
     }
 }
 
@@ -325,7 +328,7 @@ mod tests {
         assert_eq!((zone.ahead, zone.behind), (Some(CELL / 2.0), Some(CELL / 2.0)));
         let want = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 6, of: 8 };
         assert_eq!(zone.lost, [want]);
-        let words = "unseen from 1.3 to 10 m in 6 of 8 lanes";
+        let words = "unseen again in 6 of 8 lanes, at most from 1.3 to 10 m";
         assert_eq!(zone.lost_on("behind").unwrap().in_words(), words);
         assert_eq!(zone.lost_on("ahead"), None);
         // A thing of 1 m stands on a lane: the ground in its shadow is not lost by the rig.

@@ -141,8 +141,16 @@ pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
 /// Sentence on sensors that reach less far than blind sectors are looked for; `None` where one reaches as far.
 pub(super) fn reach_in_words(card: &RangeCard) -> Option<String> {
     let [near, far] = card.blind_between.map(|metres| trimmed(metres, 2));
-    let words =
-        format!("Blind sectors are looked for from {near} to {far} m: no sensor reaches farther.");
+    let words = match near == far {
+        true => {
+            format!("Blind sectors are not looked for: no sensor reaches farther than {near} m.")
+        }
+        false => {
+            format!(
+                "Blind sectors are looked for from {near} to {far} m: no sensor reaches farther."
+            )
+        }
+    };
     card.ends_at_range().then_some(words)
 }
 

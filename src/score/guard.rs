@@ -198,7 +198,7 @@ pub fn reference_layout(constraints: &Constraints, models: &[SensorName]) -> Pla
             None => groups.push((region, vec![model])),
         }
     }
-    // From there on the layout is its own mirror image.
+    // From there on LiDARs of one model are their own mirror image.
     let from = |count: usize| if constraints.ties.symmetric { 0.5 / count as f64 } else { 0.125 };
     let lidars = groups.iter().flat_map(|(region, group)| around(region, group, from(group.len())));
     let lidars = lidars.collect();

@@ -229,7 +229,8 @@ impl RangeCard {
         };
         let ranges = targets.iter().zip(&met).map(of_target).collect();
         let [near, far] = SECTOR_RANGE;
-        let blind_between = [near, range.clamp(near, far)];
+        // A range is an f32: 30.2 is not to read 30.2000008.
+        let blind_between = [near, ((1e3 * range).round() / 1e3).clamp(near, far)];
         let blind = blind_sectors(&met[0], &distances, blind_between);
         Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind_between, blind })
     }

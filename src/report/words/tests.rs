@@ -245,7 +245,8 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     assert_eq!(unseen_in_words(&near), "");
     let slit = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 1, of: 2 };
     near.zone.lost = vec![slit];
-    let want = "BLIND ZONE: ground behind is unseen from 1.3 to 10 m in 1 of 2 lanes. ";
+    let want =
+        "BLIND ZONE: ground behind is unseen again in 1 of 2 lanes, at most from 1.3 to 10 m. ";
     assert_eq!(unseen_in_words(&near), want);
     near.zone.lost[0].of = 3;
     assert_eq!(unseen_in_words(&near), "", "few lanes are said with the depths");

@@ -61,19 +61,27 @@ impl SensorGroup {
 /// Checkpoint of a choice of equipment, for one set of scenes, vehicle and budget. Poses are cast anew.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Choosing {
+    /// Poses of the grid that the numbers below are of.
+    #[serde(default)]
+    grid: u32,
     /// Poses at which climbs have ended: the climb by gain, then the climb by gain for the money.
     ends: Vec<Vec<u32>>,
     climb: Option<Climb>,
 }
 
 impl Choosing {
-    /// True if each end is a rig whose poses are all on a grid of `poses` poses.
+    /// A choice at its beginning, on a grid of `poses` poses.
+    pub(super) fn on_grid(poses: u32) -> Self {
+        Self { grid: poses, ..Self::default() }
+    }
+
+    /// True if each end is a rig whose poses are all on a grid of `poses` poses, and were so.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
         let is_rig = |end: &Vec<u32>| {
             (1..=MAX_LIDARS).contains(&end.len()) && end.iter().all(|&pose| pose < poses)
         };
-        self.ends.len() <= 2 && self.ends.iter().chain(climbing).all(is_rig)
+        self.grid == poses && self.ends.len() <= 2 && self.ends.iter().chain(climbing).all(is_rig)
     }
 }
 
@@ -396,7 +404,12 @@ impl Equip {
     fn is_rig(&self, chosen: &[Choice]) -> bool {
         let on = |mount: usize| chosen.iter().filter(|choice| choice.mount == mount).count();
         !chosen.is_empty()
-            && self.vehicle.mounts.iter().enumerate().all(|(k, mount)| on(k) >= mount.count[0])
+            && self
+                .vehicle
+                .mounts
+                .iter()
+                .enumerate()
+                .all(|(k, mount)| (mount.count[0]..=mount.count[1]).contains(&on(k)))
     }
 
     fn equipped(&mut self, chosen: &[Choice]) -> Equipped {

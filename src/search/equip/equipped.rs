@@ -52,17 +52,30 @@ impl Equipped {
         format!("{}, {} in all", self.words(vehicle), self.cost)
     }
 
-    /// Mounts that could hold more LiDARs, in the order of the vehicle; none where a placement may have no more.
+    /// Mounts that could hold more LiDARs by all rules, in the order of the vehicle; none where a placement may have no more.
     pub fn open_mounts(&self, vehicle: &Vehicle) -> Vec<OpenMount> {
         let held = |k: usize| self.equipment.iter().filter(|(mount, _)| *mount == k).count();
+        // A pair where the vehicle is symmetric.
+        let sensors = if vehicle.ties.symmetric { 2.0 } else { 1.0 };
+        let with_one_more = |k: usize| {
+            let mut fuller = vehicle.clone();
+            for (j, mount) in fuller.mounts.iter_mut().enumerate() {
+                mount.count[0] = held(j) + usize::from(j == k);
+            }
+            fuller.rig_by_the_rules().is_ok()
+        };
         let mounts = vehicle.mounts.iter().enumerate().map(|(k, mount)| OpenMount {
             mount: mount.region.name.clone(),
             lidars: held(k),
             most: mount.count[1],
-            price: mount.sensors.iter().map(|s| vehicle.price(*s)).fold(f64::INFINITY, f64::min),
+            price: sensors
+                * mount.sensors.iter().map(|s| vehicle.price(*s)).fold(f64::INFINITY, f64::min),
         });
         let has_room = self.equipment.len() < MAX_LIDARS;
-        mounts.filter(|mount| has_room && mount.lidars < mount.most).collect()
+        let open = mounts
+            .enumerate()
+            .filter(|(k, mount)| has_room && mount.lidars < mount.most && with_one_more(*k));
+        open.map(|(_, mount)| mount).collect()
     }
 
     /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
@@ -90,7 +103,7 @@ pub struct OpenMount {
     pub lidars: usize,
     /// Most that it may hold.
     pub most: usize,
-    /// Price of the cheapest model that it may hold.
+    /// Price of the cheapest model that it may hold; of two where the vehicle is symmetric.
     pub price: f64,
 }
 

@@ -21,8 +21,8 @@ use super::evaluator::Evaluator;
 use super::observer::{Event, Observer, Watch};
 use super::suite::Suite;
 use crate::engine::EngineChoice;
-use crate::score::{Objective, reference_layout};
-use crate::vehicle::{Equipment, Placement, SensorName, Vehicle, is_within_budget};
+use crate::score::{Objective, Scores, reference_layout};
+use crate::vehicle::{Equipment, MAX_LIDARS, Placement, SensorName, Vehicle, is_within_budget};
 
 /// Said where the time is over before the choice.
 const OUT_OF_TIME: &str = "the time ended while the sensors were chosen; the best so far are taken, and more time may find better ones";
@@ -109,21 +109,33 @@ impl Equipping {
             Opened::Stopped => return Ok(None),
             Opened::OutOfTime => Search::OutOfTime(plain(suite, vehicle, objective, engine)?),
         };
-        Ok(Some(Self { search, state, deadline, spare }))
+        let mut begun = Self { search, state, deadline, spare };
+        begun.begin_anew();
+        Ok(Some(begun))
     }
 
     /// Goes on with a state that an earlier choice of the same vehicle in the same scenes was in; one that does
     /// not fit begins anew.
     #[must_use]
     pub fn with_state(mut self, state: Choosing) -> Self {
-        let poses = match &self.search {
-            Search::Open(search) => search.pose_count(),
-            Search::Chosen(_) | Search::OutOfTime(_) => return Self { state, ..self },
+        let fits = match &self.search {
+            Search::Open(search) => state.fits(search.pose_count()),
+            Search::Chosen(_) | Search::OutOfTime(_) => true,
         };
-        if state.fits(poses) {
+        if fits {
             self.state = state;
+        } else {
+            self.begin_anew();
         }
         self
+    }
+
+    /// Takes the choice back to its beginning.
+    fn begin_anew(&mut self) {
+        self.state = match &self.search {
+            Search::Open(search) => Choosing::on_grid(search.pose_count()),
+            Search::Chosen(_) | Search::OutOfTime(_) => Choosing::default(),
+        };
     }
 
     /// Sets the end of the time for choices that follow.
@@ -139,7 +151,7 @@ impl Equipping {
 
     /// Begins another choice among the same poses, under other limits.
     pub fn again(&mut self, limits: Limits) {
-        self.state = Choosing::default();
+        self.begin_anew();
         self.spare.limits = limits;
         if let Search::Open(search) = &mut self.search {
             search.limits = limits;
@@ -150,16 +162,16 @@ impl Equipping {
     /// summed. `required` weighs a missing share of 1 of the requirements, in largest gains of a single sensor: 0 does not
     /// look at them, 1000 puts them first, as at the beginning.
     pub fn aim(&mut self, objective: &Objective, required: f64) {
-        self.state = Choosing::default();
+        self.begin_anew();
         self.spare.objective = objective.clone();
         if let Search::Open(search) = &mut self.search {
             search.aim(objective, required);
         }
     }
 
-    /// The sensors of a given placement in place of those chosen, and its name, where it is better over the few frames of
-    /// the choice: it misses less of the requirements, or as much and has more of the objective. Placements that break a
-    /// rule or the limits are passed over.
+    /// A given placement in place of what was chosen, and its name, where it is better: over the few frames of the choice it
+    /// misses less of the requirements, or as much and, where money decides alone, has more of the objective. Placements that
+    /// break a rule or the limits are passed over.
     ///
     /// # Errors
     /// An engine that failed.
@@ -170,28 +182,40 @@ impl Equipping {
         found: Equipped,
     ) -> Result<(Equipped, Option<String>), SearchError> {
         let Spare { suite, objective, limits, memory, .. } = &self.spare;
-        let mut evaluator = Evaluator::suite_on_cpu(suite, *memory);
-        let (mut best, mut name) = (found, None);
-        for one in given {
-            let Some((equipment, lidars)) = vehicle.equipment_of(one) else { continue };
+        let allowed = given.iter().filter_map(|one| {
+            let (equipment, lidars) = vehicle.equipment_of(one)?;
             let cost = vehicle.cost(&equipment);
             let is_allowed =
                 is_within_budget(cost, limits.budget) && equipment.len() <= limits.sensors;
-            if !is_allowed {
-                continue;
-            }
             let placement = Placement { name: "equipped".into(), lidars };
-            let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
-            let value = objective.value(&scores).unwrap_or(f64::NEG_INFINITY);
-            let missing = scores.missing();
-            let is_better =
-                best.equipment.is_empty() || (-missing, value) > (-best.missing, best.value);
-            if is_better {
-                best = Equipped { equipment, placement, cost, value, missing, ..best };
-                name = Some(one.name.clone());
+            is_allowed
+                .then(|| (&one.name, Equipped { equipment, placement, cost, ..found.clone() }))
+        });
+        let mut allowed: Vec<(&String, Equipped)> = allowed.collect();
+        if allowed.is_empty() {
+            return Ok((found, None));
+        }
+        // What was chosen is scored as they are: the choice itself looks at other draws, and wants a margin.
+        let chosen = (!found.equipment.is_empty()).then_some(&found.placement);
+        let all = chosen.into_iter().chain(allowed.iter().map(|(_, of)| &of.placement));
+        let mut evaluator = Evaluator::suite_on_cpu(suite, *memory);
+        let scores = evaluator.scores(&all.cloned().collect::<Vec<_>>())?;
+        let worth = |scores: &Scores| {
+            (-scores.missing(), objective.value(scores).unwrap_or(f64::NEG_INFINITY))
+        };
+        let (own, others) = scores.split_at(usize::from(chosen.is_some()));
+        let own = own.first().map_or((f64::NEG_INFINITY, f64::NEG_INFINITY), worth);
+        let for_money = limits.sensors >= MAX_LIDARS;
+        let better = |a: (f64, f64), b: (f64, f64)| a.0 > b.0 || (for_money && a > b);
+        let mut best = (own, None);
+        for (number, scores) in others.iter().enumerate() {
+            if better(worth(scores), best.0) {
+                best = (worth(scores), Some(number));
             }
         }
-        Ok((best, name))
+        let ((missing, value), Some(number)) = best else { return Ok((found, None)) };
+        let (name, given) = allowed.swap_remove(number);
+        Ok((Equipped { missing: 0.0 - missing, value, ..given }, Some(name.clone())))
     }
 
     /// Exchanges one sensor, or begins or ends a climb. Where no rig of the coarse grid keeps all rules, the end is a rig

@@ -213,12 +213,13 @@ impl Vehicle {
         let keeps_rules = !placement.lidars.is_empty() && rules.violations(placement).is_empty();
         let slots = rules.slots_of(&placement.lidars);
         let first = rules.first;
-        let kind = |(slot, lidar): (Option<usize>, &SensorPose)| {
+        let mount_of = |slot: Option<usize>| {
             let region = &rules.slots[slot?].region;
-            let mount = self.mounts.iter().position(|mount| mount.region == *region)?;
-            Some((mount, if lidar.sensor.is_none() { first } else { lidar.sensor }))
+            self.mounts.iter().position(|mount| mount.region == *region)
         };
-        let kinds = slots.into_iter().zip(&placement.lidars).map(kind);
+        let sensor = |lidar: &SensorPose| if lidar.sensor.is_none() { first } else { lidar.sensor };
+        let kinds = slots.into_iter().zip(&placement.lidars);
+        let kinds = kinds.map(|(slot, lidar)| Some((mount_of(slot)?, sensor(lidar))));
         let equipment: Equipment = kinds.collect::<Option<_>>().filter(|_| keeps_rules)?;
         let on = |mount: usize| equipment.iter().filter(|(of, _)| *of == mount).count();
         if (0..self.mounts.len()).any(|mount| on(mount) < self.mounts[mount].count[0]) {
@@ -227,7 +228,9 @@ impl Vehicle {
         let named = placement.lidars.iter().zip(&equipment);
         let named = named.map(|(lidar, (_, sensor))| SensorPose { sensor: *sensor, ..*lidar });
         let lidars = self.constraints(&equipment).ordered(&named.collect::<Vec<_>>())?;
-        Some((equipment, lidars))
+        let slots = rules.slots_of(&lidars).into_iter().zip(&lidars);
+        let kinds = slots.map(|(slot, lidar)| Some((mount_of(slot)?, lidar.sensor)));
+        Some((kinds.collect::<Option<_>>()?, lidars))
     }
 
     /// Bounds of the phase that the search chooses for a model, in radians.

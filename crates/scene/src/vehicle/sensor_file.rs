@@ -78,10 +78,10 @@ fn parse_any(
         _ if csv::is_rgl(bytes) => return csv::parse_rgl(at, bytes),
         _ => return Err(unknown(at)),
     };
-    json::refuse_comment(text, &at.file)?;
     if table::is_velodyne(text) {
         return table::parse_velodyne(at, text);
     }
+    json::refuse_comment(text, &at.file)?;
     if text.trim_ascii_start().starts_with(['{', '[']) || text.trim_ascii().is_empty() {
         return parse_json(at, text);
     }

@@ -175,23 +175,6 @@ fn doubts_of_mount(i: usize, mount: &MountingDescription) -> Vec<String> {
     doubts
 }
 
-/// Refuses a mount all of which lies below the ground, z = 0.
-fn above_ground(at: &Location, mount: &MountingDescription) -> Result<(), DescriptionError> {
-    let key = if mount.polygon.is_some() { "polygon" } else { "max" };
-    let corners = mount.min.iter().chain(&mount.max).chain(mount.polygon.iter().flatten());
-    let heights = corners.map(|corner| corner[2]);
-    let low = heights.clone().fold(f64::INFINITY, f64::min);
-    let high = heights.fold(f64::NEG_INFINITY, f64::max);
-    // Other checks tell a mount without corners.
-    if high >= 0.0 || !low.is_finite() {
-        return Ok(());
-    }
-    let found = format!("mount `{}` from z = {low} to {high} m", mount.name);
-    let wanted = "above the ground, z = 0; heights are counted from the ground below the vehicle: add its height to z, or \
-                  turn the sign";
-    Err(bad(&at.key(key), found, wanted))
-}
-
 /// All mounts, which differ in their names and hold 1 to 16 sensors together, and the files of their meshes.
 fn mounts(
     at: &Location,
@@ -207,7 +190,6 @@ fn mounts(
             let wanted = "a name of its own; it is used twice";
             return Err(bad(&at.key("name"), format!("`{}`", mount.name), wanted));
         }
-        above_ground(&at, &mount)?;
         let (mount, read) = mounting(&at, mount, sensors, dir)?;
         mounts.push(mount);
         files.extend(read);
