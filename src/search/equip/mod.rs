@@ -169,9 +169,9 @@ impl Equipping {
         }
     }
 
-    /// A given placement in place of what was chosen, and its name, where it is better: over the few frames of the choice it
-    /// misses less of the requirements, or as much and, where money decides alone, has more of the objective. Placements that
-    /// break a rule or the limits are passed over.
+    /// A given placement in place of the rig chosen, and its name, where it is better over the few frames of the choice. It is
+    /// so if it misses less of the requirements. Where money decides alone, it is so too if it misses as much and has more of
+    /// the objective. Placements that break a rule or the limits are passed over.
     ///
     /// # Errors
     /// An engine that failed.
@@ -195,7 +195,7 @@ impl Equipping {
         if allowed.is_empty() {
             return Ok((found, None));
         }
-        // What was chosen is scored as they are: the choice itself looks at other draws, and wants a margin.
+        // The rig chosen is scored as they are: the choice itself looks at other draws, and wants a margin.
         let chosen = (!found.equipment.is_empty()).then_some(&found.placement);
         let all = chosen.into_iter().chain(allowed.iter().map(|(_, of)| &of.placement));
         let mut evaluator = Evaluator::suite_on_cpu(suite, *memory);
