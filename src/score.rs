@@ -140,7 +140,7 @@ fn map_of_counts<S: Serializer>(
 /// Share of the copies that meet a requirement, in words.
 fn held_in_words(share: f64) -> String {
     let paper = if share < HOLDS { "ON PAPER ONLY, " } else { "" };
-    format!("{paper}met by {:.0} % of copies mounted within the tolerance", 100.0 * share)
+    format!("{paper}met by {} % of copies mounted within the tolerance", percent_down(share))
 }
 
 /// Share of the copies that meet all requirements, in words.

@@ -11,6 +11,7 @@ use super::tables::{optional, score_rows, score_titles};
 use crate::csv::{csv, number};
 use crate::job::{Front, FrontObjective, FrontPoint, FrontStopped};
 use crate::scan::conditions::under;
+use crate::score::percent_down;
 
 /// All of `result.json` of a front.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -207,8 +208,8 @@ pub(super) fn front_verdict(front: &Front) -> String {
                 let held = copies(point).map_or(String::new(), |share| {
                     let on_paper = point.scores.holds_on_paper().map_or("in", |_| "on paper only:");
                     format!(
-                        ", {on_paper} {:.0} % of copies mounted within the tolerance",
-                        100.0 * share
+                        ", {on_paper} {} % of copies mounted within the tolerance",
+                        percent_down(share)
                     )
                 });
                 let (price, name) = (trimmed(point.price, 2), &point.placement.name);

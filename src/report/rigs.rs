@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use super::svg::trimmed;
 use crate::json::spoken;
-use crate::score::{Objective, Scores, Standing};
+use crate::score::{Objective, Scores, Standing, percent_down};
 use crate::targets::RangeCard;
 use crate::vehicle::{Placement, Vehicle};
 use sightline_files::json::counted;
@@ -88,9 +88,9 @@ fn decided_by_rules(ours: &Scores, theirs: &Scores) -> String {
 fn decided_by_copies(ours: &Scores, theirs: &Scores) -> String {
     let [own, other] = [ours, theirs].map(|scores| scores.requirements_hold_in.unwrap_or(1.0));
     format!(
-        "decided by the copies within the mounting tolerance that meet all requirements: {:.0} % against {:.0} %",
-        100.0 * own,
-        100.0 * other
+        "decided by the copies within the mounting tolerance that meet all requirements: {} % against {} %",
+        percent_down(own),
+        percent_down(other)
     )
 }
 

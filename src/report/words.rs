@@ -11,7 +11,7 @@ use super::targets::bearing_in_words;
 use crate::csv::rounded;
 use crate::json::spoken;
 use crate::near_field::{NEAR, NearField};
-use crate::score::{Guard, NEAR_GAIN, Objective};
+use crate::score::{Guard, NEAR_GAIN, Objective, percent_down};
 use crate::search::{Certificate, Climbs, MethodRecord, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 use sightline_files::json::counted;
@@ -131,8 +131,12 @@ fn below_in_words(best: &Scored) -> String {
 
 /// Start of a sentence on a placement that no baseline is compared with, and why.
 fn alone_in_words(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
-    let first =
-        baselines.iter().find_map(|b| Some((&b.placement.name, b.reasons().into_iter().next()?)));
+    // A requirement that it misses tells more than a guard, which may stand against the result, too.
+    let reason = |b: &Scored| {
+        let lacking = b.scores.required.iter().find(|seen| !seen.is_met()).map(ToString::to_string);
+        lacking.or_else(|| b.reasons().into_iter().next())
+    };
+    let first = baselines.iter().find_map(|b| Some((&b.placement.name, reason(b)?)));
     let why = match first {
         None if baselines.is_empty() => "there is no baseline to compare it with".to_owned(),
         None => format!("{objective} has no value for any baseline"),
@@ -225,8 +229,8 @@ fn facts_in_words(best: &Scored) -> String {
 fn met_in_words(subject: &str, facts: &str, best: &Scored) -> String {
     let paper = best.scores.holds_on_paper().map_or(String::new(), |share| {
         format!(
-            ", but on paper only: {:.0} % of copies mounted within the tolerance do",
-            100.0 * share
+            ", but on paper only: {} % of copies mounted within the tolerance do",
+            percent_down(share)
         )
     });
     match &best.scores.required[..] {

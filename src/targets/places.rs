@@ -162,13 +162,12 @@ impl SightBeams {
 }
 
 /// Places of a rule: bearings and distances spread evenly with both ends among them, as few as are at most 7.5° and
-/// 2.5 m apart; all round the last bearing is the first.
+/// 2.5 m apart. The middle bearing is one of them; all round the last bearing is the first.
 pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
     let [from, to] = rule.bearings;
     let is_round = to - from >= 360.0;
-    // A narrow sector has its middle, too: a sector ahead is to look straight ahead.
-    let least = if to > from { 2 } else { 1 };
-    let turns = (((to - from) / RULE_DEGREES).ceil() as usize).max(least);
+    // Even, so that a sector ahead or behind looks straight ahead or behind.
+    let turns = (2 * ((to - from) / (2.0 * RULE_DEGREES)).ceil() as usize).max(1);
     let bearings = (0..turns + usize::from(!is_round && to > from))
         .map(|k| from + (to - from) * k as f64 / turns as f64);
     let steps = (((rule.within - rule.from) / RULE_METRES).ceil() as usize).max(1);
@@ -393,6 +392,30 @@ mod tests {
         let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
         let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
         Sight::of([(&Arc::new(problem), false)], false).unwrap()
+    }
+
+    #[test]
+    fn a_sector_has_its_middle_and_both_ends() {
+        let bearings = |from: f64, to: f64| {
+            let rule =
+                TargetRule { bearings: [from, to], from: 10.0, within: 10.0, ..sight_rule() };
+            let places = places_of(&rule);
+            places
+                .iter()
+                .map(|at| maths::atan2(at[1], at[0]).to_degrees().round())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(bearings(170.0, 190.0), [170.0, 175.0, 180.0, -175.0, -170.0]);
+        assert_eq!(bearings(-5.0, 5.0), [-5.0, 0.0, 5.0]);
+        assert_eq!(bearings(30.0, 30.0), [30.0]);
+        assert_eq!(bearings(-180.0, 180.0).len(), 48);
+    }
+
+    /// A rule on a car.
+    fn sight_rule() -> TargetRule {
+        let sight = sight_of_three_rules();
+        let Rule::Target(rule, _) = &sight.rules[0] else { panic!("the car comes first") };
+        rule.clone()
     }
 
     #[test]

@@ -346,7 +346,7 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         let least = percent_up(seen.least);
         row.push(text(format!("{least:.1}")));
         row.push(text(format!("{:+.1}", percent_down(seen.share) - least)));
-        let copies = || seen.holds_in.map_or("–".into(), |share| format!("{:.0}", 100.0 * share));
+        let copies = || seen.holds_in.map_or("–".into(), |share| percent_down(share).to_string());
         row.extend(has_copies.then(|| text(copies())));
         row.extend(beside.iter().map(|of| text(per_cent(of.scores.required[k].share))));
         (false, row)

@@ -225,7 +225,7 @@ impl TargetRule {
         let [low, high] = required.bearing.unwrap_or([-180.0, 180.0]);
         let is_turn = (-360.0..=360.0).contains(&low) && low <= high && high - low <= 360.0;
         if !is_turn {
-            let wanted = "[first, last] in degrees, the smaller first, at most a turn apart";
+            let wanted = "[first, last] in degrees, the smaller first, at most a turn apart; behind is [170, 190]";
             return Err(bad(&at.key("bearing"), format!("{:?}", [low, high]), wanted));
         }
         let beams = required.beams.unwrap_or(BEAMS);
