@@ -33,16 +33,16 @@ pub(crate) fn score_titles(prices: &[f64]) -> Cells {
         "near_ring_share",
         "requirements_met",
         "requirements",
+        "requirements_hold_in_share",
         "warnings",
         "broken_rules",
-        "requirements_hold_in_share",
     ]));
     row.extend((!prices.is_empty()).then(|| "price".to_owned()));
     row
 }
 
 /// A row a placement: every score, whether all requirements are met, each with the share seen and the share required.
-/// Then come the guards and the broken rules in words, the share of copies within the mounting tolerance that meet all,
+/// Then come the share of copies within the mounting tolerance that meet all, the guards and the broken rules in words,
 /// and the price. `prices` has one for each placement, or none where no sensor has one.
 pub(crate) fn score_rows<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
@@ -55,8 +55,8 @@ pub(crate) fn score_rows<'a>(
         let seen =
             required.iter().map(|seen| format!("{}: {} of {}", seen.name, seen.share, seen.least));
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
-        row.extend([joined(seen), joined(&scores.guards), joined(&scores.broken_rules)]);
-        row.push(number(scores.requirements_hold_in));
+        row.extend([joined(seen), number(scores.requirements_hold_in)]);
+        row.extend([joined(&scores.guards), joined(&scores.broken_rules)]);
         row.extend(prices.get(k).map(|price| number(*price)));
         row
     };
