@@ -150,6 +150,11 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     let (code, sensors, _, found, _) = search("hopeless", json!([hopeless]));
     assert_eq!((code, sensors.len()), (Some(1), 4));
     assert_eq!(found["best"]["scores"]["requirements"][0]["met"], false);
+    // Time that ends before more are tried is told.
+    let args = "optimize street.json --fewest --max-seconds 0.01 --backend cpu --out late";
+    let late = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
+    let told = String::from_utf8(late.stderr).unwrap();
+    assert!(told.contains("rigs of more than 1 sensor were not tried"), "{told}");
     // No more sensors are tried than the budget pays for.
     let args = "optimize street.json --fewest --budget 2 --backend cpu --evaluations 16 --out poor";
     let poor = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());

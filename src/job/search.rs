@@ -244,7 +244,12 @@ impl JobRun<'_> {
         let allowed = fewest.limits.sensors;
         let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
         let is_over = outcome.stopped.is_unfinished() || self.is_late;
-        if is_met || is_over || allowed >= self.vehicle.most_sensors(self.job.most_money()) {
+        if is_met || allowed >= self.vehicle.most_sensors(self.job.most_money()) {
+            return Some(outcome);
+        }
+        if is_over {
+            let words = format!("rigs of more than {} were not tried", counted(allowed, "sensor"));
+            observer.on(&Event::Note(&words));
             return Some(outcome);
         }
         let words = format!(

@@ -8,6 +8,8 @@ use crate::search::OpenMount;
 
 /// Mounts with room that are named.
 const MOST_MOUNTS: usize = 4;
+/// Words before them.
+const MOUNTS_WITH_ROOM: &str = "Mounts with room";
 
 /// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then
 /// money and mounts that are left, and changes that let a search find more. Empty if the time sufficed and all requirements are met.
@@ -26,12 +28,10 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     steps.extend(beyond.iter().map(|words| format!("Out of reach: {words}.")));
     let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
     if !unmet.iter().all(is_beyond) {
-        steps.extend(room_in_words(&run.settings).filter(|_| !is_cut));
+        let room = room_in_words(&run.settings).filter(|_| !is_cut);
+        let budget = if is_cut { String::new() } else { dearer(&run.settings, room.as_deref()) };
+        steps.extend(room);
         let evaluations = 2 * run.settings["search"]["evaluations"].as_u64().unwrap_or(180);
-        let budget = run.settings["budget"]
-            .as_f64()
-            .filter(|_| !is_cut)
-            .map_or(String::new(), |budget| format!("a --budget above {budget}, "));
         let time = match run.settings["max_seconds"].is_number() {
             true => "more time (--resume goes on), ",
             false => "",
@@ -52,6 +52,13 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     steps
 }
 
+/// Advice to spend more; none where what is left pays for a LiDAR on a mount with room.
+fn dearer(settings: &Value, room: Option<&str>) -> String {
+    let has_room = room.is_some_and(|words| words.contains(MOUNTS_WITH_ROOM));
+    let budget = settings["budget"].as_f64().filter(|_| !has_room);
+    budget.map_or(String::new(), |budget| format!("a --budget above {budget}, "))
+}
+
 /// Money that is left, mounts that could hold a LiDAR for it, and the `count` that forces one there; `None` where neither
 /// money nor room is left.
 fn room_in_words(settings: &Value) -> Option<String> {
@@ -69,11 +76,11 @@ fn room_in_words(settings: &Value) -> Option<String> {
     let list = named.iter().take(MOST_MOUNTS).cloned().collect::<Vec<_>>().join(", ") + &more;
     match (unspent, named.is_empty()) {
         (None, true) => None,
-        (None, false) => Some(format!("Mounts with room: {list}.")),
+        (None, false) => Some(format!("{MOUNTS_WITH_ROOM}: {list}.")),
         (Some(unspent), true) => {
             Some(format!("Unspent: {unspent}; no mount has room for a sensor at that price."))
         }
-        (Some(unspent), false) => Some(format!("Unspent: {unspent}. Mounts with room: {list}.")),
+        (Some(unspent), false) => Some(format!("Unspent: {unspent}. {MOUNTS_WITH_ROOM}: {list}.")),
     }
 }
 
@@ -127,6 +134,9 @@ mod tests {
         assert_eq!(told(json!(12000)), Some(format!("{unspent}{both}")));
         let unspent = "Unspent: 900 of the budget of 10000. Mounts with room: ";
         assert_eq!(told(json!(10000)), Some(format!("{unspent}{rear}.")));
+        let advice = |room: Option<String>| dearer(&json!({ "budget": 10000 }), room.as_deref());
+        assert_eq!(advice(told(json!(10000))), "", "900 are left for the rear");
+        assert_eq!(advice(told(json!(9200.5))), "a --budget above 10000, ");
         let none =
             "Unspent: 100.5 of the budget of 9200.5; no mount has room for a sensor at that price.";
         assert_eq!(told(json!(9200.5)).as_deref(), Some(none));
