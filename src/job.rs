@@ -210,7 +210,7 @@ impl Job {
 
     /// Sets the placements that a result is compared with.
     ///
-    /// By default they are those of Table 7 of Place3D. For a vehicle it is one plain layout of the sensors found.
+    /// By default they are Table 7 of Place3D. For a vehicle it is one plain layout of the sensors found.
     #[must_use]
     pub fn baselines(mut self, baselines: Vec<Placement>) -> Self {
         (self.settings.baselines, self.is_plain) = (baselines, false);

@@ -413,7 +413,7 @@ impl PyScene {
     /// Closest hits of `rays` `[..., 6]`, origin and direction in the ego frame in metres, in one frame, as a dict.
     ///
     /// Columns as `Raycaster.cast_rays` has them: `t_hit` in lengths of the direction, `primitive_ids`, `class_ids`, with
-    /// `normals` also `normals`, with `uvs` also `uvs`. Faces are those of `mesh(frame)`. Raises `ValueError` as
+    /// `normals` also `normals`, with `uvs` also `uvs`. Faces are numbered as in `mesh(frame)`. Raises `ValueError` as
     /// `raycaster(frame).cast_rays(rays)`.
     #[pyo3(signature = (rays, *, frame = 0, t_max = None, normals = false, uvs = false))]
     #[allow(clippy::too_many_arguments)]

@@ -46,7 +46,7 @@ pub struct OptimizeArgs {
     out: Option<PathBuf>,
     /// Go on with an interrupted run, to the same bytes that it would have given; a finished one says where its result is
     ///
-    /// Options that the run was begun with, the vehicle and the seed among them, are those of the run and are refused here.
+    /// Options that the run was begun with, the vehicle and the seed among them, belong to the run and are refused here.
     /// Where time ended the choice of sensors, its poses are cast anew: give more --max-seconds than before.
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,

@@ -285,16 +285,25 @@ pub enum NearFieldError {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_wedge_that_does_not_end_has_no_depth_and_the_deepest_lane_counts() {
+    /// Middles of some cells from a place on, metres.
+    fn middles(from: f64, count: i32) -> impl Iterator<Item = f64> {
+        (0..count).map(move |k| from + CELL * (f64::from(k) + 0.5))
+    }
+
+    /// A box of 4 by 2 m, and the ground in 8 lanes up to 10 m behind and ahead of it.
+    fn ground() -> (Footprint, Vec<Cell>) {
         let footprint =
             Footprint::of([[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]]).unwrap();
         let cell = |x: f64, y: f64| Cell { centre: [x, y], distance: footprint.distance([x, y]) };
-        let steps =
-            |from: f64, count: i32| (0..count).map(move |k| from + CELL * (f64::from(k) + 0.5));
-        let behind = steps(-12.0, 40).flat_map(|x| steps(-1.0, 8).map(move |y| [x, y]));
-        let ahead = steps(2.0, 40).flat_map(|x| steps(-1.0, 8).map(move |y| [x, y]));
-        let ground: Vec<Cell> = behind.chain(ahead).map(|[x, y]| cell(x, y)).collect();
+        let behind = middles(-12.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
+        let ahead = middles(2.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
+        let ground = behind.chain(ahead).map(|[x, y]| cell(x, y)).collect();
+        (footprint, ground)
+    }
+
+    #[test]
+    fn a_wedge_that_does_not_end_has_no_depth_and_the_deepest_lane_counts() {
+        let (footprint, ground) = ground();
         // Ahead everything from 1 m on is seen, in one lane from 3 m on. Behind, a lane is not seen at all.
         let is_seen = |cell: &&Cell| match cell.centre {
             [x, y] if x > 0.0 => x > if y.abs() < CELL { 5.0 } else { 3.0 },
@@ -310,14 +319,7 @@ mod tests {
 
     #[test]
     fn ground_lost_again_behind_a_slit_is_told_and_gaps_between_rings_are_not() {
-        let footprint =
-            Footprint::of([[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]]).unwrap();
-        let cell = |x: f64, y: f64| Cell { centre: [x, y], distance: footprint.distance([x, y]) };
-        let middles =
-            |from: f64, count: i32| (0..count).map(move |k| from + CELL * (f64::from(k) + 0.5));
-        let behind = middles(-12.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
-        let ahead = middles(2.0, 40).flat_map(|x| middles(-1.0, 8).map(move |y| [x, y]));
-        let ground: Vec<Cell> = behind.chain(ahead).map(|[x, y]| cell(x, y)).collect();
+        let (footprint, ground) = ground();
         // Behind a slit of 1.25 m is seen, and all of two lanes. Ahead are rings with gaps of 0.75 m.
         let is_seen = |cell: &&Cell| match cell.centre {
             [x, _] if x > 0.0 => ((x - 2.0) % 1.0) < CELL,

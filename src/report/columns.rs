@@ -140,7 +140,7 @@ pub fn align_columns(rows: &[Vec<String>]) -> String {
     align_with_notes(rows, &[])
 }
 
-/// Like [`align_columns`], with lines below rows: `notes` has those of each row behind the titles.
+/// Like [`align_columns`], with lines below rows: `notes` has the lines of each row behind the titles.
 pub fn align_with_notes(rows: &[Vec<String>], notes: &[Vec<String>]) -> String {
     let count = rows.iter().map(Vec::len).max().unwrap_or(0);
     let cell = |row: &Vec<String>, column: usize| {

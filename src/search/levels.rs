@@ -24,8 +24,8 @@ impl Pilot {
     ///
     /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`. With several scenes
     /// the numbers are scenes and mirror images times 1, 2, 4, …, with a frame at least of each, so that no
-    /// scene is ever forgotten. The frames of a level are those with the least error of all
-    /// sets of that size, or of those reached from the best smaller set by adding and exchanging frames where
+    /// scene is ever forgotten. A level takes the set of frames with the least error: of all
+    /// sets of that size, or of the sets reached from the best smaller set by adding and exchanging frames where
     /// there are too many to try.
     pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
         let choice = FrameSets::new(self, objective);

@@ -89,7 +89,7 @@ impl Begun {
         }
     }
 
-    /// Files and options in the keys of `result.json`. Its rules are those in force, be they of the vehicle or of an option.
+    /// Files and options in the keys of `result.json`. Its rules are the ones in force, be they of the vehicle or of an option.
     pub fn settings(&self, vehicle: &Vehicle) -> Value {
         let (mut all, ties) = (json!(self.files), vehicle.ties);
         all["rules"]["equal_height"] = json!(ties.equal_height);

@@ -2,7 +2,7 @@
 //!
 //! A sensor that moves while it turns fires every column from a place of its own, and a beam that is wider than
 //! a line is a bundle of rays. Sixteen boxes, or the boxes of sixteen triangles, are tested at once; the
-//! rest goes to `Ray::intersect`, so the bits are those of the reference.
+//! rest goes to `Ray::intersect`, so the bits equal the reference's.
 //!
 //! A [`Firing`] is a group of rays that leave one place at one moment: the batches that a device casts for scans.
 

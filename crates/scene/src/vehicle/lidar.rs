@@ -229,7 +229,7 @@ impl OtherSensor {
 
     /// True if a point of the ego frame, in metres, is in range and in the field of view.
     ///
-    /// Azimuth and elevation are those of the sensor's own frame, which tilts with it. Each is at most half an angle of
+    /// Azimuth and elevation count in the sensor's own frame, which tilts with it. Each is at most half an angle of
     /// view.
     pub fn holds(&self, point: DVec3) -> bool {
         let away = point - self.position();

@@ -21,11 +21,12 @@ mod spots;
 mod surface;
 mod variables;
 pub mod vehicle_file;
+mod violation;
 
 pub use self::rules::{
     ANY_LOST, FARTHEST_GROUND, GroundAsked, GroundRule, OverlapRule, Side, TargetRule,
 };
-pub use constraints::{Constraints, OtherModel, Slot, Ties, Violation};
+pub use constraints::{Constraints, OtherModel, Slot, Ties};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::{
     Doubts, FARTHEST as FARTHEST_ON_VEHICLE, doubt_of_ground, doubts_of_units, is_degrees,
@@ -52,3 +53,4 @@ pub use region::{Outline, Region};
 pub use room::NoRoom;
 pub use surface::Surface;
 pub use vehicle_file::read as read_vehicle;
+pub use violation::Violation;
