@@ -371,6 +371,10 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
         (&taken.equipment, &taken.placement.lidars),
         (&many.equipment, &many.placement.lidars)
     );
+    // A worse one is not taken, nor the chosen rig itself.
+    let worse = [&few, &many].map(|of| of.placement.clone());
+    let (kept, name) = choice.or_given(&vehicle, &worse, many.clone()).unwrap();
+    assert_eq!((name, &kept), (None, &many));
     // One that breaks a rule, and one that is no better, are not taken.
     given[1].lidars[0].y = 3.0;
     let (kept, name) = choice.or_given(&vehicle, &given, few.clone()).unwrap();
