@@ -223,10 +223,10 @@ fn crop_boxes_are_those_of_the_body_with_its_margin_from_base_link() {
             let base = [-1.25, 0.0, 0.2][k];
             for (side, wanted) in [("min", low[k] - 0.1 - base), ("max", high[k] + 0.1 - base)] {
                 let found = number(node, &format!("{side}_{axis}"));
-                // Outwards, to a millimetre at most.
+                // Outwards, to a centimetre at most.
                 let out = if side == "min" { wanted - found } else { found - wanted };
                 assert!(
-                    (-2e-7..1e-3).contains(&out),
+                    (-2e-5..1e-2).contains(&out),
                     "{name} {side}_{axis}: {found}, not {wanted}"
                 );
             }
