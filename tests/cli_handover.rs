@@ -286,6 +286,43 @@ fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
 }
 
 #[test]
+fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_score() {
+    let dir = folder();
+    let path = dir.path().join("cart.json");
+    let mut vehicle: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    vehicle.as_object_mut().unwrap().remove("require");
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let more = ["--vehicle", "cart.json", "--backend", "cpu"];
+    let near = ok(dir.path(), &[&["study", "nearfield", "p.json"], &more[..]].concat());
+    for near in near["near_fields"].as_array().unwrap() {
+        let rig = format!("p.json:{}", near["name"].as_str().unwrap());
+        let args = ["rig", "handover", &rig, "--out", "h", "--force"];
+        let made = ok(dir.path(), &[&args[..], &more[..]].concat());
+        let svg = fs::read_to_string(dir.path().join("h/drawing.svg")).unwrap();
+        let number = |of: &serde_json::Value| of.as_f64().unwrap();
+        // With its angle at 0 the second rig has 72.2 m² in place of 73.2.
+        let area =
+            format!("open where it goes on; {:.1} m² to 10 m", number(&near["zone"]["area"]));
+        assert!(svg.contains(&area), "{area}");
+        for side in ["ahead", "left", "right"] {
+            let depth = format!(">{side}: blind to {:.1} m", number(&near["zone"][side]));
+            assert!(svg.contains(&depth), "{depth}");
+        }
+        // One rounding, upwards: 34.61 % is told as 34.7 by guard and study.
+        let share =
+            format!("{:.1} %", (1e3 * number(&near["beams"][0]["own"]) - 1e-9).ceil() / 10.0);
+        let guard = format!("self_hit: LiDAR 0 ends {share} of its beams at the own vehicle");
+        assert!(made["guards"][0].as_str().unwrap().starts_with(&guard), "{made}: {guard}");
+    }
+    let text =
+        crate::cli::sightline(dir.path(), &[&["study", "nearfield", "p.json"], &more[..]].concat());
+    let text = String::from_utf8(text.stdout).unwrap();
+    let row = text.lines().filter(|line| line.starts_with("rig ")).nth(1).unwrap();
+    assert!(row.ends_with(" 34.7 0 0"), "{text}");
+}
+
+#[test]
 fn a_scene_with_a_lidar_and_a_mount_needs_no_vehicle() {
     let dir = crate::cli_files::world();
     let out = dir.path().join("out");
