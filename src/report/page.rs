@@ -262,7 +262,8 @@ impl Looks {
                 || -> Result<_, JobError> {
                     let mut engine = open(problem.task(), &choice, |_| {})?.engine;
                     let engine = &mut *engine;
-                    let map = InformationMap::of(problem, engine, placement)?;
+                    let map =
+                        InformationMap::of(problem, engine, placement)?.with_body(&scene.body());
                     let count = places.len();
                     let view = ViewData::new(scene, problem, engine, placement, &layouts, count)?;
                     Ok((map, view))
