@@ -21,7 +21,7 @@ pub(super) fn redundancy(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 "Per cent of the voxels, of the ground near the vehicle and of the places of targets that no, one, two, and \
                  three or more LiDARs see, over " (counted(found.frames, "frame"))
                 @if figures.views.len() > 1 { " of the first scene" }
-                ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m on level ground."
+                ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m from the origin on level ground, and ground counts from the body."
             }
             (with_titles("Per cent seen by a number of LiDARs", &redundancy_rows(found)))
             @if let Some(all) = &found.technologies {
