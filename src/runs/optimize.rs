@@ -133,7 +133,10 @@ fn begin<'a>(
     let is_resumed = state.is_some();
     let run = match state {
         Some(state) => job.resume(state),
-        None => job.begin(),
+        None => {
+            opening::note_mounts(&job.scenes()[0], watcher)?;
+            job.begin()
+        }
     };
     let run = run.map_err(|error| match error {
         JobError::OtherState { why } => RunError::from(folder.refusal(&why)),
