@@ -233,6 +233,31 @@ fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
 }
 
 #[test]
+fn a_tolerance_looks_at_four_frames_unless_told_otherwise_and_says_so() {
+    let dir = required_yard();
+    let path = dir.path().join("yard.json");
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    scene["frames"] = json!(6);
+    scene["actors"][0]["poses"] =
+        json!([12, 13, 14, 15, 16, 17].map(|x| json!({ "x": x, "y": 1 })));
+    fs::write(&path, scene.to_string()).unwrap();
+    let line =
+        "study tolerance yard.json two.json --backend cpu --most-mm 1 --most-deg 1 --steps 1";
+    let told = |more: &str| {
+        let line = format!("{line}{more}");
+        let output = sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        [output.stdout, output.stderr].map(|words| String::from_utf8(words).unwrap())
+    };
+    let [[few, said], [four, _], [_, all]] = ["", " --frames 4", " --frames 6"].map(told);
+    assert!(
+        said.contains("4 of 6 frames are looked at, spread evenly; --frames 6 looks at all"),
+        "{said}"
+    );
+    assert!(few == four && !few.is_empty(), "{few}\n{four}");
+    assert!(!all.contains("frames are looked at"), "{all}");
+}
+
+#[test]
 fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     let dir = required_yard();
     let path = dir.path().join("cart.json");

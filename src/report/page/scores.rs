@@ -282,7 +282,7 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 @if let Some(words) = breaks_first(all) { p { (words) "." } }
                 p {
                     "How far each LiDAR may be off, and the body may tilt, until a requirement breaks: "
-                    code { "sightline study tolerance SCENE PLACEMENTS --frames 4" }
+                    code { "sightline study tolerance SCENE PLACEMENTS" }
                     ", with the scenes and the vehicle of the command below."
                 }
             }
