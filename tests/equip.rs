@@ -365,7 +365,7 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     given[1].name = "mine".to_owned();
     // Given in another order than the mounts have, as people write them.
     given[1].lidars.reverse();
-    let (taken, name) = choice.or_given(&vehicle, &given, few.clone()).unwrap();
+    let (taken, name) = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap().unwrap();
     assert_eq!((name.as_deref(), taken.cost), (Some("mine"), many.cost));
     assert_eq!(
         (&taken.equipment, &taken.placement.lidars),
@@ -373,12 +373,26 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     );
     // A worse one is not taken, nor the chosen rig itself.
     let worse = [&few, &many].map(|of| of.placement.clone());
-    let (kept, name) = choice.or_given(&vehicle, &worse, many.clone()).unwrap();
+    let (kept, name) = choice.or_given(&vehicle, &worse, many.clone(), silent).unwrap().unwrap();
     assert_eq!((name, &kept), (None, &many));
     // One that breaks a rule, and one that is no better, are not taken.
     given[1].lidars[0].y = 3.0;
-    let (kept, name) = choice.or_given(&vehicle, &given, few.clone()).unwrap();
-    assert_eq!((name, kept), (None, few));
+    let (kept, name) = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap().unwrap();
+    assert_eq!((name, kept), (None, few.clone()));
+    // The look is told before each cast, and can be stopped there.
+    let (mut told, mut is_given) = (0, true);
+    let mut stop = |event: &Event| {
+        is_given &= matches!(event, Event::Progress { work: Work::Given, done: 0, total: 1.. });
+        told += 1;
+        false
+    };
+    let stopped = choice.or_given(&vehicle, &given, few.clone(), &mut stop).unwrap();
+    assert_eq!((stopped, told, is_given), (None, 1, true));
+    // Where the time is over the rig chosen stays.
+    let choice = choice.until(Some(Instant::now()));
+    given[1] = many.placement.clone();
+    let kept = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap();
+    assert_eq!(kept, Some((few, None)));
 }
 
 #[test]

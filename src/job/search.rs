@@ -343,7 +343,9 @@ impl JobRun<'_> {
         };
         let Settings { starts, baselines, .. } = &wanted.settings;
         let given = [&starts[..], &baselines[..]].concat();
-        let (found, name) = choice.or_given(vehicle, &given, found)?;
+        let Some((found, name)) = choice.or_given(vehicle, &given, found, observer)? else {
+            return Ok(ControlFlow::Break(JobStep::Stopped));
+        };
         if let Some(name) = name {
             observer.on(&Event::Note(&format!(
                 "{name} is better over few frames than the rig chosen: its sensors and poses are taken"
