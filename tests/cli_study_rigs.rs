@@ -408,6 +408,12 @@ fn own_rigs_lose_each_lidar_in_turn() {
             && !notes.contains("both with all"),
         "{notes}"
     );
+    let looked = &scores["scores"][0]["range_card"]["blind_between"];
+    let [near, far] = [0, 1].map(|end: usize| looked[end].as_f64().unwrap());
+    assert!(
+        notes.contains(&format!("a car is lost somewhere between {near} and {far} m")),
+        "{notes}"
+    );
     // A rule that allows for a loss is looked at with this one LiDAR lost, and no second.
     assert!(notes.contains("; NOT MET: pair: 0.0 % seen, 90.0 % required"), "{notes}");
     assert!(

@@ -113,6 +113,8 @@ fn a_table_for_people_and_a_chart() {
         ),
         "{text}"
     );
+    let lost = "\ncar lost °: bearings in which a car is lost between 5 and 50 m\n";
+    assert!(text.contains(lost), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     assert!(
         text.starts_with("Scores and requirements by one pose field, over 1 frame of yard\n"),

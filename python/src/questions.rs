@@ -28,7 +28,8 @@ impl PyScene {
     /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a target.
     ///
     /// Targets are a car, an adult and a tyre, on level ground with the own body in the way. Sixteen bearings are in
-    /// degrees counter-clockwise from straight ahead. The card names the sectors that lose a car between 5 and 50 m.
+    /// degrees counter-clockwise from straight ahead. The card names the sectors that lose a car between 5 and 50 m,
+    /// or up to the longest range of the sensors where that is less (`blind_between`).
     /// `None` with coverage `through`. Raises `ValueError` as `score`, and for several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn range_card<'py>(
