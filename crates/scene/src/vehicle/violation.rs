@@ -67,6 +67,8 @@ pub enum Violation {
         lidar: usize,
         /// Index of the LiDAR without a mirror image that is nearest to this one's; it may be the LiDAR itself.
         partner: usize,
+        /// Models of the LiDAR and of the partner where they differ.
+        models: Option<[SensorName; 2]>,
         /// Pose field that is farthest off.
         field: &'static str,
         /// Difference of that field, in m or rad.
@@ -145,6 +147,15 @@ impl std::fmt::Display for Violation {
             }
             Self::UnequalHeight { by } => {
                 write!(f, "heights differ by {by:.3} m, and are to be equal")
+            }
+            Self::NotMirrored { lidar, partner, models: Some([own, other]), .. } => {
+                let mut two = [(lidar, own), (partner, other)];
+                two.sort_unstable();
+                let [(a, first), (b, second)] = two;
+                write!(
+                    f,
+                    "LiDARs {a} and {b}: a mirrored pair at the plane y = 0 has one model, not `{first}` and `{second}`"
+                )
             }
             Self::NotMirrored { lidar, partner, field, off, .. } => {
                 match lidar == partner {
