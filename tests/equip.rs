@@ -130,6 +130,48 @@ fn the_choice_tells_how_far_it_is_and_stops_when_told() {
 }
 
 #[test]
+fn a_grid_of_both_ends_alone_is_told() {
+    let told = |mounts: u32| {
+        let mut vehicle = vehicle(Vec::new());
+        let mount = vehicle.mounts[1].clone();
+        let numbered = |k: u32| {
+            let mut mount = mount.clone();
+            let (region, x) = (Arc::make_mut(&mut mount.region), f64::from(k));
+            region.name = format!("mount-{k}");
+            (region.lower, region.upper) =
+                ([x, -0.2, 0.0, -0.1, -0.1, -0.1], [x + 0.2, 0.2, 0.2, 0.1, 0.1, 0.1]);
+            mount
+        };
+        vehicle.mounts = (0..mounts).map(numbered).collect();
+        let (suite, objective) = (problem(5, &vehicle).into(), "information_gain".parse().unwrap());
+        let (mut notes, mut poses) = (Vec::new(), 0);
+        let mut observe = |event: &Event| match *event {
+            Event::Note(words) => {
+                notes.push(words.to_owned());
+                true
+            }
+            Event::Progress { work: Work::Equipment, total, .. } => {
+                poses = total;
+                false
+            }
+            _ => true,
+        };
+        let (limits, engine) = (Limits::budget(14.0), EngineChoice::cpu());
+        let opened =
+            Equipping::open(&suite, &vehicle, &objective, limits, &engine, None, &mut observe);
+        assert!(opened.unwrap().is_none(), "it is stopped before it casts");
+        notes.retain(|words| words.contains("both ends of every pose field"));
+        (poses, notes)
+    };
+    // Two ends of six fields are 64 poses, for each of two models on every mount.
+    let (poses, notes) = told(10);
+    assert_eq!(poses, 2 * 10 * 64);
+    assert!(notes.len() == 1 && notes[0].contains("among 1280 poses"), "{notes:?}");
+    let (poses, notes) = told(9);
+    assert!(poses <= 1200 && notes.is_empty(), "{poses} {notes:?}");
+}
+
+#[test]
 fn time_that_ends_at_any_moment_leaves_a_rig() {
     // No mount must hold a sensor: a choice that is cut before its first has none.
     let vehicle = vehicle(Vec::new());
