@@ -145,16 +145,13 @@ fn a_grid_of_both_ends_alone_is_told() {
         vehicle.mounts = (0..mounts).map(numbered).collect();
         let (suite, objective) = (problem(5, &vehicle).into(), "information_gain".parse().unwrap());
         let (mut notes, mut poses) = (Vec::new(), 0);
-        let mut observe = |event: &Event| match *event {
-            Event::Note(words) => {
-                notes.push(words.to_owned());
-                true
+        let mut observe = |event: &Event| {
+            match *event {
+                Event::Note(words) => notes.push(words.to_owned()),
+                Event::Progress { work: Work::Equipment, total, .. } => poses = total,
+                _ => {}
             }
-            Event::Progress { work: Work::Equipment, total, .. } => {
-                poses = total;
-                false
-            }
-            _ => true,
+            poses == 0
         };
         let (limits, engine) = (Limits::budget(14.0), EngineChoice::cpu());
         let opened =

@@ -12,7 +12,7 @@ use crate::csv::rounded;
 use crate::json::spoken;
 use crate::near_field::{NEAR, NearField};
 use crate::score::{Guard, NEAR_GAIN, Objective, percent_down};
-use crate::search::{Certificate, Climbs, MethodRecord, Scored};
+use crate::search::{Certificate, Climbs, Scored};
 use crate::targets::{RangeCard, TargetRanges};
 use sightline_files::json::counted;
 
@@ -413,6 +413,7 @@ fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String
     let from = match won {
         Some("cma-es") => "the other method, CMA-ES",
         Some("swaps") | None => "later moves",
+        Some("earlier sitting") => "an earlier sitting",
         Some(_) => "a layout that was given",
     };
     match climbs.met {
@@ -424,8 +425,7 @@ fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String
 /// Objective that each search method reached, and which method gave the result.
 pub fn methods_in_words(run: &RunRecord) -> String {
     let won = run.methods.iter().find(|method| method.won);
-    let better = |m: &MethodRecord| won.is_some_and(|won| m.objective > won.objective);
-    let is_beaten = run.methods.iter().any(better);
+    let is_beaten = run.methods.iter().any(|m| won.is_some_and(|won| m.objective > won.objective));
     let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
     let then = if is_penalized { ", and unseen cars take a penalty off the objective" } else { "" };
     let each = run.methods.iter().map(|m| {

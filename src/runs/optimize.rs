@@ -95,8 +95,9 @@ pub fn optimize(
     };
     folder.check(&inputs)?;
     outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
-    let run = begin(&job, going_on.take(), &folder, computing.watcher)?;
     let (earlier, times) = (read_spent(&folder, &request.start), loaded.times);
+    let mut run = begin(&job, going_on.take(), &folder, computing.watcher)?;
+    earlier.kept.iter().for_each(|kept| run.keep(kept.clone()));
     let mut sitting =
         RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
     let found = sitting.search_and_write();
@@ -277,18 +278,21 @@ struct RunSession<'a> {
 /// where generations are quick.
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
-/// File of the times of earlier sittings. The checkpoint does not hold them: it is the same bytes however often a run
-/// was interrupted.
+/// File of the times and the result of earlier sittings. The checkpoint does not hold them: it is the same bytes however often
+/// a run was interrupted.
 const TIMES: &str = "times.json";
 
-/// Work and wall times of all sittings of a run.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+/// Work and wall times of all sittings of a run, and the result of the last one that had any.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Spent {
     /// Placements × frames that the generations scored.
     searched: u64,
     /// Seconds of the generations, with going to other frames.
     seconds: f64,
     times: RunTimes,
+    /// A sitting with less time ends with nothing worse; see [`JobRun::keep`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    kept: Option<Placement>,
 }
 
 /// The times of earlier sittings; a run that was killed before it wrote its first times has none. A new run
@@ -305,10 +309,11 @@ impl RunSession<'_> {
     /// Work and wall times of all sittings up to now.
     fn spent(&self) -> Spent {
         let now = self.run.run().map(Run::times).unwrap_or_default();
-        let Spent { searched, seconds, times } = self.earlier;
+        let Spent { searched, seconds, times, ref kept } = self.earlier;
         Spent {
             searched: searched + now.scored,
             seconds: seconds + now.until_swaps,
+            kept: kept.clone(),
             times: RunTimes {
                 load: times.load + self.times.load,
                 build: times.build + self.times.build + now.frames,
@@ -382,6 +387,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     // All but writing the files is over.
     let mut spent = sitting.spent();
     spent.times.page += drawing.elapsed().as_secs_f64();
+    spent.kept = record.best.as_ref().map(|best| best.placement.clone()).or(spent.kept);
     record.timings = spent.times;
     record.near_field = near_field;
     folder.write_json(TIMES, &spent)?;

@@ -155,7 +155,7 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
 }
 
 /// The grid of a choice, widened until its poses are few enough; with a note where both ends of every pose field are more.
-fn coarse_grid(constraints: &Constraints, watch: &mut Watch) -> Result<PoseGrid, SearchError> {
+fn grid_of_choice(constraints: &Constraints, watch: &mut Watch) -> Result<PoseGrid, SearchError> {
     // The mirror image of a pose is on the grid where pairs are wanted.
     let ties = Ties { equal_height: false, ..constraints.ties };
     let (constraints, mut spacing) = (Constraints { ties, ..constraints.clone() }, SPACING);
@@ -210,7 +210,7 @@ impl Equip {
             .over(&suite.spread(Some(FRAMES)))
             .for_search()
             .with_equipment(&constraints.untied());
-        let grid = coarse_grid(&constraints, watch)?;
+        let grid = grid_of_choice(&constraints, watch)?;
         let memory = engine.memory_budget();
         let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2).watching_cars(objective);
         let all: Vec<u32> = (0..grid.len()).collect();

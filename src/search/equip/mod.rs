@@ -188,7 +188,7 @@ impl Equipping {
     /// A given placement in place of the rig chosen, and its name, where it is better over the few frames of the choice. It is
     /// so if it misses less of the requirements. Where money decides alone, it is so too if it misses as much and has more of
     /// the objective. Placements that break a rule or the limits are passed over. `None` where the observer stops the look;
-    /// where the time ends it, the rig chosen.
+    /// where the time ends it, the rig chosen. A single one is looked at whatever the time.
     ///
     /// # Errors
     /// An engine that failed.
@@ -216,7 +216,7 @@ impl Equipping {
         // The rig chosen is scored as they are: the choice itself looks at other draws, and wants a margin.
         let chosen = (!found.equipment.is_empty()).then_some(&found.placement);
         let all = chosen.into_iter().chain(allowed.iter().map(|(_, of)| &of.placement));
-        let mut watch = Watch::until(observer, self.deadline);
+        let mut watch = Watch::until(observer, self.deadline.filter(|_| given.len() > 1));
         let Some(scores) = self.spare.scores(&all.cloned().collect::<Vec<_>>(), &mut watch)? else {
             return Ok((!watch.is_interrupted()).then_some((found, None)));
         };
