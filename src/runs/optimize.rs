@@ -18,12 +18,13 @@ use crate::files::{RunDir, Session, holds_run, read_own};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::record::peak_memory;
+use crate::report::words::from_here;
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::search::{
     Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
 use crate::vehicle::Placement;
-use request::{Begun, RunCheckpoint, command};
+use request::{Begun, RunCheckpoint, command, in_full};
 
 pub use finished::{Finished, finished};
 pub use front::{FrontStart, Fronted, front, holds_front};
@@ -366,7 +367,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
         RunContext {
             scene: job.scene().name(),
             settings: settled,
-            command: command(&sitting.begun, settings, limit),
+            command: command(&sitting.begun, settings, limit, in_full),
             suite,
             equipment: sitting.run.equipment_in_words(),
             seed: settings.seed,
@@ -405,7 +406,11 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
         let number = if index > 0 { format!("-{}", index + 1) } else { String::new() };
         folder.write_text(&format!("map{number}.svg"), map)?;
     }
+    // The page is read where the run was made.
+    let here = command(&sitting.begun, settings, limit, from_here);
+    let whole = std::mem::replace(&mut record.command, here);
     folder.write_text("report.html", &report_html(&record, &drawings))?;
+    record.command = whole;
     let wanted = sitting.request.figures.as_deref();
     outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;
     Ok(record)
