@@ -66,6 +66,14 @@ fn optimize_writes_its_folder_and_repeats_itself() {
             && !report.contains("src=")
             && !report.contains("<link")
     );
+    let swaps = first["methods"].as_array().unwrap().iter().find(|of| of["method"] == "swaps");
+    let words = format!(
+        "{} evaluations and {} of swaps; {} generations, ",
+        first["evaluations"],
+        swaps.unwrap()["evaluations"],
+        first["generations"]
+    );
+    assert!(report.contains(&words), "{words}");
     assert_eq!(first["baselines"].as_array().unwrap().len(), 11);
     // A finished run is not made again: its result stays as it is, to the times in it.
     let before = fs::read(dir.path().join("first/result.json")).unwrap();

@@ -396,15 +396,15 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     )
 }
 
-/// Placements that each method looked at.
-fn evaluations_in_words(record: &RunRecord) -> String {
+/// Placements that each method looked at, in full numbers: `180 evaluations and 360 of swaps`.
+pub(super) fn evaluations_in_words(record: &RunRecord) -> String {
     let swaps = record.methods.iter().find(|method| method.method == "swaps");
     match swaps {
         Some(swaps) if record.evaluations == 0 => {
             format!("{} evaluations of swaps", swaps.evaluations)
         }
         Some(swaps) => {
-            format!("{} evaluations, and {} of swaps,", record.evaluations, swaps.evaluations)
+            format!("{} evaluations and {} of swaps", record.evaluations, swaps.evaluations)
         }
         None => format!("{} evaluations", record.evaluations),
     }
