@@ -245,7 +245,7 @@ impl RunRecord {
     /// result in words.
     pub fn json(&self) -> Value {
         let mut all = json!(self);
-        all["verdict"] = json!(run_verdict(self));
+        all["verdict"] = json!(run_verdict(self).replace('\n', " "));
         all
     }
 
@@ -342,7 +342,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
-    text += &format!("{}\n\n", run_verdict(record));
+    text += &format!("{}\n\n", run_verdict(record).replace('\n', "\n- "));
     next_in_words(record).iter().for_each(|step| text += &format!("{step}\n\n"));
     if let Some(words) = spread_in_words(record) {
         text += &format!("{words}\n\n");
