@@ -36,6 +36,16 @@ pub(super) struct Places {
 }
 
 impl Places {
+    /// Kind of slot of a pose.
+    pub fn kind(&self, pose: u32) -> usize {
+        self.kinds[pose as usize]
+    }
+
+    /// LiDARs of each kind.
+    pub fn lidars_by_kind(&self) -> &[usize] {
+        &self.lidars_by_kind
+    }
+
     /// See [`GridSearch::fits`].
     pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
         let at = |pose: u32| self.positions[pose as usize];

@@ -102,6 +102,10 @@ pub struct Settings {
     pub baselines: Vec<Placement>,
     /// More layouts to start from where the mount allows them.
     pub starts: Vec<Placement>,
+    /// Share of the best placement to which the bound on the gain is to close, whatever work that takes; `None` for as
+    /// close as little work gets it.
+    #[serde(default)]
+    pub gap: Option<f64>,
     /// Objective over all frames at which the search ends.
     pub target: Option<f64>,
     /// Mounting tolerance within which requirements are to hold. Where they do not, LiDARs of the result move a little
@@ -153,6 +157,7 @@ impl Default for Settings {
             frames: FrameChoice::default(),
             baselines: table_7(),
             starts: Vec::new(),
+            gap: None,
             target: None,
             tolerance: None,
             time: None,
