@@ -31,12 +31,12 @@ use glam::DVec3;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location, read_limited};
+use sightline_files::json::{Checked, DescriptionError, Location, read_limited};
 
 pub use robot::{Geometry, OriginAngles, RobotFile, RobotPart};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
-pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
+pub fn load(at: &Location, file: &Path) -> Checked<RawMesh> {
     let fault = |f: MeshFault| DescriptionError::Mesh {
         at: Box::new(at.clone()),
         mesh: file.to_owned(),
@@ -64,10 +64,10 @@ pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
 }
 
 /// Reads the bytes of a mesh file; buffers of a glTF lie in the folder.
-type ReadMesh = fn(&[u8], &Path) -> Result<RawMesh, MeshFault>;
+type ReadMesh = fn(&[u8], &Path) -> Parsed<RawMesh>;
 
 #[cfg(feature = "mesh")]
-fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
+fn reader(extension: &str) -> Parsed<ReadMesh> {
     match extension {
         "obj" => Ok(|bytes, _| obj::read(bytes)),
         "ply" => Ok(|bytes, _| ply::read(bytes)),
@@ -85,12 +85,12 @@ fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
 }
 
 #[cfg(not(feature = "mesh"))]
-fn reader(_: &str) -> Result<ReadMesh, MeshFault> {
+fn reader(_: &str) -> Parsed<ReadMesh> {
     Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
 }
 
 /// Checks for at least one triangle, indices in range, and finite corners.
-fn check_mesh(mesh: &RawMesh) -> Result<(), MeshFault> {
+fn check_mesh(mesh: &RawMesh) -> Parsed<()> {
     if mesh.faces.is_empty() {
         return Err(MeshFault::new(
             "file",
@@ -237,6 +237,9 @@ struct MeshFault {
     problem: String,
 }
 
+/// Result of a reader of mesh files.
+type Parsed<T> = Result<T, MeshFault>;
+
 impl MeshFault {
     fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
         Self { element: element.into(), problem: problem.into() }
@@ -262,7 +265,7 @@ impl Placing {
         scale: Option<f64>,
         translate: [f64; 3],
         [roll, pitch, yaw]: [f64; 3],
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let axes = axes.map(|word| {
             let wanted = "\"z-up\", \"y-up\" (x forward) or \"z-forward\" (y up, x left)";
             MeshAxes::of(word).ok_or_else(|| bad(&at.key("axes"), format!("{word:?}"), wanted))
@@ -311,12 +314,7 @@ impl Placing {
     }
 
     /// The vertices of a mesh in its owner's frame, in metres.
-    pub fn vertices(
-        &self,
-        at: &Location,
-        file: &Path,
-        mesh: &RawMesh,
-    ) -> Result<Vec<DVec3>, DescriptionError> {
+    pub fn vertices(&self, at: &Location, file: &Path, mesh: &RawMesh) -> Checked<Vec<DVec3>> {
         let axes = self.axes.or(mesh.axes).unwrap_or(match is_gltf(file) {
             true => MeshAxes::YUp,
             false => MeshAxes::ZUp,

@@ -24,7 +24,7 @@ use std::sync::OnceLock;
 
 use glam::DVec3;
 use lidar_cast::geom::{Pose, TriangleSoup};
-use sightline_files::json::check;
+use sightline_files::json::{Checked, check};
 use sightline_files::{Note, json};
 
 use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehicle};
@@ -104,7 +104,7 @@ impl SceneGeometry {
         world: &[ShapeDescription],
         actors: &[ActorDescription],
         ego: Option<&EgoDescription>,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let world = builder.list(&top.key("static"), world)?;
         let actors = actors.iter().enumerate().map(|(i, actor)| {
             let at = top.key("actors").item(i);
@@ -115,14 +115,11 @@ impl SceneGeometry {
             let kind = ActorKind::read(&at.key("kind"), actor.kind.as_deref(), class)?;
             let (poses, route) = (actor.poses.as_deref(), actor.route.as_ref());
             let motion = Motion::new(&at, poses, route, !kind.rolls())?;
-            let missing = || DescriptionError::Missing {
-                at: Box::new(at),
-                key: "poses",
-                mend: "say where the actor is, with `poses` or `route`".to_owned(),
-            };
-            Ok(Actor { name, kind, parts, motion: motion.ok_or_else(missing)? })
+            let mend = "say where the actor is, with `poses` or `route`";
+            let motion = motion.ok_or_else(|| check::missing(&at, "poses", mend))?;
+            Ok(Actor { name, kind, parts, motion })
         });
-        let actors = actors.collect::<Result<_, DescriptionError>>()?;
+        let actors = actors.collect::<Checked<_>>()?;
         let none = EgoDescription::default();
         let (ego, at) = (ego.unwrap_or(&none), top.key("ego"));
         let own = OwnBodies::new(builder, &at, &ego.body, &ego.bodies)?;
@@ -137,7 +134,7 @@ impl SceneGeometry {
     }
 
     /// The number of frames: `given`, or as many as the ego has poses; whatever moves has as many.
-    fn frames(&self, top: &Location, given: Option<u64>) -> Result<usize, DescriptionError> {
+    fn frames(&self, top: &Location, given: Option<u64>) -> Checked<usize> {
         let frames = match (given, &self.ego) {
             (Some(n), _) => check::count(&top.key("frames"), n, 1, MAX_FRAMES)? as usize,
             (None, Some(Motion::Poses(poses))) => {
@@ -147,13 +144,9 @@ impl SceneGeometry {
             (None, _) => 1,
         };
         if !self.has_geometry() && frames > 1 {
-            return Err(DescriptionError::Misplaced {
-                at: Box::new(top.clone()),
-                key: "frames",
-                mend: "without geometry all frames are alike; add `static` or `actors`, or leave \
-                       it out"
-                    .to_owned(),
-            });
+            let mend =
+                "without geometry all frames are alike; add `static` or `actors`, or leave it out";
+            return Err(check::misplaced(top, "frames", mend));
         }
         if let Some(ego) = &self.ego {
             ego.check_frames(&top.key("ego"), frames)?;
@@ -205,7 +198,7 @@ impl Scene {
     ///
     /// # Errors
     /// The first missing name.
-    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
+    pub fn check_detection(&self, classes: &[String]) -> Checked<()> {
         self.classes.check_detection(classes)
     }
 
@@ -225,11 +218,7 @@ impl Scene {
     ///
     /// A rule that the mount does not allow, or that leaves no room for a placement; any rule where mounts are those of a
     /// vehicle file.
-    pub fn with_rules(
-        self,
-        rules: &MountRules,
-        name_for_errors: &str,
-    ) -> Result<Self, DescriptionError> {
+    pub fn with_rules(self, rules: &MountRules, name_for_errors: &str) -> Checked<Self> {
         let at = Location::top(name_for_errors).key("mount");
         Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
     }

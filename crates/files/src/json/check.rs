@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::{FileKind, ForeignJson};
+use super::{FileKind, ForeignJson, nearest};
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub const MAX_METRES: f64 = 1.0e9;
@@ -27,6 +27,44 @@ pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> De
         value = format!("{number:e}");
     }
     DescriptionError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
+}
+
+/// Result of a reader: a checked value, or the first fault of the description.
+pub type Checked<T> = Result<T, DescriptionError>;
+
+/// Error of a key that the object at `at` lacks; `mend` says what to write.
+pub fn missing(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
+    DescriptionError::Missing { at: Box::new(at.clone()), key, mend: mend.into() }
+}
+
+/// Error of a key that has no meaning in the object at `at`.
+pub fn misplaced(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
+    DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.into() }
+}
+
+/// Error of none or several of the keys `of` in the object at `at`, of which it has `found`.
+pub fn choice(
+    at: &Location,
+    found: Vec<&'static str>,
+    of: &'static [&'static str],
+) -> DescriptionError {
+    DescriptionError::Choice { at: Box::new(at.clone()), found, of }
+}
+
+/// Error of a name that is none of the `known` ones, each of which is a `kind`.
+pub fn unknown_name<'a>(
+    at: &Location,
+    kind: &'static str,
+    name: &str,
+    known: impl Iterator<Item = &'a str> + Clone,
+) -> DescriptionError {
+    DescriptionError::UnknownName {
+        at: Box::new(at.clone()),
+        kind,
+        name: name.to_owned(),
+        nearest: nearest(name, known.clone()),
+        known: known.map(str::to_owned).collect(),
+    }
 }
 
 /// A text for tables and drawings, without control characters.

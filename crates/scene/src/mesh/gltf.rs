@@ -14,7 +14,7 @@ use gltf::buffer::View;
 
 use super::gltf_json::{self, Parts};
 use super::gltf_walk::NodeWalk;
-use super::{MAX_FILE, MOST_TOLD, MeshAxes, MeshFault, RawMesh};
+use super::{MAX_FILE, MOST_TOLD, MeshAxes, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::read_limited;
@@ -53,7 +53,7 @@ const DATA_URI: GeneralPurpose = GeneralPurpose::new(
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points, lines, cameras, lights and textures are passed
 /// over: they have no surface.
-pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
+pub(super) fn read(bytes: &[u8], dir: &Path) -> Parsed<RawMesh> {
     // The crate subtracts the 12 bytes of the header from this length unchecked.
     if let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<12>()
         && u32::from_le_bytes(*length) < 12
@@ -106,7 +106,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
 const UNIT: f32 = 1e-3;
 
 /// Checks accessor indices, since the crate's validation indexes with them unchecked.
-fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
+fn check_attributes(json: &gltf::json::Root) -> Parsed<()> {
     let accessors = json.accessors.len();
     for (i, mesh) in json.meshes.iter().enumerate() {
         let mut used = mesh.primitives.iter().flat_map(|p| p.attributes.values());
@@ -120,7 +120,7 @@ fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
 }
 
 /// Refuses another version, and nodes whose place is not one: a matrix beside its parts, a rotation that is none.
-fn check_nodes(json: &gltf::json::Root) -> Result<(), MeshFault> {
+fn check_nodes(json: &gltf::json::Root) -> Parsed<()> {
     let version = &json.asset.version;
     let needed = json.asset.min_version.as_ref().filter(|needed| *needed != "2.0");
     if let Some(needed) = needed {
@@ -155,7 +155,7 @@ fn read_buffers(
     dir: &Path,
     mut blob: Option<Vec<u8>>,
     files: &mut Vec<PathBuf>,
-) -> Result<Vec<Vec<u8>>, MeshFault> {
+) -> Parsed<Vec<Vec<u8>>> {
     let mut buffers: Vec<Vec<u8>> = Vec::new();
     let mut left = MAX_FILE;
     for buffer in document.buffers() {

@@ -5,7 +5,7 @@ use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::mesh::{Mode, Semantic};
 
 use super::gltf::Data;
-use super::{MOST_TRIANGLES, MeshFault, RawMesh};
+use super::{MOST_TRIANGLES, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 
 /// Deepest nesting of nodes.
@@ -43,7 +43,7 @@ impl<'a> NodeWalk<'a> {
     }
 
     /// The triangles of a scene.
-    pub fn run(mut self, scene: &gltf::Scene<'a>) -> Result<RawMesh, MeshFault> {
+    pub fn run(mut self, scene: &gltf::Scene<'a>) -> Parsed<RawMesh> {
         for node in scene.nodes() {
             self.place(node, DMat4::IDENTITY, 0, true)?;
         }
@@ -69,7 +69,7 @@ impl<'a> NodeWalk<'a> {
         outer: DMat4,
         depth: usize,
         shows: bool,
-    ) -> Result<(), MeshFault> {
+    ) -> Parsed<()> {
         let index = node.index();
         let placed = outer * self.frames.get(index).copied().unwrap_or_default();
         let fault = |problem: String| Err(MeshFault::new(format!("node {index}"), problem));
@@ -94,7 +94,7 @@ impl<'a> NodeWalk<'a> {
         Ok(())
     }
 
-    fn node(&mut self, node: &gltf::Node<'_>) -> Result<(), MeshFault> {
+    fn node(&mut self, node: &gltf::Node<'_>) -> Parsed<()> {
         let Some(mesh) = node.mesh() else { return Ok(()) };
         let fault = |problem| MeshFault::new(format!("node {}", node.index()), problem);
         let instances = node.extension_value("EXT_mesh_gpu_instancing");

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::polygon::Cutter;
-use super::{MOST_TOLD, MeshFault, RawMesh};
+use super::{MOST_TOLD, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 
 /// Statements without a surface of their own, passed over in silence.
@@ -33,7 +33,7 @@ const REFUSED: [(&str, &str); 6] = [
 const NAMED: [&[u8]; 6] = [b"usemtl", b"mtllib", b"usemap", b"maplib", b"g", b"o"];
 
 /// Reads an OBJ.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(MeshFault::new("line 1", "is UTF-16; save the file as UTF-8"));
     }

@@ -1,6 +1,6 @@
 //! The grammar of PLY: a header of elements with properties, and a body of text or of bytes.
 
-use super::MeshFault;
+use super::{MeshFault, Parsed};
 
 /// Scalar types, under both of their names.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -105,7 +105,7 @@ pub(super) struct PlyHeader {
 
 impl PlyHeader {
     /// Reads the header; the body begins behind it. Lines end with LF, CR LF or CR.
-    pub fn read(bytes: &[u8]) -> Result<(Self, PlyBody<'_>), MeshFault> {
+    pub fn read(bytes: &[u8]) -> Parsed<(Self, PlyBody<'_>)> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let (mut at, mut line) = (0, 0);
         let (mut form, mut elements) = (None, Vec::<PlyElement>::new());
@@ -166,7 +166,7 @@ impl PlyHeader {
     }
 
     /// Refuses names that come twice, and counts that the rest of the file cannot hold.
-    fn checked<'a>(self, body: PlyBody<'a>) -> Result<(Self, PlyBody<'a>), MeshFault> {
+    fn checked<'a>(self, body: PlyBody<'a>) -> Parsed<(Self, PlyBody<'a>)> {
         let left = body.rest.len() as u64;
         for element in &self.elements {
             let fault = |problem| MeshFault::new(format!("element {}", element.name), problem);
@@ -240,7 +240,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Passes over all rows of an element.
-    pub fn skip(&mut self, element: &PlyElement) -> Result<(), MeshFault> {
+    pub fn skip(&mut self, element: &PlyElement) -> Parsed<()> {
         let fixed = element.properties.iter().all(|p| p.list.is_none());
         if self.form != Form::Ascii && fixed {
             let row: usize = element.properties.iter().map(|p| p.kind.size()).sum();
@@ -258,7 +258,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Refuses data behind the last row: a count in the header is too small then.
-    pub fn end(&self) -> Result<(), MeshFault> {
+    pub fn end(&self) -> Parsed<()> {
         let padding = |b: &u8| *b == 0 || b.is_ascii_whitespace();
         if self.rest.iter().all(padding) {
             return Ok(());

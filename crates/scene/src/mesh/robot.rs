@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::MeshFault;
+use super::{MeshFault, Parsed};
 use lidar_cast::geom::Pose;
-use sightline_files::json::{DescriptionError, Location, read_text};
+use sightline_files::json::{Checked, DescriptionError, Location, read_text};
 
 /// Largest robot file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -63,7 +63,7 @@ impl RobotFile<'_> {
         &self,
         at: &Location,
         without: &[String],
-    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), DescriptionError> {
+    ) -> Checked<(Vec<RobotPart>, Vec<OriginAngles>)> {
         let fault = |fault: MeshFault| DescriptionError::Mesh {
             at: Box::new(at.clone()),
             mesh: self.file.to_owned(),
@@ -81,22 +81,14 @@ impl RobotFile<'_> {
     }
 
     #[cfg(feature = "mesh")]
-    fn read(
-        &self,
-        text: &str,
-        without: &[String],
-    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
+    fn read(&self, text: &str, without: &[String]) -> Parsed<(Vec<RobotPart>, Vec<OriginAngles>)> {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let Self { packages, tag, .. } = *self;
         super::urdf::Robot { text, folder, packages, tag, without }.parts()
     }
 
     #[cfg(not(feature = "mesh"))]
-    fn read(
-        &self,
-        _: &str,
-        _: &[String],
-    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
+    fn read(&self, _: &str, _: &[String]) -> Parsed<(Vec<RobotPart>, Vec<OriginAngles>)> {
         let _ = self.packages;
         Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
     }

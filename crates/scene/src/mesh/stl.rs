@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::{MOST_TRIANGLES, MeshFault, RawMesh};
+use super::{MOST_TRIANGLES, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 use sightline_files::json::counted;
 
@@ -17,7 +17,7 @@ const HEAD: usize = 84;
 const TRIANGLE: usize = 50;
 
 /// Reads an STL.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     let count = bytes.get(80..HEAD).and_then(|count| count.try_into().ok());
     let count = count.map(|count| u64::from(u32::from_le_bytes(count)));
     let expected = count.map(|count| HEAD as u64 + TRIANGLE as u64 * count);
@@ -79,7 +79,7 @@ impl Corners {
     }
 }
 
-fn binary(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+fn binary(bytes: &[u8]) -> Parsed<RawMesh> {
     let mut mesh = RawMesh::default();
     let material = mesh.material(None);
     let (mut corners, mut attributes) = (Corners::default(), 0_usize);
@@ -173,7 +173,7 @@ struct TextReader {
 }
 
 impl TextReader {
-    fn read(mut self, text: &[u8]) -> Result<RawMesh, MeshFault> {
+    fn read(mut self, text: &[u8]) -> Parsed<RawMesh> {
         let mut words = Tokens { rest: text, line: 1 };
         while let Some(word) = words.next() {
             let read = match word.eq_ignore_ascii_case(b"solid") {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Geometry, MeshFault, OriginAngles, RobotPart};
+use super::{Geometry, MeshFault, OriginAngles, Parsed, RobotPart};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, plain_names};
@@ -57,11 +57,7 @@ fn called(node: Node) -> String {
 }
 
 /// The only child element of a name.
-fn sole<'a, 'i>(
-    node: Node<'a, 'i>,
-    name: &str,
-    of: &str,
-) -> Result<Option<Node<'a, 'i>>, MeshFault> {
+fn sole<'a, 'i>(node: Node<'a, 'i>, name: &str, of: &str) -> Parsed<Option<Node<'a, 'i>>> {
     let mut all = node.children().filter(|child| child.has_tag_name(name));
     let first = all.next();
     match all.next() {
@@ -70,13 +66,13 @@ fn sole<'a, 'i>(
     }
 }
 
-fn attribute<'a>(node: Node<'a, '_>, key: &str, of: &str) -> Result<&'a str, MeshFault> {
+fn attribute<'a>(node: Node<'a, '_>, key: &str, of: &str) -> Parsed<&'a str> {
     let tag = node.tag_name().name();
     node.attribute(key).ok_or_else(|| fault(of, format!("<{tag}> lacks `{key}`; add it")))
 }
 
 /// `N` finite numbers of an attribute.
-fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Result<[f64; N], MeshFault> {
+fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Parsed<[f64; N]> {
     let read: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
     let read = read.filter(|read| read.iter().all(|v: &f64| v.abs() <= check::MAX_METRES));
     read.and_then(|read| read.try_into().ok()).ok_or_else(|| {
@@ -89,12 +85,12 @@ fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Result<[f64; N], 
 }
 
 /// A length above 0 of an attribute.
-fn length(node: Node, key: &str, of: &str) -> Result<f64, MeshFault> {
+fn length(node: Node, key: &str, of: &str) -> Parsed<f64> {
     let [value] = numbers(attribute(node, key, of)?, key, of)?;
     positive(value, key, of)
 }
 
-fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
+fn positive(value: f64, key: &str, of: &str) -> Parsed<f64> {
     let is_good = value > 0.0;
     is_good.then_some(value).ok_or_else(|| {
         fault(of, format!("{key} of {value} is not a length above 0 in metres; correct it"))
@@ -102,7 +98,7 @@ fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
 }
 
 /// The pose in the `<origin>` of an element; without one, that which changes nothing.
-fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
+fn origin(node: Node, of: &str) -> Parsed<Pose> {
     let Some(origin) = sole(node, "origin", of)? else { return Ok(Pose::IDENTITY) };
     let known = |name: &str| ["xyz", "rpy", "quat_xyzw"].contains(&name);
     let own = |a: &roxmltree::Attribute| a.namespace().is_none() && has_no_prefix(a.name());
@@ -125,7 +121,7 @@ fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
 
 impl Robot<'_> {
     /// The shapes of all links but those left out, in the order of the file, and the angles of all origins.
-    pub fn parts(&self) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
+    pub fn parts(&self) -> Parsed<(Vec<RobotPart>, Vec<OriginAngles>)> {
         let text = plain_names(self.text);
         let document = self.document(&text)?;
         let robot = document.root_element();
@@ -176,7 +172,7 @@ impl Robot<'_> {
         origins.filter_map(angles).collect()
     }
 
-    fn document<'t>(&self, text: &'t str) -> Result<Document<'t>, MeshFault> {
+    fn document<'t>(&self, text: &'t str) -> Parsed<Document<'t>> {
         let unexpanded = || fault("file", "is xacro; expand it with `xacro FILE > robot.urdf`");
         let parsed = check_xml(text).and_then(|()| {
             let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
@@ -201,7 +197,7 @@ impl Robot<'_> {
         Ok(document)
     }
 
-    fn geometry(&self, shape: Node, of: &str) -> Result<Geometry, MeshFault> {
+    fn geometry(&self, shape: Node, of: &str) -> Parsed<Geometry> {
         let geometry = sole(shape, "geometry", of)?;
         let mut kinds =
             geometry.into_iter().flat_map(|node| node.children()).filter(Node::is_element);
@@ -245,7 +241,7 @@ impl Robot<'_> {
         }
     }
 
-    fn mesh_file(&self, name: &str, of: &str) -> Result<PathBuf, MeshFault> {
+    fn mesh_file(&self, name: &str, of: &str) -> Parsed<PathBuf> {
         let refused = |error: sightline_files::files::FileError| fault(of, error.to_string());
         let schemes = ["package://", "model://"];
         let in_package = schemes.iter().find_map(|scheme| name.strip_prefix(scheme));
@@ -293,9 +289,7 @@ impl Robot<'_> {
 }
 
 /// All links in the order of the file, and the number of each by its name.
-fn links<'a, 'i>(
-    robot: Node<'a, 'i>,
-) -> Result<(Vec<Node<'a, 'i>>, HashMap<&'a str, usize>), MeshFault> {
+fn links<'a, 'i>(robot: Node<'a, 'i>) -> Parsed<(Vec<Node<'a, 'i>>, HashMap<&'a str, usize>)> {
     let (mut links, mut names) = (Vec::new(), HashMap::new());
     for link in robot.children().filter(|node| node.has_tag_name("link")) {
         let name = attribute(link, "name", "link")?;
@@ -311,11 +305,7 @@ fn links<'a, 'i>(
 }
 
 /// The joint above each link; none above a root.
-fn joints(
-    robot: Node,
-    names: &HashMap<&str, usize>,
-    count: usize,
-) -> Result<Vec<Option<Joint>>, MeshFault> {
+fn joints(robot: Node, names: &HashMap<&str, usize>, count: usize) -> Parsed<Vec<Option<Joint>>> {
     let mut above: Vec<Option<Joint>> = (0..count).map(|_| None).collect();
     for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
         let of = called(joint);
@@ -349,7 +339,7 @@ fn joints(
 }
 
 /// Takes each link's frame to the root's, with all joints at 0.
-fn at_rest(above: &[Option<Joint>], links: &[Node]) -> Result<Vec<Pose>, MeshFault> {
+fn at_rest(above: &[Option<Joint>], links: &[Node]) -> Parsed<Vec<Pose>> {
     let mut below: Vec<Vec<usize>> = vec![Vec::new(); above.len()];
     let mut roots = Vec::new();
     for (link, joint) in above.iter().enumerate() {

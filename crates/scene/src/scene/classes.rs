@@ -1,8 +1,8 @@
 //! Class names (the index in the list is the class id everywhere), kinds of actors, and reflectances.
 
 use super::description::{ActorDescription, Dictionary};
-use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, nearest};
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{Checked, DescriptionError, Location};
 
 /// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
 /// prints them; a name's index is its class id.
@@ -80,7 +80,7 @@ impl Classes {
         top: &Location,
         names: Option<Vec<String>>,
         detection: Option<Vec<String>>,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let names =
             names.unwrap_or_else(|| DEFAULT_CLASSES.iter().map(|&n| n.to_owned()).collect());
         let at = top.key("classes");
@@ -104,7 +104,7 @@ impl Classes {
     }
 
     /// Checks that `classes` holds every name of `detection`.
-    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
+    pub fn check_detection(&self, classes: &[String]) -> Checked<()> {
         let (at, list) = match &self.detection {
             Some((at, list)) => (at, list.as_slice()),
             None => return Ok(()),
@@ -126,19 +126,13 @@ impl Classes {
         self.names.iter().position(|n| n == name).map(|i| i as u16)
     }
 
-    pub fn id(&self, at: &Location, name: &str) -> Result<u16, DescriptionError> {
+    pub fn id(&self, at: &Location, name: &str) -> Checked<u16> {
         self.find(name).ok_or_else(|| unknown(at, name, &self.names))
     }
 }
 
 fn unknown(at: &Location, name: &str, classes: &[String]) -> DescriptionError {
-    DescriptionError::UnknownName {
-        at: Box::new(at.clone()),
-        kind: "class",
-        name: name.to_owned(),
-        nearest: nearest(name, classes.iter().map(String::as_str)),
-        known: classes.to_vec(),
-    }
+    check::unknown_name(at, "class", name, classes.iter().map(String::as_str))
 }
 
 /// Kind of an actor.
@@ -195,11 +189,7 @@ impl ActorKind {
     }
 
     /// The kind of an actor whose first triangle has `class`: as written, or guessed from the class.
-    pub(super) fn read(
-        at: &Location,
-        written: Option<&str>,
-        class: Option<&str>,
-    ) -> Result<Self, DescriptionError> {
+    pub(super) fn read(at: &Location, written: Option<&str>, class: Option<&str>) -> Checked<Self> {
         let Some(written) = written else {
             return Ok(match class {
                 Some("vehicle" | "car" | "moving-car") => Self::Car,
@@ -234,7 +224,7 @@ impl Reflectances {
         classes: &Classes,
         of_classes: &Dictionary<f64>,
         actors: &[ActorDescription],
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let (at, mut by_class) = (top.key("reflectance"), vec![None; classes.names.len()]);
         for (name, value) in &of_classes.0 {
             let at = at.key(name);
@@ -249,7 +239,7 @@ impl Reflectances {
     }
 }
 
-fn share(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+fn share(at: &Location, value: f64) -> Checked<f64> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }

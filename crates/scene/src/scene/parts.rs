@@ -12,7 +12,7 @@ use glam::DVec3;
 use lidar_cast::geom::{Glide, Pose, TriangleSoup};
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check, counted};
+use sightline_files::json::{Checked, Location, check, counted};
 
 use super::description::{BodyDescription, ShapeDescription};
 use super::route::Motion;
@@ -170,7 +170,7 @@ pub(super) fn middle_of_way(
     ego: &Motion,
     frames: usize,
     world: &Solid,
-) -> Result<DVec3, DescriptionError> {
+) -> Checked<DVec3> {
     let places = || (0..frames).map(|t| ego.pose(t).translation);
     let (low, high) = bounds(places());
     let middle = (0.5 * (low + high)).round();
@@ -296,7 +296,7 @@ impl OwnBody {
     ///
     /// # Errors
     /// Another number of poses.
-    pub(crate) fn check_frames(&self, frames: usize) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(&self, frames: usize) -> Checked<()> {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
                 let found = format!("a list of {}", poses.len());
@@ -339,7 +339,7 @@ impl OwnBodies {
         at: &Location,
         first: &[ShapeDescription],
         others: &[BodyDescription],
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let body = builder.list(&at.key("body"), first)?;
         if !first.is_empty() {
             check_area(&at.key("body"), &body)?;
@@ -356,20 +356,16 @@ impl OwnBodies {
         builder: &mut Builder<'_>,
         at: Location,
         body: &BodyDescription,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let name = check::name(&at.key("name"), body.name.clone().unwrap_or_default())?;
         if body.parts.is_empty() {
             let wanted = "a shape of the body; add one or leave the body out";
             return Err(bad(&at.key("parts"), "an empty list", wanted));
         }
         let Some(motion) = Motion::new(&at, body.poses.as_deref(), None, false)? else {
-            return Err(DescriptionError::Missing {
-                at: Box::new(at),
-                key: "poses",
-                mend:
-                    "say where the body is in the ego frame, with one pose, or one for each frame"
-                        .to_owned(),
-            });
+            let mend =
+                "say where the body is in the ego frame, with one pose, or one for each frame";
+            return Err(check::missing(&at, "poses", mend));
         };
         let parts = builder.list(&at.key("parts"), &body.parts)?;
         check_area(&at.key("parts"), &parts)?;
@@ -410,7 +406,7 @@ impl OwnBodies {
 }
 
 /// Refuses a body whose triangles are lines and points.
-fn check_area(at: &Location, body: &Solid) -> Result<(), DescriptionError> {
+fn check_area(at: &Location, body: &Solid) -> Checked<()> {
     if body.has_area() {
         return Ok(());
     }

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use sightline_files::Note;
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 use super::classes::Classes;
 use super::description::{
@@ -36,7 +36,7 @@ impl Scene {
     /// # Errors
     ///
     /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
+    pub fn read(path: impl AsRef<Path>) -> Checked<Self> {
         Self::read_with(path, None)
     }
 
@@ -44,10 +44,7 @@ impl Scene {
     ///
     /// # Errors
     /// See [`Self::read`].
-    pub fn read_with(
-        path: impl AsRef<Path>,
-        vehicle: Option<&Path>,
-    ) -> Result<Self, DescriptionError> {
+    pub fn read_with(path: impl AsRef<Path>, vehicle: Option<&Path>) -> Checked<Self> {
         let path = path.as_ref();
         let (text, name) = (json::read_text(path, MAX_FILE)?, path.display().to_string());
         let dir = path.parent().unwrap_or(Path::new(""));
@@ -61,7 +58,7 @@ impl Scene {
     ///
     /// # Errors
     /// See [`Self::read`].
-    pub fn level_ground(vehicle: &Path) -> Result<Self, DescriptionError> {
+    pub fn level_ground(vehicle: &Path) -> Checked<Self> {
         let mut scene =
             Self::from_text(LEVEL_GROUND, (Path::new(""), "level ground"), Some(vehicle), true)?;
         // Errors name the first file: the vehicle rather than one of its meshes.
@@ -79,11 +76,7 @@ impl Scene {
     /// # Errors
     ///
     /// See [`Scene::read`].
-    pub fn from_json(
-        text: &str,
-        dir: &Path,
-        name_for_errors: &str,
-    ) -> Result<Self, DescriptionError> {
+    pub fn from_json(text: &str, dir: &Path, name_for_errors: &str) -> Checked<Self> {
         Self::from_text(text, (dir, name_for_errors), None, false)
     }
 
@@ -94,7 +87,7 @@ impl Scene {
         (dir, name_for_errors): (&Path, &str),
         vehicle: Option<&Path>,
         holds_still: bool,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Location::top(name_for_errors);
@@ -126,7 +119,7 @@ impl Scene {
         carrier: SceneVehicle,
         things: SceneGeometry,
         dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let SceneVehicle { vehicle, mut files, mut notes, .. } = carrier;
         notes.extend(things.own.moving.iter().map(OwnBody::note));
         let reflectances = Reflectances::new(top, &classes, &scene.reflectance, &scene.actors)?;
@@ -179,7 +172,7 @@ fn things(
     classes: &Classes,
     carrier: &mut SceneVehicle,
     dir: &Path,
-) -> Result<SceneGeometry, DescriptionError> {
+) -> Checked<SceneGeometry> {
     let mut builder = Builder::new(top, classes, &scene.shapes, dir);
     builder.check_named()?;
     let mut things =
@@ -196,7 +189,7 @@ fn things(
 }
 
 /// Stated name, or the file name without its ending.
-fn name_of(top: &Location, given: Option<String>) -> Result<String, DescriptionError> {
+fn name_of(top: &Location, given: Option<String>) -> Checked<String> {
     let given = given.filter(|name| !name.trim().is_empty());
     let given = given.map(|name| check::name(&top.key("name"), name)).transpose()?;
     let stem = || Path::new(&top.file).file_stem().unwrap_or_default().to_string_lossy();
@@ -233,7 +226,7 @@ impl VehicleBody {
         &self,
         classes: &Classes,
         shapes: &Dictionary<Vec<ShapeDescription>>,
-    ) -> Result<(OwnBodies, Vec<PathBuf>, Vec<Note>), DescriptionError> {
+    ) -> Checked<(OwnBodies, Vec<PathBuf>, Vec<Note>)> {
         let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
         let own = OwnBodies::new(&mut builder, &self.at, &self.shapes, &self.others)?;
         let mut notes = builder.notes();
@@ -249,7 +242,7 @@ impl SceneVehicle {
         scene: &mut SceneDescription,
         dir: &Path,
         given: Option<&Path>,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let source = match (given, scene.vehicle.take()) {
             (Some(file), _) => Some((Location::top(&file.display().to_string()), file.to_owned())),
             (None, Some(VehicleSource::Inline(vehicle))) => {
@@ -267,11 +260,7 @@ impl SceneVehicle {
             let dir = file.parent().unwrap_or(Path::new("")).to_owned();
             return Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir);
         }
-        let missing = |key, mend: &str| DescriptionError::Missing {
-            at: Box::new(top.clone()),
-            key,
-            mend: mend.to_owned(),
-        };
+        let missing = |key, mend: &str| check::missing(top, key, mend);
         let lidar = scene.lidar.take();
         let lidar =
             lidar.ok_or_else(|| missing("lidar", "describe the sensor, or give a `vehicle`"))?;
@@ -309,7 +298,7 @@ impl SceneVehicle {
         mut vehicle: VehicleDescription<ShapeDescription, BodyDescription>,
         file: Option<PathBuf>,
         dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let shapes = vehicle.take_body(&at)?;
         let others = std::mem::take(&mut vehicle.bodies);
         let stem = file.as_ref().and_then(|file| file.file_stem());
@@ -325,12 +314,10 @@ impl SceneVehicle {
 }
 
 /// Refuses a LiDAR or mount beside a vehicle.
-fn only_vehicle(top: &Location, scene: &SceneDescription) -> Result<(), DescriptionError> {
+fn only_vehicle(top: &Location, scene: &SceneDescription) -> Checked<()> {
     for (key, there) in [("lidar", scene.lidar.is_some()), ("mount", scene.mount.is_some())] {
         if there {
-            let (at, mend) =
-                (Box::new(top.clone()), "the `vehicle` says it; leave one out".to_owned());
-            return Err(DescriptionError::Misplaced { at, key, mend });
+            return Err(check::misplaced(top, key, "the `vehicle` says it; leave one out"));
         }
     }
     Ok(())

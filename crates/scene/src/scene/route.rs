@@ -6,7 +6,7 @@ use super::description::{PoseDescription, RouteDescription};
 use lidar_cast::geom::{Glide, Pose};
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// A pose for every frame.
 #[derive(Debug, Clone)]
@@ -27,7 +27,7 @@ impl Motion {
         poses: Option<&[PoseDescription]>,
         route: Option<&RouteDescription>,
         upright: bool,
-    ) -> Result<Option<Self>, DescriptionError> {
+    ) -> Checked<Option<Self>> {
         match (poses, route) {
             (None, None) => Ok(None),
             (Some(poses), None) => {
@@ -42,20 +42,14 @@ impl Motion {
             (None, Some(route)) => {
                 Ok(Some(Self::Route(Route::new(&at.key("route"), route, upright)?)))
             }
-            (Some(_), Some(_)) => Err(DescriptionError::Choice {
-                at: Box::new(at.clone()),
-                found: vec!["poses", "route"],
-                of: &["poses", "route"],
-            }),
+            (Some(_), Some(_)) => {
+                Err(check::choice(at, vec!["poses", "route"], &["poses", "route"]))
+            }
         }
     }
 
     /// Checks for one explicit pose a frame.
-    pub(crate) fn check_frames(
-        &self,
-        at: &Location,
-        frames: usize,
-    ) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(&self, at: &Location, frames: usize) -> Checked<()> {
         match self {
             Self::Poses(poses) if poses.len() != frames => {
                 let value = format!("a list of {}", poses.len());
@@ -95,7 +89,7 @@ impl Motion {
     }
 }
 
-fn pose(at: &Location, p: &PoseDescription) -> Result<Pose, DescriptionError> {
+fn pose(at: &Location, p: &PoseDescription) -> Checked<Pose> {
     let x = check::metres(&at.key("x"), p.x)?;
     let y = check::metres(&at.key("y"), p.y)?;
     let z = check::metres(&at.key("z"), p.z)?;
@@ -125,11 +119,7 @@ impl Route {
         self.spacing
     }
 
-    fn new(
-        at: &Location,
-        route: &RouteDescription,
-        upright: bool,
-    ) -> Result<Self, DescriptionError> {
+    fn new(at: &Location, route: &RouteDescription, upright: bool) -> Checked<Self> {
         let here = at.key("points");
         if route.points.len() < 2 {
             let value = format!("a list of {}", route.points.len());

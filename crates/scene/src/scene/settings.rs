@@ -7,7 +7,7 @@ use crate::vehicle::Vehicle;
 
 use super::description::{PsogDescription, RoiDescription, ScanDescription};
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, DescriptionError, Location};
 
 /// Largest distance in metres from the top of the ROI up to the mount.
 const MOUNT_HEADROOM: f64 = 10.0;
@@ -36,7 +36,7 @@ pub struct RoiBounds {
 }
 
 impl RoiBounds {
-    pub(crate) fn new(at: &Location, roi: &RoiDescription) -> Result<Self, DescriptionError> {
+    pub(crate) fn new(at: &Location, roi: &RoiDescription) -> Checked<Self> {
         let min = check::point(&at.key("min"), roi.min)?;
         let max = check::point(&at.key("max"), roi.max)?;
         let voxel = check::size(&at.key("voxel"), roi.voxel)?;
@@ -77,7 +77,7 @@ impl RoiBounds {
         scene: &Location,
         vehicle: &Vehicle,
         place: impl Fn(usize) -> Location,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let [lowest, highest] = vehicle.corners().map(|corner| corner[2]);
         let over = lowest <= self.max[2] + MOUNT_HEADROOM && highest >= self.min[2];
         for (k, mount) in vehicle.mounts.iter().enumerate() {
@@ -110,11 +110,7 @@ pub enum Coverage {
 }
 
 impl Coverage {
-    pub(crate) fn new(
-        at: &Location,
-        name: Option<&str>,
-        has_geometry: bool,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn new(at: &Location, name: Option<&str>, has_geometry: bool) -> Checked<Self> {
         match (name, has_geometry) {
             (None, true) | (Some("first-hit"), true) => Ok(Self::FirstHit),
             (None, false) | (Some("through"), _) => Ok(Self::Through),
@@ -168,12 +164,7 @@ impl ScanSettings {
         }
     }
 
-    fn new(
-        at: &Location,
-        scan: &ScanDescription,
-        lidar_range: f64,
-        highest: f64,
-    ) -> Result<Self, DescriptionError> {
+    fn new(at: &Location, scan: &ScanDescription, lidar_range: f64, highest: f64) -> Checked<Self> {
         let count = |key, value: Option<u64>, hi| {
             value.map(|value| check::count(&at.key(key), value, 1, hi)).transpose()
         };
@@ -208,14 +199,13 @@ impl PsogSource {
         dir: &Path,
         lidar_range: f64,
         highest: f64,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let at = top.key("psog");
         let mend = "a scene without geometry needs a P-SOG file, write `\"psog\": { \"file\": … }`";
         let scan = match psog {
             None if has_geometry => &ScanDescription::default(),
             None => {
-                let (at, mend) = (Box::new(top.clone()), mend.to_owned());
-                return Err(DescriptionError::Missing { at, key: "psog", mend });
+                return Err(check::missing(top, "psog", mend));
             }
             Some(PsogDescription { file: Some(file), scan: None }) => {
                 return Ok(Self::File(dir.join(file)));
@@ -223,16 +213,11 @@ impl PsogSource {
             Some(PsogDescription { file: None, scan: Some(scan) }) => scan,
             Some(PsogDescription { file, .. }) => {
                 let found = if file.is_some() { vec!["file", "scan"] } else { Vec::new() };
-                return Err(DescriptionError::Choice {
-                    at: Box::new(at),
-                    found,
-                    of: &["file", "scan"],
-                });
+                return Err(check::choice(&at, found, &["file", "scan"]));
             }
         };
         if !has_geometry {
-            let (at, mend) = (Box::new(at), mend.to_owned());
-            return Err(DescriptionError::Misplaced { at, key: "scan", mend });
+            return Err(check::misplaced(&at, "scan", mend));
         }
         ScanSettings::new(&at.key("scan"), scan, lidar_range, highest).map(Self::Scan)
     }

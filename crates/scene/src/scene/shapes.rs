@@ -8,7 +8,7 @@ use glam::DVec3;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check, nearest};
+use sightline_files::json::{Checked, DescriptionError, Location, check, nearest};
 
 use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
@@ -92,7 +92,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Builds the named shapes, used or not.
-    pub(crate) fn check_named(&mut self) -> Result<(), DescriptionError> {
+    pub(crate) fn check_named(&mut self) -> Checked<()> {
         for (name, _) in &self.named.0 {
             let at = self.named_at.clone();
             self.named(&at, name, 0)?;
@@ -101,20 +101,12 @@ impl<'a> Builder<'a> {
     }
 
     /// The triangles of a list of shapes, in order, and where each shape ends.
-    pub fn list(
-        &mut self,
-        at: &Location,
-        list: &[ShapeDescription],
-    ) -> Result<Solid, DescriptionError> {
+    pub fn list(&mut self, at: &Location, list: &[ShapeDescription]) -> Checked<Solid> {
         self.nested_list(at, list, 0)
     }
 
     /// Triangles of an actor; an empty list is an error, an actor without area a note.
-    pub fn actor(
-        &mut self,
-        at: &Location,
-        parts: &[ShapeDescription],
-    ) -> Result<Solid, DescriptionError> {
+    pub fn actor(&mut self, at: &Location, parts: &[ShapeDescription]) -> Checked<Solid> {
         if parts.is_empty() {
             return Err(bad(at, "an empty list", "a shape; add one or leave the actor out"));
         }
@@ -133,7 +125,7 @@ impl<'a> Builder<'a> {
         at: &Location,
         list: &[ShapeDescription],
         depth: usize,
-    ) -> Result<Solid, DescriptionError> {
+    ) -> Checked<Solid> {
         let mut solid = Solid::default();
         for (i, shape) in list.iter().enumerate() {
             self.append(&at.item(i), shape, depth, &mut solid)?;
@@ -148,7 +140,7 @@ impl<'a> Builder<'a> {
         shape: &ShapeDescription,
         depth: usize,
         out: &mut Solid,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let there = [
             shape.cuboid.is_some(),
             shape.prism.is_some(),
@@ -161,7 +153,7 @@ impl<'a> Builder<'a> {
         let found = there.iter().zip(KINDS).filter_map(|(&there, &kind)| there.then_some(kind));
         let found: Vec<_> = found.collect();
         if found.len() != 1 {
-            return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of: KINDS });
+            return Err(check::choice(at, found, KINDS));
         }
         let copies = copies(at, shape)?;
         if shape.repeat.as_ref().is_some_and(|repeat| repeat.count > 1 && repeat.step == [0.0; 3]) {
@@ -172,11 +164,8 @@ impl<'a> Builder<'a> {
         }
         let solid = match &shape.shape {
             Some(name) if shape.class.is_some() => {
-                return Err(DescriptionError::Misplaced {
-                    at: Box::new(at.clone()),
-                    key: "class",
-                    mend: format!("the parts of the shape `{name}` have their own classes"),
-                });
+                let mend = format!("the parts of the shape `{name}` have their own classes");
+                return Err(check::misplaced(at, "class", mend));
             }
             Some(name) => self.named(&at.key("shape"), name, depth)?,
             None => Rc::new(self.single(at, shape)?),
@@ -190,7 +179,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Refuses more triangles than there may be.
-    fn check_count(&self, at: &Location, count: u64) -> Result<(), DescriptionError> {
+    fn check_count(&self, at: &Location, count: u64) -> Checked<()> {
         if count <= self.most {
             return Ok(());
         }
@@ -204,25 +193,14 @@ impl<'a> Builder<'a> {
     }
 
     /// Shape called `name`, used at `at` inside `depth` other named shapes.
-    fn named(
-        &mut self,
-        at: &Location,
-        name: &str,
-        depth: usize,
-    ) -> Result<Rc<Solid>, DescriptionError> {
+    fn named(&mut self, at: &Location, name: &str, depth: usize) -> Checked<Rc<Solid>> {
         if let Some(solid) = self.built.get(name) {
             return Ok(Rc::clone(solid));
         }
         let named = self.named;
         let Some((name, list)) = self.by_name.get(name).map(|&i| &named.0[i]) else {
-            let known = || named.0.iter().map(|(k, _)| k.as_str());
-            return Err(DescriptionError::UnknownName {
-                at: Box::new(at.clone()),
-                kind: "shape",
-                name: name.to_owned(),
-                nearest: nearest(name, known()),
-                known: known().map(str::to_owned).collect(),
-            });
+            let known = named.0.iter().map(|(k, _)| k.as_str());
+            return Err(check::unknown_name(at, "shape", name, known));
         };
         if depth == MAX_DEPTH {
             let wanted = format!("nested less than {MAX_DEPTH} deep; does it contain itself?");
@@ -238,11 +216,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Triangles of a primitive or mesh, before its copies are placed.
-    fn single(
-        &mut self,
-        at: &Location,
-        shape: &ShapeDescription,
-    ) -> Result<Solid, DescriptionError> {
+    fn single(&mut self, at: &Location, shape: &ShapeDescription) -> Checked<Solid> {
         let class = match &shape.class {
             Some(name) => Some(self.classes.id(&at.key("class"), name)?),
             None => None,
@@ -250,11 +224,8 @@ impl<'a> Builder<'a> {
         if let Some(mesh) = &shape.mesh {
             return self.mesh(&at.key("mesh"), mesh, class);
         }
-        let class = class.ok_or_else(|| DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "class",
-            mend: "name the class of this shape, `\"class\": \"building\"` for example".to_owned(),
-        })?;
+        let mend = "name the class of this shape, `\"class\": \"building\"` for example";
+        let class = class.ok_or_else(|| check::missing(at, "class", mend))?;
         match shape {
             ShapeDescription { cuboid: Some(b), .. } => cuboid(&at.key("box"), b, class),
             ShapeDescription { prism: Some(p), .. } => prism(&at.key("prism"), p, class),
@@ -271,7 +242,7 @@ impl<'a> Builder<'a> {
         at: &Location,
         mesh: &MeshDescription,
         default: Option<u16>,
-    ) -> Result<Solid, DescriptionError> {
+    ) -> Checked<Solid> {
         let file = self.dir.join(&mesh.file);
         let placing = placing(at, mesh)?;
         let mut map = HashMap::new();
@@ -303,12 +274,7 @@ impl<'a> Builder<'a> {
 
 impl Builder<'_> {
     /// A mesh file, read on first use.
-    fn raw(
-        &mut self,
-        at: &Location,
-        file: &Path,
-        placing: &Placing,
-    ) -> Result<Rc<RawMesh>, DescriptionError> {
+    fn raw(&mut self, at: &Location, file: &Path, placing: &Placing) -> Checked<Rc<RawMesh>> {
         if let Some(raw) = self.meshes.get(file) {
             return Ok(Rc::clone(raw));
         }
@@ -319,7 +285,7 @@ impl Builder<'_> {
     }
 }
 
-fn placing(at: &Location, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
+fn placing(at: &Location, mesh: &MeshDescription) -> Checked<Placing> {
     let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
     Placing::new(at, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
 }
@@ -351,12 +317,7 @@ const BANDS: u32 = 16;
 
 impl Builder<'_> {
     /// Triangles of a robot's links, with all joints at rest.
-    fn urdf(
-        &mut self,
-        at: &Location,
-        urdf: &UrdfDescription,
-        class: u16,
-    ) -> Result<Solid, DescriptionError> {
+    fn urdf(&mut self, at: &Location, urdf: &UrdfDescription, class: u16) -> Checked<Solid> {
         let UrdfDescription { translate, roll, pitch, yaw, .. } = *urdf;
         let placing = Placing::new(at, None, None, translate, [roll, pitch, yaw])?;
         let tag = urdf.geometry.as_deref().unwrap_or("visual");
@@ -394,12 +355,7 @@ impl Builder<'_> {
         self.notes.extend(in_degrees.take(3).map(Note::doubt));
     }
 
-    fn part(
-        &mut self,
-        at: &Location,
-        geometry: &Geometry,
-        class: u16,
-    ) -> Result<Solid, DescriptionError> {
+    fn part(&mut self, at: &Location, geometry: &Geometry, class: u16) -> Checked<Solid> {
         Ok(match geometry {
             Geometry::Box(edges) => Solid::cuboid(DVec3::ZERO, *edges, 0.0, class),
             Geometry::Cylinder(radius, length) => {
@@ -417,7 +373,7 @@ impl Builder<'_> {
         file: &Path,
         scale: DVec3,
         class: u16,
-    ) -> Result<Solid, DescriptionError> {
+    ) -> Checked<Solid> {
         let placing = Placing::scaled(scale, Pose::IDENTITY);
         let raw = self.raw(at, file, &placing)?;
         Ok(Solid {

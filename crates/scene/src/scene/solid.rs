@@ -9,7 +9,7 @@ use super::polygon::{self, triangulate};
 use lidar_cast::geom::{Pose, TriangleSoup};
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Least height of a triangle over its longest side from one corner that is more than rounding.
 const THINNEST: f64 = 1e-14;
@@ -140,16 +140,8 @@ impl Solid {
     }
 }
 
-pub(crate) fn cuboid(
-    at: &Location,
-    b: &BoxDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Checked<Solid> {
     let yaw = check::radians(&at.key("yaw"), b.yaw)?;
-    let one_of = |found| {
-        let of = &["center, size", "foot, size", "min, max"];
-        Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of })
-    };
     let (center, size) = match (b.center, b.foot, b.size, b.min, b.max) {
         (Some(center), None, Some(size), None, None) => {
             let center = check::point(&at.key("center"), center)?;
@@ -173,23 +165,16 @@ pub(crate) fn cuboid(
             ((min + max) / 2.0, max - min)
         }
         _ => {
-            let mut found = Vec::new();
-            found.extend(b.center.map(|_| "center"));
-            found.extend(b.foot.map(|_| "foot"));
-            found.extend(b.size.map(|_| "size"));
-            found.extend(b.min.map(|_| "min"));
-            found.extend(b.max.map(|_| "max"));
-            return one_of(found);
+            let keys = ["center", "foot", "size", "min", "max"];
+            let keys = keys.into_iter().zip([b.center, b.foot, b.size, b.min, b.max]);
+            let found = keys.filter_map(|(key, value)| value.map(|_| key)).collect();
+            return Err(check::choice(at, found, &["center, size", "foot, size", "min, max"]));
         }
     };
     Ok(Solid::cuboid(center, size, yaw, class))
 }
 
-pub(crate) fn prism(
-    at: &Location,
-    p: &PrismDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn prism(at: &Location, p: &PrismDescription, class: u16) -> Checked<Solid> {
     let base = polygon::simple(&at.key("base"), &p.base)?;
     let z = at.key("z");
     for i in 0..2 {
@@ -201,11 +186,7 @@ pub(crate) fn prism(
     Ok(Solid::prism(&base, p.z, class))
 }
 
-pub(crate) fn cylinder(
-    at: &Location,
-    c: &CylinderDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn cylinder(at: &Location, c: &CylinderDescription, class: u16) -> Checked<Solid> {
     let foot = check::point(&at.key("foot"), c.foot)?;
     let radius = check::length(&at.key("radius"), c.radius)?;
     let height = check::length(&at.key("height"), c.height)?;
@@ -213,11 +194,7 @@ pub(crate) fn cylinder(
     Ok(Solid::cylinder(foot.into(), radius, height, sides, class))
 }
 
-pub(crate) fn plane(
-    at: &Location,
-    p: &PlaneDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn plane(at: &Location, p: &PlaneDescription, class: u16) -> Checked<Solid> {
     for i in 0..2 {
         check::metres(&at.key("min").item(i), p.min[i])?;
         check::metres(&at.key("max").item(i), p.max[i])?;
@@ -232,17 +209,13 @@ pub(crate) fn plane(
 const MAX_COPIES: u64 = 100_000;
 
 /// Poses of the copies of a shape; without `at` and `repeat` one copy in place.
-pub(super) fn copies(
-    at: &Location,
-    shape: &ShapeDescription,
-) -> Result<Vec<Pose>, DescriptionError> {
+pub(super) fn copies(at: &Location, shape: &ShapeDescription) -> Checked<Vec<Pose>> {
     match (&shape.at, &shape.repeat) {
         (None, None) => Ok(vec![Pose::IDENTITY]),
-        (Some(_), Some(_)) => Err(DescriptionError::Misplaced {
-            at: Box::new(at.clone()),
-            key: "repeat",
-            mend: "`at` already says where the copies stand; keep one of the two".to_owned(),
-        }),
+        (Some(_), Some(_)) => {
+            let mend = "`at` already says where the copies stand; keep one of the two";
+            Err(check::misplaced(at, "repeat", mend))
+        }
         (Some(list), None) => {
             let at = at.key("at");
             if list.is_empty() || list.len() as u64 > MAX_COPIES {

@@ -16,7 +16,7 @@ use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, FileKind, Location, nearest};
+use sightline_files::json::{self, Checked, FileKind, Location};
 
 /// Largest target file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -110,17 +110,13 @@ impl Target {
     /// A preset by its name; any other text is the name of a target file.
     ///
     /// # Errors
-    /// No such preset and no such file; any [`DescriptionError`] of the file.
-    pub fn named(text: &str) -> Result<Self, DescriptionError> {
+    /// No such preset and no such file; any [`DescriptionError`](super::DescriptionError) of the file.
+    pub fn named(text: &str) -> Checked<Self> {
         Self::named_at(&Location::top("target"), Path::new(""), text)
     }
 
     /// Like [`Self::named`], with target files relative to a folder; an error names the place of the text.
-    pub(crate) fn named_at(
-        at: &Location,
-        dir: &Path,
-        text: &str,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn named_at(at: &Location, dir: &Path, text: &str) -> Checked<Self> {
         if let Some(preset) = preset_targets().iter().find(|preset| preset.name == text) {
             return Ok(preset.clone());
         }
@@ -128,21 +124,15 @@ impl Target {
         if Path::new(text).extension().is_some() || file.exists() {
             return Self::read(&file);
         }
-        let known = || preset_targets().iter().map(|preset| preset.name.as_str());
-        Err(DescriptionError::UnknownName {
-            at: Box::new(at.clone()),
-            kind: "preset or file of a target",
-            name: text.to_owned(),
-            nearest: nearest(text, known()),
-            known: known().map(str::to_owned).collect(),
-        })
+        let known = preset_targets().iter().map(|preset| preset.name.as_str());
+        Err(check::unknown_name(at, "preset or file of a target", text, known))
     }
 
     /// Reads a target file.
     ///
     /// # Errors
-    /// Any [`DescriptionError`]; each names the file, the place in it and the mend.
-    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+    /// Any [`DescriptionError`](super::DescriptionError); each names the file, the place in it and the mend.
+    pub fn read(path: &Path) -> Checked<Self> {
         let text = json::read_text(path, MAX_FILE)?;
         let dir = path.parent().unwrap_or(Path::new(""));
         let mut target = Self::from_text(&text, dir, &path.display().to_string())?;
@@ -157,7 +147,7 @@ impl Target {
     }
 
     /// From the text of a target file, whose meshes are in `dir`.
-    fn from_text(text: &str, dir: &Path, file: &str) -> Result<Self, DescriptionError> {
+    fn from_text(text: &str, dir: &Path, file: &str) -> Checked<Self> {
         json::check_version(text, file, FileKind::Target)?;
         let TargetDescription { name, mut shapes, reflectance, source, .. } =
             json::parse(text, file)?;
@@ -217,7 +207,7 @@ fn to_micrometres(metres: f64) -> f64 {
 }
 
 /// Corners of the box around triangles, which must fit a road.
-fn checked_corners(at: &Location, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], DescriptionError> {
+fn checked_corners(at: &Location, soup: &TriangleSoup) -> Checked<[[f64; 3]; 2]> {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for vertex in &soup.vertices {
         for k in 0..3 {

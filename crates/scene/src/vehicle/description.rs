@@ -3,7 +3,7 @@
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
 use serde::Deserialize;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -317,7 +317,7 @@ impl<B, M> VehicleDescription<B, M> {
     ///
     /// # Errors
     /// An empty list, which says neither that there is no body nor which one it is.
-    pub(crate) fn take_body(&mut self, at: &Location) -> Result<Vec<B>, DescriptionError> {
+    pub(crate) fn take_body(&mut self, at: &Location) -> Checked<Vec<B>> {
         let wanted = "a list of shapes; leave `body` out to keep the body of the scene, or give boxes or a mesh";
         match self.body.take() {
             Some(shapes) if shapes.is_empty() => {
@@ -333,7 +333,7 @@ impl RequirementDescription {
     ///
     /// # Errors
     /// A name that is not one.
-    pub fn named(&self, at: &Location, default: String) -> Result<String, DescriptionError> {
+    pub fn named(&self, at: &Location, default: String) -> Checked<String> {
         match &self.name {
             Some(name) => check::name(&at.key("name"), name.clone()),
             None => Ok(default),
@@ -349,7 +349,7 @@ impl RequirementDescription {
         at: &Location,
         keys: &[&str],
         mend: impl Fn(&str) -> &'static str,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let given = [
             ("min", self.min.is_some()),
             ("max", self.max.is_some()),
@@ -368,10 +368,7 @@ impl RequirementDescription {
         ];
         match given.into_iter().find(|(key, is_given)| *is_given && !keys.contains(key)) {
             None => Ok(()),
-            Some((key, _)) => {
-                let mend = mend(key).to_owned();
-                Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend })
-            }
+            Some((key, _)) => Err(check::misplaced(at, key, mend(key))),
         }
     }
 
@@ -379,11 +376,8 @@ impl RequirementDescription {
     ///
     /// # Errors
     /// None is given.
-    pub fn share(&self, at: &Location) -> Result<f64, DescriptionError> {
-        self.share.ok_or_else(|| DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "share",
-            mend: "say which share must be seen, `\"share\": 0.9` for example".to_owned(),
-        })
+    pub fn share(&self, at: &Location) -> Checked<f64> {
+        let mend = "say which share must be seen, `\"share\": 0.9` for example";
+        self.share.ok_or_else(|| check::missing(at, "share", mend))
     }
 }

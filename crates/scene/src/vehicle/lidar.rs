@@ -7,7 +7,7 @@ use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 
 use super::description::{OtherSensorDescription, ResponseDescription};
 use super::doubts::{of_angles, of_degrees, of_measures};
@@ -141,7 +141,7 @@ pub(super) fn read(
     range: f64,
     measures: &Measures,
     notes: &mut Vec<Note>,
-) -> Result<Response, DescriptionError> {
+) -> Checked<Response> {
     let usual = stated(range, measures);
     let Some(written) = written else { return Ok(usual) };
     let given = [written.noise, written.rated_range, written.rate];
@@ -260,7 +260,7 @@ impl OtherSensor {
         at: &Location,
         list: Vec<OtherSensorDescription>,
         notes: &mut Vec<Note>,
-    ) -> Result<Vec<Self>, DescriptionError> {
+    ) -> Checked<Vec<Self>> {
         if list.len() > MOST {
             let found = format!("a list of {}", list.len());
             return Err(bad(at, found, format!("at most {MOST} entries; leave some out")));
@@ -283,7 +283,7 @@ impl OtherSensor {
         at: &Location,
         described: OtherSensorDescription,
         notes: &mut Vec<Note>,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let OtherSensorDescription { name, technology, fov, range, .. } = described;
         let name = check::name(&at.key("name"), name)?;
         if name.trim().is_empty() {
@@ -331,7 +331,7 @@ fn view_in_radians(at: &Location, fov: [f64; 2]) -> Option<Note> {
 }
 
 /// A word for a technology; `lidar` is taken.
-fn word(at: &Location, word: String) -> Result<String, DescriptionError> {
+fn word(at: &Location, word: String) -> Checked<String> {
     let is_word = (1..=MOST_LETTERS).contains(&word.len())
         && word.bytes().all(|letter| letter.is_ascii_lowercase());
     if !is_word {

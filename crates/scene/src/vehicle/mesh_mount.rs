@@ -17,7 +17,7 @@ use crate::mesh::{self, Placing};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Widest angle from the direction that triangles face unless the mount says so, radians.
 const FACING: f64 = std::f64::consts::FRAC_PI_3;
@@ -33,7 +33,7 @@ pub(super) fn patch(
     at: &Location,
     patch: &MeshPatchDescription,
     dir: &Path,
-) -> Result<(Region, Vec<PathBuf>), DescriptionError> {
+) -> Checked<(Region, Vec<PathBuf>)> {
     let file = dir.join(&patch.file);
     let MeshPatchDescription { scale, translate, roll, pitch, yaw, .. } = *patch;
     let axes = patch.axes.as_deref();
@@ -64,7 +64,7 @@ pub(super) fn patch(
     Ok((region, raw.files))
 }
 
-fn direction(at: &Location, facing: &FacingDescription) -> Result<(DVec3, f64), DescriptionError> {
+fn direction(at: &Location, facing: &FacingDescription) -> Checked<(DVec3, f64)> {
     let here = at.key("direction");
     let direction = DVec3::from(check::point(&here, facing.direction)?).try_normalize();
     let Some(direction) = direction else {

@@ -4,7 +4,7 @@ use super::mount::is_kept_out;
 use super::pairing::SLACK;
 use super::{Constraints, Equipment, Placement, Vehicle, VehicleMount, Violation};
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, counted};
+use sightline_files::json::{Checked, Location, counted};
 
 /// No rig was found that keeps the rules of the mounts.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -36,7 +36,7 @@ impl Vehicle {
     /// # Errors
     /// A contradiction that is certain: a mount inside the keep-out boxes, too small for the least distance, or too
     /// narrow for a mirrored pair.
-    pub(super) fn check_mounts(&self, at: &Location) -> Result<(), DescriptionError> {
+    pub(super) fn check_mounts(&self, at: &Location) -> Checked<()> {
         self.check_kept_out(&at.key("keep_out"))?;
         for numbered in self.mounts.iter().enumerate() {
             self.check_size(&at.key("min_distance"), numbered)?;
@@ -47,7 +47,7 @@ impl Vehicle {
         Ok(())
     }
 
-    fn check_kept_out(&self, at: &Location) -> Result<(), DescriptionError> {
+    fn check_kept_out(&self, at: &Location) -> Checked<()> {
         let is_covered = |mount: &VehicleMount| is_kept_out(&self.keep_out, mount.region.corners());
         let boxes = format!("list of {}", self.keep_out.len());
         for (k, mount) in self.mounts.iter().enumerate().filter(|(_, mount)| mount.count[0] > 0) {
@@ -67,7 +67,7 @@ impl Vehicle {
         Ok(())
     }
 
-    fn check_size(&self, at: &Location, (k, mount): Numbered) -> Result<(), DescriptionError> {
+    fn check_size(&self, at: &Location, (k, mount): Numbered) -> Checked<()> {
         let [low, high] = mount.region.corners();
         let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
         let least = mount.count[0];
@@ -83,7 +83,7 @@ impl Vehicle {
     }
 
     /// Two sensors of the only model of a mount that is its own mirror image stand on both sides of the plane.
-    fn check_width(&self, at: &Location, (k, mount): Numbered) -> Result<(), DescriptionError> {
+    fn check_width(&self, at: &Location, (k, mount): Numbered) -> Checked<()> {
         let [low, high] = mount.region.corners().map(|corner| corner[1]);
         let is_pair = mount.count[0] > 1
             && mount.sensors.len() == 1

@@ -21,7 +21,7 @@ use super::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, FileKind, Location};
+use sightline_files::json::{self, Checked, FileKind, Location};
 
 /// Largest vehicle file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -33,7 +33,7 @@ const MOST: usize = 64;
 /// Reads a vehicle file: its description, and its text's name for errors.
 pub fn read<B: DeserializeOwned, M: DeserializeOwned>(
     path: &Path,
-) -> Result<VehicleDescription<B, M>, DescriptionError> {
+) -> Checked<VehicleDescription<B, M>> {
     let name = path.display().to_string();
     let text = json::read_text(path, MAX_FILE)?;
     json::check_version(&text, &name, FileKind::Vehicle)?;
@@ -44,8 +44,8 @@ impl Vehicle {
     /// Reads a vehicle file; its body is left to the scenes that name it.
     ///
     /// # Errors
-    /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
-    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+    /// Any [`DescriptionError`](json::DescriptionError); each names the file, the place in it and a remedy.
+    pub fn read(path: &Path) -> Checked<Self> {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let at = Location::top(&path.display().to_string());
@@ -60,7 +60,7 @@ impl Vehicle {
         vehicle: VehicleDescription<B, M>,
         stem: &str,
         dir: &Path,
-    ) -> Result<(Self, Vec<PathBuf>), DescriptionError> {
+    ) -> Checked<(Self, Vec<PathBuf>)> {
         let lists = [("sensors", vehicle.sensors.len()), ("mounts", vehicle.mounts.len())];
         for (key, count) in lists.into_iter().chain([("require", vehicle.require.len().max(1))]) {
             if count == 0 || count > MOST {
@@ -124,7 +124,7 @@ fn models(
     dir: &Path,
     files: &mut Vec<PathBuf>,
     notes: &mut Vec<Note>,
-) -> Result<Vec<VehicleSensor>, DescriptionError> {
+) -> Checked<Vec<VehicleSensor>> {
     let mut sensors: Vec<VehicleSensor> = Vec::new();
     for (i, model) in list.into_iter().enumerate() {
         let at = at.key("sensors").item(i);
@@ -181,7 +181,7 @@ fn mounts(
     list: Vec<MountingDescription>,
     sensors: &[VehicleSensor],
     dir: &Path,
-) -> Result<(Vec<VehicleMount>, Vec<PathBuf>), DescriptionError> {
+) -> Checked<(Vec<VehicleMount>, Vec<PathBuf>)> {
     let mut names = HashSet::new();
     let (mut mounts, mut files) = (Vec::new(), Vec::new());
     for (i, mount) in list.into_iter().enumerate() {
@@ -209,7 +209,7 @@ fn sensor(
     model: ModelDescription,
     dir: &Path,
     notes: &mut Vec<Note>,
-) -> Result<VehicleSensor, DescriptionError> {
+) -> Checked<VehicleSensor> {
     let refused = |wanted: String| bad(&at.key("name"), format!("{:?}", model.name), wanted);
     if !SensorName::is_name(&model.name) {
         let wanted = format!(
@@ -247,7 +247,7 @@ fn sensor(
 }
 
 /// Angles to choose from, at most a whole turn of them.
-fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Result<SpinPhase, DescriptionError> {
+fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Checked<SpinPhase> {
     let [from, to] = [check::radians(&at.item(0), from)?, check::radians(&at.item(1), to)?];
     if from == to {
         return Ok(SpinPhase::Locked(from));
@@ -260,12 +260,8 @@ fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Result<SpinPhase, Descr
 }
 
 /// An area of the vehicle's surroundings that beams must pass.
-fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement, DescriptionError> {
-    let missing = |key, mend: &str| DescriptionError::Missing {
-        at: Box::new(at.clone()),
-        key,
-        mend: mend.to_owned(),
-    };
+fn area(at: &Location, required: &RequirementDescription) -> Checked<Requirement> {
+    let missing = |key, mend: &str| check::missing(at, key, mend);
     let corner = "give the corners of a box, a `target`, `ground`, a `blind_zone` or `overlap`";
     let min = required.min.ok_or_else(|| missing("min", corner))?;
     let max = required.max.ok_or_else(|| missing("max", corner))?;
@@ -341,11 +337,7 @@ struct Requirements {
 }
 
 impl Requirements {
-    fn new(
-        at: &Location,
-        list: &[RequirementDescription],
-        dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    fn new(at: &Location, list: &[RequirementDescription], dir: &Path) -> Checked<Self> {
         let mut all = Self::default();
         for (i, required) in list.iter().enumerate() {
             let at = at.item(i);
@@ -379,7 +371,7 @@ impl Requirements {
     }
 
     /// Checks that the names differ, the default ones too: results tell the entries apart by them.
-    fn check_names(&self, at: &Location) -> Result<(), DescriptionError> {
+    fn check_names(&self, at: &Location) -> Checked<()> {
         fn of<'a, T>(
             rules: &'a [(usize, T)],
             name: impl Fn(&'a T) -> &'a String,

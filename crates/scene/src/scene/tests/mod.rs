@@ -31,7 +31,7 @@ fn full(shapes: &str, more: &str) -> String {
     cut.replace("\"coverage\": \"through\"", &format!("\"static\": [{shapes}]{more}"))
 }
 
-fn read(text: &str) -> Result<Scene, DescriptionError> {
+fn read(text: &str) -> Checked<Scene> {
     Scene::from_json(text, Path::new("dir"), "s.json")
 }
 

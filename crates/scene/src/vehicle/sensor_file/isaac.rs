@@ -5,7 +5,7 @@
 
 use serde::Deserialize;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 use sightline_files::{Note, json};
 
 use super::pattern;
@@ -88,7 +88,7 @@ struct EmitterState {
     rest: Rest,
 }
 
-pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     let IsaacFile { name, profile, rest } = json::parse(text, &at.file)?;
     let model = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
     let top = pattern::unknown(at, &rest, PASSED);
@@ -128,11 +128,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
 }
 
 /// Refuses lists of other lengths than each other and than the counts beside them.
-fn check_counts(
-    at: &Location,
-    list: &Location,
-    profile: &IsaacProfile,
-) -> Result<(), DescriptionError> {
+fn check_counts(at: &Location, list: &Location, profile: &IsaacProfile) -> Checked<()> {
     let states = &profile.emitter_states;
     if states.is_empty() {
         return Err(bad(list, "a list of 0", "a list of at least one emitter state"));
@@ -170,7 +166,7 @@ fn check_counts(
 }
 
 /// Azimuths between which the sensor measures, in degrees, the smaller first; `None` for a whole turn.
-fn window(at: &Location, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, DescriptionError> {
+fn window(at: &Location, profile: &IsaacProfile) -> Checked<Option<[f64; 2]>> {
     let pairs = [
         ("startAzimuthDeg", profile.start_azimuth_deg, "endAzimuthDeg", profile.end_azimuth_deg),
         (
@@ -214,11 +210,7 @@ fn window(at: &Location, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, Des
 }
 
 /// Ranges and errors, checked.
-fn measures(
-    at: &Location,
-    profile: &IsaacProfile,
-    notes: &mut Vec<Note>,
-) -> Result<Measures, DescriptionError> {
+fn measures(at: &Location, profile: &IsaacProfile, notes: &mut Vec<Note>) -> Checked<Measures> {
     let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
         Some(value) if !(low..=high).contains(&value) => {
             Err(bad(&at.key(key), value, format!("a number from {low} to {high}")))
@@ -257,7 +249,7 @@ fn rotary(
     list: &Location,
     profile: &IsaacProfile,
     window: Option<[f64; 2]>,
-) -> Result<SensorPattern, DescriptionError> {
+) -> Checked<SensorPattern> {
     let states = profile.emitter_states.len();
     let rate = profile.report_rate_base_hz.or(profile.pattern_firing_rate_hz);
     let ticks = rate.zip(profile.scan_rate_base_hz).map(|(ticks, scans)| (ticks / scans).round());
@@ -314,12 +306,7 @@ struct WindowColumns {
 }
 
 impl WindowColumns {
-    fn of(
-        at: &Location,
-        window: [f64; 2],
-        ticks: usize,
-        clockwise: bool,
-    ) -> Result<Self, DescriptionError> {
+    fn of(at: &Location, window: [f64; 2], ticks: usize, clockwise: bool) -> Checked<Self> {
         let step = 360.0 / ticks as f64;
         let [first, last] = whole_columns(at, window, step)?;
         let [first, last] = [first as i64, last as i64];
@@ -339,7 +326,7 @@ impl WindowColumns {
         list: &Location,
         profile: &IsaacProfile,
         pattern: &mut SensorPattern,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let states = &profile.emitter_states;
         let emitters = |state: &EmitterState| {
             let pairs = state.azimuth_deg.iter().zip(&state.elevation_deg);
@@ -389,11 +376,7 @@ impl WindowColumns {
 }
 
 /// Numbers of the first and the last column of a window in degrees, `step` degrees apart.
-fn whole_columns(
-    at: &Location,
-    [from, to]: [f64; 2],
-    step: f64,
-) -> Result<[f64; 2], DescriptionError> {
+fn whole_columns(at: &Location, [from, to]: [f64; 2], step: f64) -> Checked<[f64; 2]> {
     let [first, last] = [((from - EDGE) / step).ceil(), ((to + EDGE) / step).floor()];
     if last < first {
         let found = format!("{from} to {to} degrees");
@@ -410,11 +393,7 @@ fn cut_to([from, to]: [f64; 2]) -> Note {
 }
 
 /// Leaves the whole columns of a window in degrees.
-fn cut(
-    at: &Location,
-    pattern: &mut SensorPattern,
-    window: [f64; 2],
-) -> Result<(), DescriptionError> {
+fn cut(at: &Location, pattern: &mut SensorPattern, window: [f64; 2]) -> Checked<()> {
     let [from, to] = window;
     // Without columns of its own the window ends where the file says.
     let step = pattern.azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
@@ -430,7 +409,7 @@ fn solid_state(
     list: &Location,
     profile: &IsaacProfile,
     window: Option<[f64; 2]>,
-) -> Result<SensorPattern, DescriptionError> {
+) -> Checked<SensorPattern> {
     let (at, state) = (list.item(0), &profile.emitter_states[0]);
     let count = state.elevation_deg.len();
     if count == 0 || count as u64 > MAX_BEAMS {

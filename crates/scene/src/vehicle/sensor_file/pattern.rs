@@ -14,7 +14,7 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location, nearest};
+use sightline_files::json::{Checked, Location, nearest};
 
 /// Most channels of a sensor.
 pub const MAX_CHANNELS: usize = 1024;
@@ -172,10 +172,7 @@ impl SensorPattern {
 }
 
 /// A checked channel; `elevation` and `offset` are places and values.
-pub(super) fn channel(
-    elevation: (&Location, f64),
-    offset: (&Location, f64),
-) -> Result<Channel, DescriptionError> {
+pub(super) fn channel(elevation: (&Location, f64), offset: (&Location, f64)) -> Checked<Channel> {
     Ok(Channel {
         elevation: check::elevation(elevation.0, elevation.1)?,
         azimuth_offset: azimuth(offset.0, offset.1)?,
@@ -183,7 +180,7 @@ pub(super) fn channel(
 }
 
 /// An azimuth in degrees.
-pub(super) fn azimuth(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub(super) fn azimuth(at: &Location, value: f64) -> Checked<f64> {
     if value.abs() <= 360.0 {
         return Ok(value);
     }
@@ -196,7 +193,7 @@ pub(super) fn channels_of(
     elevations: &[f64],
     offsets: &[f64],
     sign: f64,
-) -> Result<Beams, DescriptionError> {
+) -> Checked<Beams> {
     check_count(elevation_at, elevations.len())?;
     if offsets.len() != elevations.len() {
         let wanted = format!("one offset for each of the {} elevations", elevations.len());
@@ -212,7 +209,7 @@ pub(super) fn channels_of(
 }
 
 /// Refuses a sensor without channels or with too many.
-pub(super) fn check_count(at: &Location, count: usize) -> Result<(), DescriptionError> {
+pub(super) fn check_count(at: &Location, count: usize) -> Checked<()> {
     if (1..=MAX_CHANNELS).contains(&count) {
         return Ok(());
     }

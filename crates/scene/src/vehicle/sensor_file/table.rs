@@ -16,7 +16,7 @@ use super::pattern::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, Location, Quantity, parse_yaml};
+use sightline_files::json::{self, Checked, Location, Quantity, parse_yaml};
 
 /// Keys that are read.
 const READ: &str = "name elevation_deg azimuth_offset_deg azimuth_sign channels azimuth_steps columns_per_frame \
@@ -54,7 +54,7 @@ struct TableFile {
     rest: Rest,
 }
 
-pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     let table: TableFile = json::parse(text, &at.file)?;
     let elevations = table.elevation_deg;
     let offsets = table.azimuth_offset_deg.unwrap_or_else(|| vec![0.0; elevations.len()]);
@@ -132,7 +132,7 @@ fn offsets_in_radians(at: &Location, offsets: &[f64]) -> Option<Note> {
 }
 
 /// Azimuths of the first and the last column, at most a turn apart.
-fn window(at: &Location, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+fn window(at: &Location, [from, to]: [f64; 2]) -> Checked<[f64; 2]> {
     let (from, to) = (azimuth(&at.item(0), from)?, azimuth(&at.item(1), to)?);
     if from <= to && to - from < 360.0 {
         return Ok([from, to]);
@@ -187,7 +187,7 @@ pub(super) fn is_velodyne(text: &str) -> bool {
     text.lines().any(|line| line.trim_start_matches(['{', ' ']).starts_with("lasers:"))
 }
 
-pub(super) fn parse_velodyne(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern> {
     let document = parse_yaml(text, &at.file, quantity)?;
     let Calibration { lasers, num_lasers } = document.read()?;
     let list = at.key("lasers");
