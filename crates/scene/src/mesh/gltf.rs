@@ -205,7 +205,7 @@ pub(super) struct Data {
 }
 
 impl Data {
-    pub fn new(buffers: Vec<Vec<u8>>) -> Self {
+    pub(super) fn new(buffers: Vec<Vec<u8>>) -> Self {
         Self { buffers, left: Cell::new(MOST_NUMBERS) }
     }
 
@@ -213,7 +213,11 @@ impl Data {
     ///
     /// # Errors
     /// Another shape, compressed data, or an end past its buffer: the crate's own reader would panic.
-    pub fn read(&self, accessor: &Accessor<'_>, shape: Dimensions) -> Result<Vec<f64>, String> {
+    pub(super) fn read(
+        &self,
+        accessor: &Accessor<'_>,
+        shape: Dimensions,
+    ) -> Result<Vec<f64>, String> {
         let name = format!("accessor {}", accessor.index());
         let kind = accessor.data_type();
         if accessor.dimensions() != shape {

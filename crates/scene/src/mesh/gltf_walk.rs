@@ -31,7 +31,7 @@ pub(super) struct NodeWalk<'a> {
 }
 
 impl<'a> NodeWalk<'a> {
-    pub fn new(
+    pub(super) fn new(
         document: &'a gltf::Document,
         frames: Vec<DMat4>,
         data: Data,
@@ -43,7 +43,7 @@ impl<'a> NodeWalk<'a> {
     }
 
     /// The triangles of a scene.
-    pub fn run(mut self, scene: &gltf::Scene<'a>) -> Parsed<RawMesh> {
+    pub(super) fn run(mut self, scene: &gltf::Scene<'a>) -> Parsed<RawMesh> {
         for node in scene.nodes() {
             self.place(node, DMat4::IDENTITY, 0, true)?;
         }

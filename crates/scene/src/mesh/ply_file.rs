@@ -105,7 +105,7 @@ pub(super) struct PlyHeader {
 
 impl PlyHeader {
     /// Reads the header; the body begins behind it. Lines end with LF, CR LF or CR.
-    pub fn read(bytes: &[u8]) -> Parsed<(Self, PlyBody<'_>)> {
+    pub(super) fn read(bytes: &[u8]) -> Parsed<(Self, PlyBody<'_>)> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let (mut at, mut line) = (0, 0);
         let (mut form, mut elements) = (None, Vec::<PlyElement>::new());
@@ -207,7 +207,7 @@ pub(super) struct PlyBody<'a> {
 
 impl<'a> PlyBody<'a> {
     /// Reads a row: `read` takes each property by its index, and reads or passes it.
-    pub fn row(
+    pub(super) fn row(
         &mut self,
         element: &PlyElement,
         mut read: impl FnMut(&mut Self, usize, &Property) -> Result<(), String>,
@@ -240,7 +240,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Passes over all rows of an element.
-    pub fn skip(&mut self, element: &PlyElement) -> Parsed<()> {
+    pub(super) fn skip(&mut self, element: &PlyElement) -> Parsed<()> {
         let fixed = element.properties.iter().all(|p| p.list.is_none());
         if self.form != Form::Ascii && fixed {
             let row: usize = element.properties.iter().map(|p| p.kind.size()).sum();
@@ -258,7 +258,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Refuses data behind the last row: a count in the header is too small then.
-    pub fn end(&self) -> Parsed<()> {
+    pub(super) fn end(&self) -> Parsed<()> {
         let padding = |b: &u8| *b == 0 || b.is_ascii_whitespace();
         if self.rest.iter().all(padding) {
             return Ok(());
@@ -288,7 +288,7 @@ impl<'a> PlyBody<'a> {
         std::str::from_utf8(word).map_err(|_| "is not text".to_owned())
     }
 
-    pub fn number(&mut self, kind: PlyScalar) -> Result<f64, String> {
+    pub(super) fn number(&mut self, kind: PlyScalar) -> Result<f64, String> {
         if self.form == Form::Ascii {
             let word = self.word()?;
             return word
@@ -314,7 +314,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// The count of a list, for which there are bytes enough.
-    pub fn count(&mut self, kind: PlyScalar) -> Result<usize, String> {
+    pub(super) fn count(&mut self, kind: PlyScalar) -> Result<usize, String> {
         let count = self.number(kind)?;
         let left = if self.form == Form::Ascii { self.words.len() } else { self.rest.len() };
         if count.fract() == 0.0 && (0.0..=left as f64).contains(&count) {
@@ -324,7 +324,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Passes over a property, whatever its words are.
-    pub fn pass(&mut self, property: &Property) -> Result<(), String> {
+    pub(super) fn pass(&mut self, property: &Property) -> Result<(), String> {
         let count = match property.list {
             Some(kind) => self.count(kind)?,
             None => 1,

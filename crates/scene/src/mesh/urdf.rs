@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Geometry, MeshFault, OriginAngles, Parsed, RobotPart};
+use super::{Geometry, MeshFault, OriginAngles, Parsed, RobotFile, RobotPart, RobotShapes};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, plain_names};
@@ -20,19 +20,6 @@ const MAX_NODES: u32 = 1_000_000;
 const JOINTS: [&str; 6] = ["fixed", "continuous", "floating", "planar", "prismatic", "revolute"];
 /// Largest scale of a mesh.
 const MAX_SCALE: f64 = 1.0e6;
-
-/// Where a robot's text and meshes come from, and which of its shapes are meant.
-pub struct Robot<'a> {
-    pub text: &'a str,
-    /// Folder of the file.
-    pub folder: &'a Path,
-    /// Folder that holds the packages of `package://`.
-    pub packages: Option<&'a Path>,
-    /// `visual` or `collision`.
-    pub tag: &'a str,
-    /// Links that are left out.
-    pub without: &'a [String],
-}
 
 /// A link's place in the tree.
 struct Joint {
@@ -119,11 +106,12 @@ fn origin(node: Node, of: &str) -> Parsed<Pose> {
     Ok(Pose { rotation: DMat3::from_quat(quaternion.normalize()), translation: at })
 }
 
-impl Robot<'_> {
-    /// The shapes of all links but those left out, in the order of the file, and the angles of all origins.
-    pub fn parts(&self) -> Parsed<(Vec<RobotPart>, Vec<OriginAngles>)> {
-        let text = plain_names(self.text);
-        let document = self.document(&text)?;
+impl RobotFile<'_> {
+    /// The shapes of all links but those left out, in the order of the file, and the angles of all origins; `text` is
+    /// that of the file.
+    pub(super) fn shapes(&self, text: &str) -> Parsed<RobotShapes> {
+        let plain = plain_names(text);
+        let document = document(text, &plain)?;
         let robot = document.root_element();
         let (links, names) = links(robot)?;
         let mut left_out = vec![false; links.len()];
@@ -172,29 +160,8 @@ impl Robot<'_> {
         origins.filter_map(angles).collect()
     }
 
-    fn document<'t>(&self, text: &'t str) -> Parsed<Document<'t>> {
-        let unexpanded = || fault("file", "is xacro; expand it with `xacro FILE > robot.urdf`");
-        let parsed = check_xml(text).and_then(|()| {
-            let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-            Document::parse_with_options(text, options).map_err(|error| error.to_string())
-        });
-        let document = parsed.map_err(|problem| match self.text.contains("<xacro:") {
-            true => unexpanded(),
-            false => fault("file", format!("is not XML: {problem}; correct it")),
-        })?;
-        let is_xacro = |node: Node| {
-            let waits = |value: &str| value.contains("${") || value.contains("$(");
-            node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
-                || node.attributes().any(|attribute| waits(attribute.value()))
-        };
-        if document.descendants().any(is_xacro) {
-            return Err(unexpanded());
-        }
-        let root = document.root_element().tag_name().name();
-        if root != "robot" {
-            return Err(fault("file", format!("is a <{root}>, not a <robot>; give a URDF")));
-        }
-        Ok(document)
+    fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new(""))
     }
 
     fn geometry(&self, shape: Node, of: &str) -> Parsed<Geometry> {
@@ -251,7 +218,7 @@ impl Robot<'_> {
                 let problem = format!("{name:?} is not a file; copy the mesh beside the URDF");
                 return Err(fault(of, problem));
             }
-            return stays_inside(self.folder, name).map_err(refused);
+            return stays_inside(self.folder(), name).map_err(refused);
         };
         let (package, rest) = in_package.split_once('/').unwrap_or((in_package, ""));
         let folder = self.package(package).ok_or_else(|| {
@@ -274,11 +241,12 @@ impl Robot<'_> {
         if let Some(packages) = self.packages {
             return Some(packages.join(name)).filter(|folder| folder.is_dir());
         }
-        let beside = self.folder.join(name);
+        let beside = self.folder().join(name);
         if beside.is_dir() {
-            return stays_inside(self.folder, name).ok();
+            return stays_inside(self.folder(), name).ok();
         }
-        let here = if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder };
+        let folder = self.folder();
+        let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let here = here.canonicalize().ok()?;
         let is_it = |folder: &&Path| {
             folder.file_name().is_some_and(|own| own == name)
@@ -286,6 +254,32 @@ impl Robot<'_> {
         };
         here.ancestors().find(is_it).map(Path::to_owned)
     }
+}
+
+/// The document of a text, whose names are `plain` ones.
+fn document<'t>(text: &str, plain: &'t str) -> Parsed<Document<'t>> {
+    let unexpanded = || fault("file", "is xacro; expand it with `xacro FILE > robot.urdf`");
+    let parsed = check_xml(plain).and_then(|()| {
+        let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+        Document::parse_with_options(plain, options).map_err(|error| error.to_string())
+    });
+    let document = parsed.map_err(|problem| match text.contains("<xacro:") {
+        true => unexpanded(),
+        false => fault("file", format!("is not XML: {problem}; correct it")),
+    })?;
+    let is_xacro = |node: Node| {
+        let waits = |value: &str| value.contains("${") || value.contains("$(");
+        node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
+            || node.attributes().any(|attribute| waits(attribute.value()))
+    };
+    if document.descendants().any(is_xacro) {
+        return Err(unexpanded());
+    }
+    let root = document.root_element().tag_name().name();
+    if root != "robot" {
+        return Err(fault("file", format!("is a <{root}>, not a <robot>; give a URDF")));
+    }
+    Ok(document)
 }
 
 /// All links in the order of the file, and the number of each by its name.

@@ -67,7 +67,7 @@ const MAX_CLASSES: usize = 256;
 
 /// Class names of a scene, checked.
 #[derive(Debug, Clone)]
-pub struct Classes {
+pub(crate) struct Classes {
     pub names: Vec<String>,
     /// Place and names of the scene's `detection`; `None` takes the defaults.
     detection: Option<(Location, Vec<String>)>,
@@ -76,7 +76,7 @@ pub struct Classes {
 impl Classes {
     /// Checks the `classes` of a scene; `None` takes the defaults. [`Self::check_detection`] checks the
     /// names of `detection`.
-    pub fn new(
+    pub(crate) fn new(
         top: &Location,
         names: Option<Vec<String>>,
         detection: Option<Vec<String>>,
@@ -104,7 +104,7 @@ impl Classes {
     }
 
     /// Checks that `classes` holds every name of `detection`.
-    pub fn check_detection(&self, classes: &[String]) -> Checked<()> {
+    pub(crate) fn check_detection(&self, classes: &[String]) -> Checked<()> {
         let (at, list) = match &self.detection {
             Some((at, list)) => (at, list.as_slice()),
             None => return Ok(()),
@@ -114,7 +114,7 @@ impl Classes {
     }
 
     /// Ids in `classes` of the detection target, rising.
-    pub fn detection_among(&self, classes: &[String]) -> Vec<u16> {
+    pub(crate) fn detection_among(&self, classes: &[String]) -> Vec<u16> {
         let counts = |name: &str| match &self.detection {
             Some((_, list)) => list.iter().any(|n| n == name),
             None => DETECTION.contains(&name),
@@ -126,7 +126,7 @@ impl Classes {
         self.names.iter().position(|n| n == name).map(|i| i as u16)
     }
 
-    pub fn id(&self, at: &Location, name: &str) -> Checked<u16> {
+    pub(crate) fn id(&self, at: &Location, name: &str) -> Checked<u16> {
         self.find(name).ok_or_else(|| unknown(at, name, &self.names))
     }
 }

@@ -37,13 +37,13 @@ pub enum PartOwner {
 const HELD_STILL: &str = "level ground takes the body as in frame 0";
 
 impl Scene {
-    /// Number of the part that is the body of the ego vehicle: the first of [`Self::own_parts`].
+    /// Number of the part that is the body of the ego vehicle, the first of its bodies.
     pub fn body_part(&self) -> usize {
         1 + self.actors.len()
     }
 
     /// Numbers of the parts that are bodies of the ego vehicle: the last ones.
-    pub fn own_parts(&self) -> Range<usize> {
+    pub(crate) fn own_parts(&self) -> Range<usize> {
         self.body_part()..self.body_part() + 1 + self.bodies.len()
     }
 
@@ -281,7 +281,7 @@ impl Scene {
 
 /// A body that moves against the first: a trailer that bends, a wheel that is steered.
 #[derive(Debug, Clone)]
-pub struct OwnBody {
+pub(crate) struct OwnBody {
     pub name: String,
     /// Triangles in the body's own frame.
     pub parts: Solid,
@@ -311,7 +311,7 @@ impl OwnBody {
     }
 
     /// Note for commands that take the body as it stands in frame 0.
-    pub fn note(&self) -> Note {
+    pub(crate) fn note(&self) -> Note {
         Note::fact(format!(
             "{}: moves from frame to frame; the outline for the near field, its poles, and targets on level ground \
              take it as in frame 0",
@@ -322,7 +322,7 @@ impl OwnBody {
 
 /// All bodies of the own vehicle.
 #[derive(Debug, Default)]
-pub struct OwnBodies {
+pub(crate) struct OwnBodies {
     /// The first body and those with one pose, in the ego frame.
     pub body: Solid,
     /// Bodies with a pose for each frame.
@@ -334,7 +334,7 @@ impl OwnBodies {
     ///
     /// # Errors
     /// A body without parts, triangles or poses; a shape that is wrong.
-    pub fn new(
+    pub(crate) fn new(
         builder: &mut Builder<'_>,
         at: &Location,
         first: &[ShapeDescription],
@@ -400,7 +400,7 @@ impl OwnBodies {
     }
 
     /// True if no body has a triangle.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.body.faces.is_empty() && self.moving.iter().all(|body| body.parts.faces.is_empty())
     }
 }
@@ -415,7 +415,7 @@ fn check_area(at: &Location, body: &Solid) -> Checked<()> {
 }
 
 /// All triangles of the own vehicle in a frame, in the ego frame.
-pub fn standing(body: &Solid, moving: &[OwnBody], frame: usize) -> Solid {
+fn standing(body: &Solid, moving: &[OwnBody], frame: usize) -> Solid {
     let mut all = Solid::default();
     all.append(body, &Pose::IDENTITY);
     moving.iter().for_each(|other| all.append(&other.parts, &other.motion.pose(frame)));

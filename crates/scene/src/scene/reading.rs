@@ -222,7 +222,7 @@ struct VehicleBody {
 
 impl VehicleBody {
     /// The bodies' triangles, the files that their shapes name, and notes about them.
-    pub fn build(
+    fn build(
         &self,
         classes: &Classes,
         shapes: &Dictionary<Vec<ShapeDescription>>,
@@ -237,7 +237,7 @@ impl VehicleBody {
 
 impl SceneVehicle {
     /// From a scene's description, or from the vehicle file given beside it.
-    pub fn new(
+    fn new(
         top: &Location,
         scene: &mut SceneDescription,
         dir: &Path,

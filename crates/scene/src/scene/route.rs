@@ -10,7 +10,7 @@ use sightline_files::json::{Checked, Location};
 
 /// A pose for every frame.
 #[derive(Debug, Clone)]
-pub enum Motion {
+pub(crate) enum Motion {
     /// No motion: one pose for all frames.
     Still,
     /// One pose a frame.
@@ -22,7 +22,7 @@ pub enum Motion {
 impl Motion {
     /// Reads `poses` or `route` of the object at `at`; `None` where it has neither. On a route things pitch with the slope
     /// unless they stay `upright`.
-    pub fn new(
+    pub(crate) fn new(
         at: &Location,
         poses: Option<&[PoseDescription]>,
         route: Option<&RouteDescription>,
@@ -65,7 +65,7 @@ impl Motion {
 
     /// The way from frame `t` to the next, on a straight line and turning evenly; after the last frame things
     /// go on as they came.
-    pub fn glide(&self, t: usize) -> Glide {
+    pub(crate) fn glide(&self, t: usize) -> Glide {
         let here = self.pose(t);
         let next = match self {
             Self::Still => here,
@@ -80,7 +80,7 @@ impl Motion {
     }
 
     /// Pose in frame `t`, below the number of frames.
-    pub fn pose(&self, t: usize) -> Pose {
+    pub(crate) fn pose(&self, t: usize) -> Pose {
         match self {
             Self::Still => Pose::IDENTITY,
             Self::Poses(poses) => poses[t],
@@ -103,7 +103,7 @@ fn pose(at: &Location, p: &PoseDescription) -> Checked<Pose> {
 ///
 /// The end segments go on straight before the first and after the last point.
 #[derive(Debug, Clone)]
-pub struct Route {
+pub(crate) struct Route {
     points: Vec<DVec3>,
     /// Length of the line up to each point, in metres.
     along: Vec<f64>,
@@ -115,7 +115,7 @@ pub struct Route {
 
 impl Route {
     /// Metres from frame to frame.
-    pub fn spacing(&self) -> f64 {
+    pub(crate) fn spacing(&self) -> f64 {
         self.spacing
     }
 

@@ -72,7 +72,7 @@ impl RoiBounds {
 
     /// Checks that every mount lies in the ROI of `scene` sideways, and that the box around all touches it in z or stands
     /// at most `MOUNT_HEADROOM` above. `place` is where each mount is written.
-    pub fn check_mounts(
+    pub(super) fn check_mounts(
         &self,
         scene: &Location,
         vehicle: &Vehicle,

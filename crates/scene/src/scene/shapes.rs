@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use glam::DVec3;
-use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, DescriptionError, Location, check, nearest};
@@ -24,7 +23,7 @@ const MAX_DEPTH: usize = 8;
 const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "urdf", "shape"];
 
 /// Builds triangles from shapes; loads each mesh file once.
-pub struct Builder<'a> {
+pub(crate) struct Builder<'a> {
     classes: &'a Classes,
     named: &'a Dictionary<Vec<ShapeDescription>>,
     /// Index in `named` by name.
@@ -44,7 +43,7 @@ pub struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    pub fn new(
+    pub(crate) fn new(
         top: &Location,
         classes: &'a Classes,
         named: &'a Dictionary<Vec<ShapeDescription>>,
@@ -69,12 +68,12 @@ impl<'a> Builder<'a> {
     }
 
     /// A builder of at most so many triangles.
-    pub fn limited(self, most: u64) -> Self {
+    pub(crate) fn limited(self, most: u64) -> Self {
         Self { most, ..self }
     }
 
     /// The files of all meshes and robots, in alphabetical order, each once.
-    pub fn files(&self) -> Vec<PathBuf> {
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
         let meshes = self.meshes.values().flat_map(|m| m.files.clone());
         let mut files: Vec<PathBuf> = meshes.chain(self.others.iter().cloned()).collect();
         files.sort();
@@ -87,7 +86,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Notes on material names that no mesh has, and on actors that no beam can hit.
-    pub fn notes(&mut self) -> Vec<Note> {
+    pub(crate) fn notes(&mut self) -> Vec<Note> {
         std::mem::take(&mut self.notes)
     }
 
@@ -101,12 +100,12 @@ impl<'a> Builder<'a> {
     }
 
     /// The triangles of a list of shapes, in order, and where each shape ends.
-    pub fn list(&mut self, at: &Location, list: &[ShapeDescription]) -> Checked<Solid> {
+    pub(crate) fn list(&mut self, at: &Location, list: &[ShapeDescription]) -> Checked<Solid> {
         self.nested_list(at, list, 0)
     }
 
     /// Triangles of an actor; an empty list is an error, an actor without area a note.
-    pub fn actor(&mut self, at: &Location, parts: &[ShapeDescription]) -> Checked<Solid> {
+    pub(crate) fn actor(&mut self, at: &Location, parts: &[ShapeDescription]) -> Checked<Solid> {
         if parts.is_empty() {
             return Err(bad(at, "an empty list", "a shape; add one or leave the actor out"));
         }
@@ -327,8 +326,8 @@ impl Builder<'_> {
         }
         let file = self.dir.join(&urdf.file);
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
-        let robot = RobotFile { file: &file, packages: packages.as_deref(), tag };
-        let (parts, origins) = robot.parts(at, &urdf.without)?;
+        let (packages, without) = (packages.as_deref(), &urdf.without[..]);
+        let (parts, origins) = RobotFile { file: &file, packages, tag, without }.parts(at)?;
         self.note_degrees(at, &file, &origins);
         self.others.push(file.clone());
         let mut solid = Solid::default();
@@ -374,7 +373,7 @@ impl Builder<'_> {
         scale: DVec3,
         class: u16,
     ) -> Checked<Solid> {
-        let placing = Placing::scaled(scale, Pose::IDENTITY);
+        let placing = Placing::scaled(scale);
         let raw = self.raw(at, file, &placing)?;
         Ok(Solid {
             vertices: placing.vertices(at, file, &raw)?,

@@ -18,7 +18,7 @@ const THINNEST: f64 = 1e-14;
 ///
 /// Coordinates are `f64`: national ones keep their millimetres until they are moved to the ego.
 #[derive(Debug, Clone, Default)]
-pub struct Solid {
+pub(crate) struct Solid {
     pub vertices: Vec<DVec3>,
     pub faces: Vec<[u32; 3]>,
     pub classes: Vec<u16>,
@@ -28,7 +28,7 @@ pub struct Solid {
 
 impl Solid {
     /// Appends `other`, moved by `pose`.
-    pub fn append(&mut self, other: &Self, pose: &Pose) {
+    pub(crate) fn append(&mut self, other: &Self, pose: &Pose) {
         let base = self.vertices.len() as u32;
         let faces = self.faces.len();
         self.ends.extend(other.ends.iter().map(|end| end + faces));
@@ -56,7 +56,7 @@ impl Solid {
 
     /// A box of `size` around `center`, turned by `yaw` about its own vertical axis: 12 triangles
     /// facing outwards.
-    pub fn cuboid(center: DVec3, size: DVec3, yaw: f64, class: u16) -> Self {
+    pub(crate) fn cuboid(center: DVec3, size: DVec3, yaw: f64, class: u16) -> Self {
         let half = size / 2.0;
         let base = [[-half.x, -half.y], [half.x, -half.y], [half.x, half.y], [-half.x, half.y]];
         let mut solid = Self::prism(&base, [-half.z, half.z], class);
@@ -69,7 +69,7 @@ impl Solid {
 
     /// Walls, floor and roof over a simple counter-clockwise `base`, facing outwards:
     /// 4n − 4 triangles for n corners.
-    pub fn prism(base: &[[f64; 2]], z: [f64; 2], class: u16) -> Self {
+    pub(crate) fn prism(base: &[[f64; 2]], z: [f64; 2], class: u16) -> Self {
         let n = base.len() as u32;
         let ring = |z| base.iter().map(move |p| DVec3::new(p[0], p[1], z));
         let vertices = ring(z[0]).chain(ring(z[1])).collect();
@@ -85,7 +85,7 @@ impl Solid {
     }
 
     /// Upright prism with `sides` corners on the circle around `foot`, the first at +x.
-    pub fn cylinder(foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) -> Self {
+    pub(crate) fn cylinder(foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) -> Self {
         let corner = |i: u32| {
             let (sin, cos) =
                 maths::sin_cos(f64::from(i) * std::f64::consts::TAU / f64::from(sides));
@@ -101,7 +101,7 @@ impl Solid {
 
     /// A ball of circles of latitude with `sides` corners, `bands` of them from pole to pole; all corners lie on the
     /// sphere around the origin.
-    pub fn sphere(radius: f64, [sides, bands]: [u32; 2], class: u16) -> Self {
+    pub(crate) fn sphere(radius: f64, [sides, bands]: [u32; 2], class: u16) -> Self {
         let corner = |band: u32, side: u32| {
             let (sin, cos) =
                 maths::sin_cos(std::f64::consts::PI * f64::from(band) / f64::from(bands));
@@ -129,7 +129,7 @@ impl Solid {
     }
 
     /// A level rectangle facing up: two triangles.
-    pub fn plane(min: [f64; 2], max: [f64; 2], z: f64, class: u16) -> Self {
+    pub(crate) fn plane(min: [f64; 2], max: [f64; 2], z: f64, class: u16) -> Self {
         let corners = [[min[0], min[1]], [max[0], min[1]], [max[0], max[1]], [min[0], max[1]]];
         Self {
             vertices: corners.iter().map(|p| DVec3::new(p[0], p[1], z)).collect(),

@@ -25,7 +25,7 @@ const RATED: f64 = 2000.0;
 const RATE: f64 = 100.0;
 
 /// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
-pub fn is_degrees(angle: f64) -> bool {
+pub(crate) fn is_degrees(angle: f64) -> bool {
     in_degrees(angle).is_some()
 }
 
@@ -39,7 +39,7 @@ fn in_degrees(angle: f64) -> Option<String> {
 }
 
 /// A doubt about angles that a file states in radians; `what` names the angles.
-pub fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
+pub(crate) fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
     // A range from 3 to 3.3 is around π: a fraction beside a whole number says radians.
     let beside = |angle: f64| angles.iter().any(|a| a.fract() != 0.0 && (a - angle).abs() < 1.0);
     let is_turn = |angle: f64| angle.abs() > TAU + 1e-6;
@@ -60,7 +60,7 @@ pub fn of_degrees(what: &str, degrees: &[f64]) -> Option<String> {
 
 /// Doubts about a LiDAR, which `who` names: its range and its field of view across. Elevations are doubted where they are
 /// read.
-pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
+pub(crate) fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
     let mut doubts = Vec::new();
     let range = lidar.range();
     if !(RANGE[0]..=RANGE[1]).contains(&range) {

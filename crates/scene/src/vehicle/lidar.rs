@@ -121,7 +121,7 @@ impl Lidar {
 }
 
 /// The usual response, with the numbers that a sensor file states in place of the usual ones.
-pub fn stated(range: f64, measures: &Measures) -> Response {
+pub(super) fn stated(range: f64, measures: &Measures) -> Response {
     let usual = Response::usual(range);
     Response {
         rate: measures.rate.unwrap_or(usual.rate),

@@ -52,7 +52,7 @@ impl Lidar {
 
 /// A LiDAR as a scene or vehicle file describes it.
 #[derive(Debug)]
-pub struct DescribedLidar {
+pub(crate) struct DescribedLidar {
     pub(crate) lidar: Lidar,
     /// Ranges, noise and rate stated by the sensor file.
     pub measures: Measures,

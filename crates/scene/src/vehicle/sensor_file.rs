@@ -20,7 +20,8 @@ use sightline_files::json::{Checked, DescriptionError, Location, is_utf_16, read
 use super::doubts::of_measures;
 pub use isaac_profile::isaac_profile;
 pub(super) use pattern::NARROWEST;
-pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
+pub use pattern::{Beams, Channel, Measures, SensorFormat, SensorPattern};
+pub(crate) use pattern::{MAX_BEAMS, MAX_CHANNELS};
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
 const MAX_SENSOR_FILE: u64 = 64 << 20;

@@ -31,7 +31,7 @@ const MOST_PRICE: f64 = 1e12;
 const MOST: usize = 64;
 
 /// Reads a vehicle file: its description, and its text's name for errors.
-pub fn read<B: DeserializeOwned, M: DeserializeOwned>(
+pub(crate) fn read<B: DeserializeOwned, M: DeserializeOwned>(
     path: &Path,
 ) -> Checked<VehicleDescription<B, M>> {
     let name = path.display().to_string();
@@ -55,7 +55,7 @@ impl Vehicle {
     }
 
     /// Checks a description; `dir` is where its files are. Returns the vehicle and the files it names.
-    pub fn new<B, M>(
+    pub(crate) fn new<B, M>(
         at: &Location,
         vehicle: VehicleDescription<B, M>,
         stem: &str,

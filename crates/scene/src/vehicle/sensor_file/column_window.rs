@@ -51,7 +51,7 @@ impl ColumnWindow {
     }
 
     /// True if two windows differ by no more than a column at either end.
-    pub fn is_near(&self, other: &Self, steps: u32) -> bool {
+    pub(super) fn is_near(&self, other: &Self, steps: u32) -> bool {
         let ahead = |a: u32, b: u32| (a + steps - b) % steps;
         let apart = |a: u32, b: u32| ahead(a, b).min(ahead(b, a));
         let end = |window: &Self| (window.first + window.count) % steps;
@@ -61,7 +61,7 @@ impl ColumnWindow {
     }
 
     /// Azimuths of the last and of the first column in the sensor's frame: columns count clockwise.
-    pub fn azimuths(&self, steps: u32) -> [f64; 2] {
+    pub(super) fn azimuths(&self, steps: u32) -> [f64; 2] {
         let step = 360.0 / f64::from(steps);
         let last = (self.first + self.count - 1) % steps;
         // Column 0 looks to the back.

@@ -17,9 +17,9 @@ use sightline_files::json::check::{self, bad};
 use sightline_files::json::{Checked, Location, nearest};
 
 /// Most channels of a sensor.
-pub const MAX_CHANNELS: usize = 1024;
+pub(crate) const MAX_CHANNELS: usize = 1024;
 /// Most beams of one LiDAR.
-pub const MAX_BEAMS: u64 = 10_000_000;
+pub(crate) const MAX_BEAMS: u64 = 10_000_000;
 /// Most columns of a frame.
 pub(super) const MAX_COLUMNS: u64 = 100_000;
 /// Least vertical field of view in degrees that is no doubt: the narrowest LiDARs of several channels have three, and the
