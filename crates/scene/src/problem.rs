@@ -43,16 +43,7 @@ pub enum ProblemError {
         "require[{index}].{key}: `{name}` holds no cell of ground, so that no share of it can be seen: cells are 0.25 m \
          wide, and the middle of the nearest one lies {least} m from the own body; give {least} or more"
     )]
-    NoCell {
-        /// Position in the vehicle's `require`.
-        index: usize,
-        /// Name on the vehicle.
-        name: String,
-        /// Key of the distance.
-        key: &'static str,
-        /// Least distance that holds a cell, metres.
-        least: f64,
-    },
+    NoCell { index: usize, name: String, key: &'static str, least: f64 },
     /// A blind zone must end where no lane of cells lies before the edge.
     #[error(
         "require[{index}].blind_zone: no lane of `{name}` lies before the own body, which is narrower there than the \
@@ -64,14 +55,7 @@ pub enum ProblemError {
         "the vehicle requires `{name}`, and its body is {length:.0} m long or wide, more than the {most:.0} m around \
          which ground is counted; give `body` in metres, or leave the ground out of `require`"
     )]
-    LargeBody {
-        /// Name of the first rule on the ground.
-        name: String,
-        /// Longer side of the body, metres.
-        length: f64,
-        /// The limit, metres.
-        most: f64,
-    },
+    LargeBody { name: String, length: f64, most: f64 },
     /// Targets, ground or overlap are required where beams end at nothing.
     #[error(
         "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \

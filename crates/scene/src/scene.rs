@@ -33,7 +33,8 @@ use description::{ActorDescription, EgoDescription, ShapeDescription};
 use parts::{OwnBodies, OwnBody};
 use route::Motion;
 use shapes::Builder;
-use solid::Solid;
+pub(crate) use solid::clipped;
+use solid::{Solid, around};
 
 pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
 pub use parts::{PartOwner, Track};

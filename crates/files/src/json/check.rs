@@ -138,6 +138,17 @@ pub fn point(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionErro
     Ok(value)
 }
 
+/// Lower and upper corner of a box, in metres; `empty` ends the error of one without an extent.
+pub fn corners(at: &Location, min: [f64; 3], max: [f64; 3], empty: &str) -> Checked<[[f64; 3]; 2]> {
+    let (min, max) = (point(&at.key("min"), min)?, point(&at.key("max"), max)?);
+    match (0..3).find(|&i| min[i] >= max[i]) {
+        Some(i) => {
+            Err(bad(&at.key("max").item(i), max[i], format!("above min ({}){empty}", min[i])))
+        }
+        None => Ok([min, max]),
+    }
+}
+
 /// A size `[x, y, z]` in metres, each above 0.
 pub fn size(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
@@ -168,6 +179,22 @@ pub fn count(at: &Location, value: u64, lo: u64, hi: u64) -> Result<u32, Descrip
         return Ok(value as u32);
     }
     Err(bad(at, value, format!("a whole number from {lo} to {hi}")))
+}
+
+/// A number from `lo` to `hi`, if one is given under `key` of the object at `at`.
+pub fn within(
+    at: &Location,
+    key: &str,
+    value: Option<f64>,
+    lo: f64,
+    hi: f64,
+) -> Checked<Option<f64>> {
+    match value {
+        Some(value) if !(lo..=hi).contains(&value) => {
+            Err(bad(&at.key(key), value, format!("a number from {lo} to {hi}")))
+        }
+        other => Ok(other),
+    }
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.

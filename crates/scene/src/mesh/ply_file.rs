@@ -15,29 +15,26 @@ pub(super) enum PlyScalar {
     F64,
 }
 
+/// Both names of each type, and the bytes of a number.
+const SCALARS: [(PlyScalar, [&str; 2], usize); 8] = [
+    (PlyScalar::I8, ["char", "int8"], 1),
+    (PlyScalar::U8, ["uchar", "uint8"], 1),
+    (PlyScalar::I16, ["short", "int16"], 2),
+    (PlyScalar::U16, ["ushort", "uint16"], 2),
+    (PlyScalar::I32, ["int", "int32"], 4),
+    (PlyScalar::U32, ["uint", "uint32"], 4),
+    (PlyScalar::F32, ["float", "float32"], 4),
+    (PlyScalar::F64, ["double", "float64"], 8),
+];
+
 impl PlyScalar {
     fn of(word: &str) -> Option<Self> {
-        Some(match word {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
+        SCALARS.iter().find(|(_, names, _)| names.contains(&word)).map(|(kind, ..)| *kind)
     }
 
     /// Bytes of a number.
     fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
+        SCALARS[self as usize].2
     }
 }
 

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::route::Motion;
 use super::settings::doubts_of_scan;
-use super::{Coverage, Ground, Scene, Solid};
+use super::{Coverage, Ground, Scene, Solid, around};
 use crate::vehicle;
 use sightline_files::Note;
 use sightline_files::json::Location;
@@ -80,9 +80,7 @@ fn extent(solid: &Solid) -> Option<DVec3> {
 
 /// Lower and upper corner of the box around triangles.
 fn corners(solid: &Solid) -> Option<[DVec3; 2]> {
-    let used = || solid.faces.iter().flatten().map(|v| solid.vertices[*v as usize]);
-    let first = used().next()?;
-    Some(used().fold([first; 2], |[low, high], p| [low.min(p), high.max(p)]))
+    around(solid.faces.iter().flatten().map(|v| solid.vertices[*v as usize]))
 }
 
 /// Share of the area whose normal lies along each axis.

@@ -17,7 +17,7 @@ use sightline_files::json::{Checked, Location, check, counted};
 use super::description::{BodyDescription, ShapeDescription};
 use super::route::Motion;
 use super::shapes::Builder;
-use super::solid::Solid;
+use super::solid::{Solid, around};
 use super::{ActorKind, EgoBody, Scene};
 
 /// Owner of a rigid part: it moves with this.
@@ -172,7 +172,7 @@ pub(super) fn middle_of_way(
     world: &Solid,
 ) -> Checked<DVec3> {
     let places = || (0..frames).map(|t| ego.pose(t).translation);
-    let (low, high) = bounds(places());
+    let [low, high] = around(places()).unwrap_or_default();
     let middle = (0.5 * (low + high)).round();
     let far = places().map(|place| (place - middle).abs().max_element()).fold(0.0, f64::max);
     if far > FARTHEST && !world.faces.is_empty() {
@@ -186,15 +186,8 @@ pub(super) fn middle_of_way(
 
 /// Origin of a moving part's frame: the middle of its box.
 pub(super) fn middle(part: &Solid) -> DVec3 {
-    if part.vertices.is_empty() {
-        return DVec3::ZERO;
-    }
-    let (low, high) = bounds(part.vertices.iter().copied());
+    let [low, high] = around(part.vertices.iter().copied()).unwrap_or_default();
     (0.5 * (low + high)).round()
-}
-
-fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
-    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
 /// An actor as a box on its way.
@@ -216,13 +209,8 @@ impl Scene {
     /// Tracks of the actors as listed; one without triangles is a box without extent.
     pub fn tracks(&self) -> Vec<Track> {
         let track = |actor: &super::Actor| {
-            let corners = || actor.parts.vertices.iter().copied();
-            let (low, high) = match corners().next() {
-                None => (DVec3::ZERO, DVec3::ZERO),
-                Some(first) => corners().fold((first, first), |(low, high), corner| {
-                    (low.min(corner), high.max(corner))
-                }),
-            };
+            let vertices = actor.parts.vertices.iter().copied();
+            let [low, high] = around(vertices).unwrap_or_default();
             Track {
                 name: actor.name.clone(),
                 kind: actor.kind,

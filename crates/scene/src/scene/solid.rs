@@ -14,6 +14,37 @@ use sightline_files::json::{Checked, Location};
 /// Least height of a triangle over its longest side from one corner that is more than rounding.
 const THINNEST: f64 = 1e-14;
 
+/// Lower and upper corner of the box around points; `None` without any.
+pub(crate) fn around(mut points: impl Iterator<Item = DVec3>) -> Option<[DVec3; 2]> {
+    let first = points.next()?;
+    Some(points.fold([first; 2], |[low, high], p| [low.min(p), high.max(p)]))
+}
+
+/// The part of a polygon within a box (Sutherland, Hodgman 1974). Each corner is a position, and vectors that vary along
+/// the sides.
+pub(crate) fn clipped<const N: usize>(
+    mut ring: Vec<[DVec3; N]>,
+    [low, high]: [[f64; 3]; 2],
+) -> Vec<[DVec3; N]> {
+    for k in 0..3 {
+        for (sign, bound) in [(1.0, low[k]), (-1.0, -high[k])] {
+            let depth = |corner: &[DVec3; N]| sign * corner[0][k] - bound;
+            let mut inside = Vec::with_capacity(ring.len() + 1);
+            for (i, a) in ring.iter().enumerate() {
+                let b = &ring[(i + 1) % ring.len()];
+                let (from, to) = (depth(a), depth(b));
+                inside.extend((from >= 0.0).then_some(*a));
+                if (from >= 0.0) != (to >= 0.0) {
+                    let share = from / (from - to);
+                    inside.push(std::array::from_fn(|part| a[part].lerp(b[part], share)));
+                }
+            }
+            ring = inside;
+        }
+    }
+    ring
+}
+
 /// Triangles with a class each, in the frame of their owner: world, actor or ego.
 ///
 /// Coordinates are `f64`: national ones keep their millimetres until they are moved to the ego.
@@ -153,15 +184,7 @@ pub(crate) fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Checked<S
             (foot + DVec3::Z * (size.z / 2.0), size)
         }
         (None, None, None, Some(min), Some(max)) => {
-            check::point(&at.key("min"), min)?;
-            check::point(&at.key("max"), max)?;
-            for i in 0..3 {
-                if min[i] >= max[i] {
-                    let wanted = format!("above min ({})", min[i]);
-                    return Err(bad(&at.key("max").item(i), max[i], wanted));
-                }
-            }
-            let (min, max) = (DVec3::from(min), DVec3::from(max));
+            let [min, max] = check::corners(at, min, max, "")?.map(DVec3::from);
             ((min + max) / 2.0, max - min)
         }
         _ => {

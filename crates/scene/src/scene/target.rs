@@ -6,12 +6,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::classes::Classes;
 use super::description::{Dictionary, ShapeDescription};
 use super::shapes::Builder;
+use super::solid::around;
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
 use sightline_files::Note;
@@ -208,22 +210,16 @@ fn to_micrometres(metres: f64) -> f64 {
 
 /// Corners of the box around triangles, which must fit a road.
 fn checked_corners(at: &Location, soup: &TriangleSoup) -> Checked<[[f64; 3]; 2]> {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for vertex in &soup.vertices {
-        for k in 0..3 {
-            low[k] = low[k].min(f64::from(vertex[k]));
-            high[k] = high[k].max(f64::from(vertex[k]));
-        }
-    }
-    let sides = [0, 1, 2].map(|k| high[k] - low[k]);
-    if sides.iter().any(|side| *side > MOST_METRES) {
-        let longest = sides.iter().copied().fold(0.0, f64::max);
+    let corners = soup.vertices.iter().map(|vertex| DVec3::from(vertex.map(f64::from)));
+    let [low, high] = around(corners).unwrap_or_default();
+    let longest = (high - low).max_element();
+    if longest > MOST_METRES {
         let wanted = format!(
             "a target of at most {MOST_METRES} m; if a mesh is in millimetres, give it `\"scale\": 0.001`"
         );
         return Err(bad(&at.key("shapes"), format!("a target of {longest:.1} m"), wanted));
     }
-    Ok([low, high])
+    Ok([low, high].map(|corner| corner.to_array()))
 }
 
 /// Notes on a target that stands off the origin of its file, or not on the ground.

@@ -155,11 +155,8 @@ pub(super) fn read(
     notes
         .extend(both.into_iter().filter_map(|(key, given, stated)| other(at, key, given?, stated)));
     let between = |key: &str, value: Option<f64>, usual: f64, low: f64, high: f64| {
-        let value = value.unwrap_or(usual);
-        if (low..=high).contains(&value) {
-            return Ok(value);
-        }
-        Err(bad(&at.key(key), value, format!("a number from {low} to {high}")))
+        let value = check::within(at, key, Some(value.unwrap_or(usual)), low, high);
+        value.map(|value| value.unwrap_or(usual))
     };
     let widths = written.divergence.unwrap_or(usual.divergence);
     let width = |k: usize| {

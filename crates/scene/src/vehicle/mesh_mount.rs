@@ -9,11 +9,12 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::Region;
-use super::description::{FacingDescription, MeshPatchDescription};
+use super::description::{FacingDescription, KeepOutDescription, MeshPatchDescription};
 use super::equipment::VehicleMount;
 use super::pairing::flipped;
 use super::surface::{Facet, Image, Surface, is_roof, rest};
 use crate::mesh::{self, Placing};
+use crate::scene::clipped;
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
@@ -40,9 +41,8 @@ pub(super) fn patch(
     let placing = Placing::new(at, axes, scale, translate, [roll, pitch, yaw])?;
     let facing = patch.facing.as_ref().map(|facing| direction(&at.key("facing"), facing));
     let facing = facing.transpose()?;
-    let within = patch.within.as_ref();
-    let within = within.map(|within| {
-        super::mount::box_corners(&at.key("within"), within, "the box would hold nothing")
+    let within = patch.within.as_ref().map(|KeepOutDescription { min, max }| {
+        check::corners(&at.key("within"), *min, *max, ": the box would hold nothing")
     });
     let within = within.transpose()?;
     let raw = mesh::load(at, &file)?;
@@ -104,29 +104,12 @@ fn smoothed(vertices: &[DVec3], faces: &[[u32; 3]], facing: Option<(DVec3, f64)>
     kept.into_iter().map(facet).collect()
 }
 
-/// The part of a triangle within a box, as triangles (Sutherland, Hodgman 1974).
-fn cut(facet: &Facet, [low, high]: [[f64; 3]; 2]) -> Vec<Facet> {
-    let mut ring: Vec<(DVec3, DVec3)> = facet.corners.into_iter().zip(facet.normals).collect();
-    for k in 0..3 {
-        for (sign, bound) in [(1.0, low[k]), (-1.0, -high[k])] {
-            let depth = |corner: &(DVec3, DVec3)| sign * corner.0[k] - bound;
-            let mut inside = Vec::with_capacity(ring.len() + 1);
-            for (i, a) in ring.iter().enumerate() {
-                let b = &ring[(i + 1) % ring.len()];
-                let (from, to) = (depth(a), depth(b));
-                if from >= 0.0 {
-                    inside.push(*a);
-                }
-                if (from >= 0.0) != (to >= 0.0) {
-                    let share = from / (from - to);
-                    inside.push((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
-                }
-            }
-            ring = inside;
-        }
-    }
+/// The part of a triangle within a box, as triangles.
+fn cut(facet: &Facet, within: [[f64; 3]; 2]) -> Vec<Facet> {
+    let ring = [0, 1, 2].map(|k| [facet.corners[k], facet.normals[k]]);
+    let ring = clipped(ring.to_vec(), within);
     let fan = (2..ring.len()).map(|k| [ring[0], ring[k - 1], ring[k]]);
-    fan.map(|ring| Facet { corners: ring.map(|c| c.0), normals: ring.map(|c| c.1) }).collect()
+    fan.map(|ring| Facet { corners: ring.map(|c| c[0]), normals: ring.map(|c| c[1]) }).collect()
 }
 
 /// The region of facets in the ego frame: heights over the plane of their mean normal. The error is a wish in words.

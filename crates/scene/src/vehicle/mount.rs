@@ -217,25 +217,10 @@ pub(super) fn keep_out_boxes(
         let mend = "join some";
         return Err(DescriptionError::TooMany { at, what: "boxes", count, limit, mend });
     }
-    let corners = |(i, cuboid)| box_corners(&at.item(i), cuboid, "the box would keep nothing out");
+    let corners = |(i, KeepOutDescription { min, max }): (usize, &KeepOutDescription)| {
+        check::corners(&at.item(i), *min, *max, ": the box would keep nothing out")
+    };
     boxes.iter().enumerate().map(corners).collect()
-}
-
-/// Lower and upper corner of a box; `empty` says how one without an extent is treated.
-pub(super) fn box_corners(
-    at: &Location,
-    cuboid: &KeepOutDescription,
-    empty: &str,
-) -> Checked<[[f64; 3]; 2]> {
-    let min = check::point(&at.key("min"), cuboid.min)?;
-    let max = check::point(&at.key("max"), cuboid.max)?;
-    for i in 0..3 {
-        if min[i] >= max[i] {
-            let wanted = format!("above min ({}): {empty}", min[i]);
-            return Err(bad(&at.key("max").item(i), max[i], wanted));
-        }
-    }
-    Ok([min, max])
 }
 
 /// Metres and radians beside a mount that poses lose where they are written with three decimals.

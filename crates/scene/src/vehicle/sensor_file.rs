@@ -126,7 +126,7 @@ fn parse_json(at: &Location, text: &str) -> Checked<SensorPattern> {
 }
 
 fn listed() -> String {
-    SensorFormat::ALL.map(|format| format.to_string()).join(", ")
+    pattern::FORMATS.join(", ")
 }
 
 fn unknown(at: &Location) -> DescriptionError {

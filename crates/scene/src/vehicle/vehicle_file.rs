@@ -13,7 +13,7 @@ use super::description::{
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar_reading::DescribedLidar;
 use super::mesh_mount::mirror_meshes;
-use super::mount::{box_corners, keep_out_boxes, least_distance};
+use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, face_back, level, mounting};
 use super::{
     GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Requirement, SensorName, SpinPhase,
@@ -88,11 +88,10 @@ impl Vehicle {
             check_pairs(at, &mounts)?;
         }
         let required = Requirements::new(&at.key("require"), &vehicle.require, dir)?;
-        let require_order = required.order();
-        let Requirements { areas, targets, ground, overlap, files: read, notes: told } = required;
-        files.extend(read);
-        notes.extend(told);
-        notes.extend(out_of_reach(&at.key("require"), &targets, &sensors));
+        let Requirements { areas, targets, ground, overlap, positions, .. } = required;
+        files.extend(required.files);
+        notes.extend(required.notes);
+        notes.extend(out_of_reach(&at.key("require"), &positions[1], &targets, &sensors));
         let other_sensors = at.key("other_sensors");
         let other_sensors =
             OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;
@@ -104,11 +103,11 @@ impl Vehicle {
             min_distance,
             keep_out,
             ties,
-            require: alone(areas),
-            targets: alone(targets),
-            ground: alone(ground),
-            overlap: alone(overlap),
-            require_order,
+            require: areas,
+            targets,
+            ground,
+            overlap,
+            require_order: positions.concat(),
             other_sensors,
             notes,
         };
@@ -274,24 +273,26 @@ fn area(at: &Location, required: &RequirementDescription) -> Checked<Requirement
         }
         _ => "it is of a `target`; a box has none",
     })?;
-    let inside = KeepOutDescription { min, max };
-    let inside = box_corners(at, &inside, "the area would hold nothing")?;
-    let without = required.without.iter().enumerate().map(|(i, cuboid)| {
-        box_corners(&at.key("without").item(i), cuboid, "the box would take nothing away")
-    });
+    let inside = check::corners(at, min, max, ": the area would hold nothing")?;
+    let without =
+        required.without.iter().enumerate().map(|(i, KeepOutDescription { min, max })| {
+            let at = at.key("without").item(i);
+            check::corners(&at, *min, *max, ": the box would take nothing away")
+        });
     let without = without.collect::<Result<Vec<_>, _>>()?;
     Ok(Requirement { name, inside, without, share: required.share(at)? })
 }
 
-/// Doubts about targets at distances that no beam of any model reaches.
+/// Doubts about targets at distances that no beam of any model reaches; `positions` are theirs in the file.
 fn out_of_reach(
     at: &Location,
-    rules: &[(usize, TargetRule)],
+    positions: &[usize],
+    rules: &[TargetRule],
     sensors: &[VehicleSensor],
 ) -> Vec<Note> {
     let farthest = sensors.iter().map(|model| model.lidar.range()).fold(0.0, f64::max);
-    let beyond = rules.iter().filter(|(_, rule)| rule.within > farthest);
-    let doubt = |(position, rule): &(usize, TargetRule)| {
+    let beyond = positions.iter().zip(rules).filter(|(_, rule)| rule.within > farthest);
+    let doubt = |(position, rule): (&usize, &TargetRule)| {
         Note::doubt(format!(
             "{}: {} m is farther than any sensor of the vehicle reaches, {farthest} m; lower it, or give a sensor of \
              longer range",
@@ -319,18 +320,15 @@ fn doubts_of_rule(at: &Location, required: &RequirementDescription) -> Vec<Note>
     doubts.into_iter().map(Note::doubt).collect()
 }
 
-/// Rules without their positions in the file.
-fn alone<T>(rules: Vec<(usize, T)>) -> Vec<T> {
-    rules.into_iter().map(|(_, rule)| rule).collect()
-}
-
-/// Content of a vehicle's `require`, each entry with its position.
+/// Content of a vehicle's `require`.
 #[derive(Default)]
 struct Requirements {
-    areas: Vec<(usize, Requirement)>,
-    targets: Vec<(usize, TargetRule)>,
-    ground: Vec<(usize, GroundRule)>,
-    overlap: Vec<(usize, OverlapRule)>,
+    areas: Vec<Requirement>,
+    targets: Vec<TargetRule>,
+    ground: Vec<GroundRule>,
+    overlap: Vec<OverlapRule>,
+    /// Positions in the file of areas, targets, ground and overlap.
+    positions: [Vec<usize>; 4],
     /// Target files and their meshes.
     files: Vec<PathBuf>,
     notes: Vec<Note>,
@@ -339,6 +337,7 @@ struct Requirements {
 impl Requirements {
     fn new(at: &Location, list: &[RequirementDescription], dir: &Path) -> Checked<Self> {
         let mut all = Self::default();
+        let mut names: Vec<String> = Vec::new();
         for (i, required) in list.iter().enumerate() {
             let at = at.item(i);
             if let Some(share) = required.share.filter(|share| !(0.0..=1.0).contains(share)) {
@@ -348,57 +347,50 @@ impl Requirements {
                 return Err(bad(&at.key("share"), share, wanted));
             }
             all.notes.extend(doubts_of_rule(&at, required));
-            if let Some(rule) = OverlapRule::read(&at, required)? {
-                all.overlap.push((i, rule));
-                continue;
-            }
-            if let Some(rule) = GroundRule::read(&at, required)? {
-                all.ground.push((i, rule));
-                continue;
-            }
-            match &required.target {
-                None => all.areas.push((i, area(&at, required)?)),
-                Some(target) => {
-                    let rule = TargetRule::new(&at, required, target, dir)?;
-                    all.notes.extend(rule.target.notes.iter().cloned());
-                    all.files.extend(rule.target.files.iter().cloned());
-                    all.targets.push((i, rule));
-                }
-            }
+            let (kind, name) = all.read(&at, required, dir)?;
+            all.positions[kind].push(i);
+            names.push(name);
         }
-        all.check_names(at)?;
-        Ok(all)
-    }
-
-    /// Checks that the names differ, the default ones too: results tell the entries apart by them.
-    fn check_names(&self, at: &Location) -> Checked<()> {
-        fn of<'a, T>(
-            rules: &'a [(usize, T)],
-            name: impl Fn(&'a T) -> &'a String,
-        ) -> Vec<(usize, &'a String)> {
-            rules.iter().map(|(position, rule)| (*position, name(rule))).collect()
-        }
-        let (areas, targets) = (of(&self.areas, |r| &r.name), of(&self.targets, |r| &r.name));
-        let (ground, overlap) = (of(&self.ground, |r| &r.name), of(&self.overlap, |r| &r.name));
-        let mut named = [areas, targets, ground, overlap].concat();
-        named.sort();
-        for (i, (position, name)) in named.iter().enumerate() {
-            if let Some((first, _)) = named[..i].iter().find(|(_, other)| other == name) {
+        // Results tell the entries apart by their names, the default ones too.
+        for (i, name) in names.iter().enumerate() {
+            if let Some(first) = names[..i].iter().position(|other| other == name) {
                 let wanted = format!(
                     "a name of its own, since require[{first}] has this one; give one of them another `name`"
                 );
-                return Err(bad(&at.item(*position).key("name"), format!("`{name}`"), wanted));
+                return Err(bad(&at.item(i).key("name"), format!("`{name}`"), wanted));
             }
         }
-        Ok(())
+        Ok(all)
     }
 
-    /// Position of every entry, kind after kind.
-    fn order(&self) -> Vec<usize> {
-        fn of<T>(rules: &[(usize, T)]) -> impl Iterator<Item = usize> {
-            rules.iter().map(|(position, _)| *position)
+    /// Reads an entry; returns the number of its kind and its name.
+    fn read(
+        &mut self,
+        at: &Location,
+        required: &RequirementDescription,
+        dir: &Path,
+    ) -> Checked<(usize, String)> {
+        if let Some(rule) = OverlapRule::read(at, required)? {
+            let name = rule.name.clone();
+            self.overlap.push(rule);
+            return Ok((3, name));
         }
-        let kinds = of(&self.areas).chain(of(&self.targets));
-        kinds.chain(of(&self.ground)).chain(of(&self.overlap)).collect()
+        if let Some(rule) = GroundRule::read(at, required)? {
+            let name = rule.name.clone();
+            self.ground.push(rule);
+            return Ok((2, name));
+        }
+        let Some(target) = &required.target else {
+            let area = area(at, required)?;
+            let name = area.name.clone();
+            self.areas.push(area);
+            return Ok((0, name));
+        };
+        let rule = TargetRule::new(at, required, target, dir)?;
+        let name = rule.name.clone();
+        self.notes.extend(rule.target.notes.iter().cloned());
+        self.files.extend(rule.target.files.iter().cloned());
+        self.targets.push(rule);
+        Ok((1, name))
     }
 }

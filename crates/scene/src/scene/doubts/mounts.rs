@@ -73,9 +73,7 @@ fn leads_inside(body: &Solid, region: &Region) -> bool {
 pub(super) fn apart(scene: &Scene, at: &Location) -> Option<String> {
     let least = scene.vehicle.min_distance;
     let corners = scene.vehicle.mounts.iter().flat_map(|mount| mount.region.corners());
-    let corners: Vec<DVec3> = corners.map(DVec3::from).collect();
-    let low = corners.iter().copied().reduce(DVec3::min)?;
-    let high = corners.iter().copied().reduce(DVec3::max)?;
+    let [low, high] = super::around(corners.map(DVec3::from))?;
     let most = low.distance(high);
     let room: usize = scene.vehicle.mounts.iter().map(|mount| mount.count[1]).sum();
     (least > most && room > 1).then(|| {

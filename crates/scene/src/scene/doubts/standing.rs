@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::super::{around, clipped};
 use super::{Ground, Scene, Solid, corners, inside, inside_faces};
 
 /// Metres below and above the ground z = 0 that the lowest point of a body may lie: wheels sink in, a body may be without
@@ -42,9 +43,7 @@ fn within_shape(scene: &Scene) -> Option<String> {
         if is_ground.get(class).is_some_and(|is_ground| *is_ground) {
             return None;
         }
-        let used = || faces.iter().flatten().map(|v| world.vertices[*v as usize]);
-        let low = used().reduce(DVec3::min)?;
-        let high = used().reduce(DVec3::max)?;
+        let [low, high] = around(faces.iter().flatten().map(|v| world.vertices[*v as usize]))?;
         let holds = |p: &DVec3| (0..2).all(|k| (low[k]..=high[k]).contains(&p[k]));
         let is_hall = region.iter().all(holds);
         (holds(&middle) && !is_hall && inside_faces(world, faces, middle)).then_some(class)
@@ -113,22 +112,10 @@ fn surface_inside(scene: &Scene) -> Option<String> {
 
 /// Middle of the part of a triangle that lies in a box; `None` where there is none.
 fn middle_within(triangle: &[DVec3; 3], low: DVec3, high: DVec3) -> Option<DVec3> {
-    let mut polygon = triangle.to_vec();
-    for axis in 0..3 {
-        for (sign, end) in [(1.0, low[axis]), (-1.0, high[axis])] {
-            let depth = |p: DVec3| sign * (p[axis] - end);
-            let mut kept = Vec::new();
-            for (k, &from) in polygon.iter().enumerate() {
-                let to = polygon[(k + 1) % polygon.len()];
-                let [a, b] = [from, to].map(depth);
-                kept.extend((a >= 0.0).then_some(from));
-                kept.extend(((a < 0.0) != (b < 0.0)).then(|| from.lerp(to, a / (a - b))));
-            }
-            polygon = kept;
-        }
-    }
+    let polygon: Vec<[DVec3; 1]> = triangle.iter().map(|corner| [*corner]).collect();
+    let polygon = clipped(polygon, [low.to_array(), high.to_array()]);
     let count = polygon.len() as f64;
-    (count > 0.0).then(|| polygon.into_iter().sum::<DVec3>() / count)
+    (count > 0.0).then(|| polygon.into_iter().map(|[corner]| corner).sum::<DVec3>() / count)
 }
 
 #[cfg(test)]

@@ -211,12 +211,7 @@ fn window(at: &Location, profile: &IsaacProfile) -> Checked<Option<[f64; 2]>> {
 
 /// Ranges and errors, checked.
 fn measures(at: &Location, profile: &IsaacProfile, notes: &mut Vec<Note>) -> Checked<Measures> {
-    let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
-        Some(value) if !(low..=high).contains(&value) => {
-            Err(bad(&at.key(key), value, format!("a number from {low} to {high}")))
-        }
-        other => Ok(other),
-    };
+    let within = |key: &str, value, low, high| check::within(at, key, value, low, high);
     let range =
         profile.far_range_m.map(|range| check::range(&at.key("farRangeM"), range)).transpose()?;
     let min_range = within("nearRangeM", profile.near_range_m, 0.0, range.unwrap_or(1e5))?;

@@ -111,34 +111,22 @@ pub enum Beams {
     Directions(Vec<[f64; 3]>),
 }
 
-impl SensorFormat {
-    /// Every format, in the order in which they are listed to users.
-    pub const ALL: [Self; 9] = [
-        Self::Table,
-        Self::Velodyne,
-        Self::Hesai,
-        Self::Ouster,
-        Self::Livox,
-        Self::RoboSense,
-        Self::Isaac,
-        Self::Rgl,
-        Self::Numpy,
-    ];
-}
+/// Names of all formats, in the order of [`SensorFormat`].
+pub(super) const FORMATS: [&str; 9] = [
+    "JSON with `elevation_deg`",
+    "Velodyne calibration YAML",
+    "Hesai angle correction CSV",
+    "Ouster metadata JSON",
+    "Livox pattern CSV",
+    "RoboSense angle CSV",
+    "Isaac lidar profile JSON",
+    "RGL pattern of 3×4 matrices",
+    "NumPy array of azimuth and elevation",
+];
 
 impl fmt::Display for SensorFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Table => "JSON with `elevation_deg`",
-            Self::Velodyne => "Velodyne calibration YAML",
-            Self::Hesai => "Hesai angle correction CSV",
-            Self::Ouster => "Ouster metadata JSON",
-            Self::Livox => "Livox pattern CSV",
-            Self::RoboSense => "RoboSense angle CSV",
-            Self::Isaac => "Isaac lidar profile JSON",
-            Self::Rgl => "RGL pattern of 3×4 matrices",
-            Self::Numpy => "NumPy array of azimuth and elevation",
-        })
+        f.write_str(FORMATS[*self as usize])
     }
 }
 

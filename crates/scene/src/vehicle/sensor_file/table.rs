@@ -82,12 +82,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
         table.azimuth_window.map(|ends| window(&at.key("azimuth_window"), ends)).transpose()?;
     let range = table.range.map(|range| check::range(&at.key("range"), range)).transpose()?;
     let rate = table.rate.map(|rate| check::rate(&at.key("rate"), rate)).transpose()?;
-    let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
-        Some(value) if !(low..=high).contains(&value) => {
-            Err(check::bad(&at.key(key), value, format!("a number from {low} to {high}")))
-        }
-        other => Ok(other),
-    };
+    let within = |key: &str, value, low, high| check::within(at, key, value, low, high);
     let measures = Measures {
         range,
         min_range: within("min_range", table.min_range, 0.0, range.unwrap_or(1e5))?,
