@@ -4,7 +4,8 @@
 //! its origin in the middle of the ego's way, an actor's in the middle of its box, both rounded to whole metres:
 //! coordinates are moved there in `f64` before they are rounded to `f32`.
 //!
-//! A tracker sees the actors among them as boxes with kinds, also between two frames.
+//! A tracker sees the actors among them as boxes with kinds, also between two frames. A part, an actor, a body or a frame
+//! that the scene does not have is a panic.
 
 use std::ops::Range;
 
@@ -59,9 +60,6 @@ impl Scene {
     }
 
     /// Owner of a part.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn owner(&self, part: usize) -> PartOwner {
         let own = self.own_parts();
         assert!(part < own.end, "part {part} of {}", own.end);
@@ -83,9 +81,6 @@ impl Scene {
     }
 
     /// Triangles of a part in its own frame, in metres; the same for all frames of the scene.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn part(&self, part: usize) -> TriangleSoup {
         let mut soup = TriangleSoup::default();
         let part_from_owner = Pose { translation: -self.origins[part], ..Pose::IDENTITY };
@@ -94,17 +89,11 @@ impl Scene {
     }
 
     /// Number of triangles of a part.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn part_triangles(&self, part: usize) -> usize {
         self.solid(part).faces.len()
     }
 
     /// Takes each part's frame to the ego frame of frame `t`; the ego's bodies come last.
-    ///
-    /// # Panics
-    /// If `t` is not below [`Scene::frame_count`].
     pub fn part_poses(&self, t: usize) -> Vec<Pose> {
         let ego_from_world = self.ego_pose(t).inverse();
         let mut poses = vec![ego_from_world];
@@ -139,9 +128,6 @@ impl Scene {
     }
 
     /// Triangles of the ego's bodies in a frame, in the ego frame; none where the scene has no geometry.
-    ///
-    /// # Panics
-    /// A frame that the scene does not have.
     pub fn body_in(&self, frame: usize) -> Vec<[[f32; 3]; 3]> {
         let mut soup = TriangleSoup::default();
         standing(&self.body, &self.bodies, frame).append_to(&mut soup, &Pose::IDENTITY);
@@ -223,45 +209,30 @@ impl Scene {
     }
 
     /// How an actor, counted as listed, moves from frame `t` to the next: takes its frame to the world's.
-    ///
-    /// # Panics
-    /// An actor or a frame that does not exist.
     pub fn actor_glide(&self, actor: usize, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.actors[actor].motion.glide(t)
     }
 
     /// Name of a body of the ego that moves, by its index among those; may be empty.
-    ///
-    /// # Panics
-    /// A body that does not exist.
     pub fn own_body_name(&self, body: usize) -> &str {
         &self.bodies[body].name
     }
 
     /// How a body of the ego, by its index among those that move, goes from frame `t` to the next: takes its frame to
     /// the ego frame.
-    ///
-    /// # Panics
-    /// A body or a frame that does not exist.
     pub fn own_body_glide(&self, body: usize, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.bodies[body].motion.glide(t)
     }
 
     /// How the ego moves from frame `t` to the next: takes its frame to the world's.
-    ///
-    /// # Panics
-    /// If `t` is not below [`Scene::frame_count`].
     pub fn ego_glide(&self, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.ego.glide(t)
     }
 
     /// Origin of a part's frame in the frame of its owner: world, actor or ego.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn part_origin(&self, part: usize) -> DVec3 {
         self.origins[part]
     }

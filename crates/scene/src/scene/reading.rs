@@ -11,7 +11,7 @@ use sightline_files::json::{Checked, Location};
 
 use super::classes::Classes;
 use super::description::{
-    BodyDescription, Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
+    BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
 use super::doubts::SceneLocations;
 use super::parts::{OwnBodies, OwnBody};
@@ -178,11 +178,12 @@ fn things(
     let mut things =
         SceneGeometry::new(&mut builder, top, &scene.world, &scene.actors, scene.ego.as_ref())?;
     carrier.files.extend(builder.files());
-    if let Some(body) = carrier.body.take() {
-        let (own, more, said) = body.build(classes, &scene.shapes)?;
-        things.own = own;
-        carrier.files.extend(more);
-        carrier.notes.extend(said);
+    if let Some(VehicleBody { shapes, others, dir }) = &carrier.body {
+        let mut builder = Builder::new(&carrier.at, classes, &scene.shapes, dir);
+        things.own = OwnBodies::new(&mut builder, &carrier.at, shapes, others)?;
+        carrier.files.extend(builder.files());
+        carrier.notes.extend(builder.notes());
+        carrier.notes.extend(of_own_bodies(&carrier.at, shapes, others));
     }
     carrier.notes.extend(builder.notes());
     Ok(things)
@@ -199,40 +200,22 @@ fn name_of(top: &Location, given: Option<String>) -> Checked<String> {
 /// A scene's vehicle, its body and its files.
 struct SceneVehicle {
     /// Where the vehicle is described: its file, or a place in the scene.
-    pub at: Location,
-    pub vehicle: Vehicle,
-    /// True if a body of the vehicle takes the place of the scene's own.
-    pub owns_body: bool,
+    at: Location,
+    vehicle: Vehicle,
     /// A body that takes the place of the scene's own.
-    pub body: Option<VehicleBody>,
-    pub files: Vec<PathBuf>,
+    body: Option<VehicleBody>,
+    files: Vec<PathBuf>,
     /// Sentences about the vehicle and its sensors.
-    pub notes: Vec<Note>,
+    notes: Vec<Note>,
 }
 
 /// Shapes of a vehicle's bodies.
 struct VehicleBody {
-    pub shapes: Vec<ShapeDescription>,
+    shapes: Vec<ShapeDescription>,
     /// Bodies beside the first.
-    pub others: Vec<BodyDescription>,
-    pub at: Location,
+    others: Vec<BodyDescription>,
     /// Where its files are.
-    pub dir: PathBuf,
-}
-
-impl VehicleBody {
-    /// The bodies' triangles, the files that their shapes name, and notes about them.
-    fn build(
-        &self,
-        classes: &Classes,
-        shapes: &Dictionary<Vec<ShapeDescription>>,
-    ) -> Checked<(OwnBodies, Vec<PathBuf>, Vec<Note>)> {
-        let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
-        let own = OwnBodies::new(&mut builder, &self.at, &self.shapes, &self.others)?;
-        let mut notes = builder.notes();
-        notes.extend(of_own_bodies(&self.at, &self.shapes, &self.others));
-        Ok((own, builder.files(), notes))
-    }
+    dir: PathBuf,
 }
 
 impl SceneVehicle {
@@ -243,23 +226,25 @@ impl SceneVehicle {
         dir: &Path,
         given: Option<&Path>,
     ) -> Checked<Self> {
-        let source = match (given, scene.vehicle.take()) {
-            (Some(file), _) => Some((Location::top(&file.display().to_string()), file.to_owned())),
+        let file = match (given, scene.vehicle.take()) {
+            (Some(file), _) => file.to_owned(),
             (None, Some(VehicleSource::Inline(vehicle))) => {
                 only_vehicle(top, scene)?;
                 return Self::of_vehicle(top.key("vehicle"), *vehicle, None, dir);
             }
             (None, Some(VehicleSource::File(file))) => {
                 only_vehicle(top, scene)?;
-                let file = dir.join(file);
-                Some((Location::top(&file.display().to_string()), file))
+                dir.join(file)
             }
-            (None, None) => None,
+            (None, None) => return Self::nameless(top, scene, dir),
         };
-        if let Some((at, file)) = source {
-            let dir = file.parent().unwrap_or(Path::new("")).to_owned();
-            return Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir);
-        }
+        let at = Location::top(&file.display().to_string());
+        let dir = file.parent().unwrap_or(Path::new("")).to_owned();
+        Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir)
+    }
+
+    /// From the `lidar` and `mount` of a scene.
+    fn nameless(top: &Location, scene: &mut SceneDescription, dir: &Path) -> Checked<Self> {
         let missing = |key, mend: &str| check::missing(top, key, mend);
         let lidar = scene.lidar.take();
         let lidar =
@@ -270,7 +255,7 @@ impl SceneVehicle {
         let files = lidar.file.iter().map(|file| dir.join(file)).collect();
         let vehicle = Vehicle::nameless(top, lidar, &mount, dir)?;
         let (at, notes) = (top.clone(), vehicle.notes.clone());
-        Ok(Self { at, notes, vehicle, owns_body: false, body: None, files })
+        Ok(Self { at, notes, vehicle, body: None, files })
     }
 
     /// Where a mount is described.
@@ -283,7 +268,7 @@ impl SceneVehicle {
 
     /// Where scene, mounts and body are described.
     fn places(&self, top: &Location) -> SceneLocations {
-        let body = if self.owns_body { &self.at } else { top };
+        let body = if self.body.is_some() { &self.at } else { top };
         let mounts = (0..self.vehicle.mounts.len()).map(|mount| self.mount(mount)).collect();
         SceneLocations {
             scene: top.file.clone(),
@@ -306,10 +291,9 @@ impl SceneVehicle {
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
         let is_there = !(shapes.is_empty() && others.is_empty());
-        let (place, dir) = (at.clone(), dir.to_owned());
-        let body = is_there.then_some(VehicleBody { shapes, others, at: place, dir });
+        let body = is_there.then_some(VehicleBody { shapes, others, dir: dir.to_owned() });
         let notes = vehicle.notes.clone();
-        Ok(Self { at, notes, vehicle, owns_body: is_there, body, files })
+        Ok(Self { at, notes, vehicle, body, files })
     }
 }
 

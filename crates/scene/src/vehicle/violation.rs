@@ -3,78 +3,37 @@
 use super::SensorName;
 use sightline_files::json::counted;
 
-/// One broken rule of a placement.
+/// One broken rule of a placement. `lidar` is the index of a LiDAR, `sensor` its model, `mount` the name of the mount that
+/// it stands on; `by` is the distance from keeping the rule, in m or rad.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "the enum and its variants tell the fields")]
 pub enum Violation {
-    /// A LiDAR lies outside the bounds.
-    OutsideMount {
-        /// Index of the LiDAR.
-        lidar: usize,
-        /// Name of the mount; empty where it has none.
-        mount: String,
-        /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
-        field: &'static str,
-        /// Distance from the bound, in m or rad.
-        by: f64,
-    },
-    /// A LiDAR stands on a mount that does not take its model, or is full.
+    /// A LiDAR lies outside the bounds of `field`: `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`. The mount of a scene
+    /// has an empty name.
+    OutsideMount { lidar: usize, mount: String, field: &'static str, by: f64 },
+    /// A LiDAR stands on a mount that takes other models, or is full with `room` LiDARs. `by` leads to the nearest free
+    /// mount for its model.
     NotTaken {
-        /// Index of the LiDAR.
         lidar: usize,
-        /// Its model.
         sensor: SensorName,
-        /// Name of the mount that it stands on.
         mount: String,
-        /// Models that the mount takes.
         takes: Vec<SensorName>,
-        /// LiDARs that it holds, at most.
         room: usize,
-        /// Distance from the nearest free mount for its model, in m or rad.
         by: f64,
     },
     /// No slot is left for a LiDAR of its model.
-    NoPlace {
-        /// Index of the LiDAR.
-        lidar: usize,
-        /// Its model.
-        sensor: SensorName,
-    },
+    NoPlace { lidar: usize, sensor: SensorName },
     /// Two LiDARs are closer than allowed.
-    TooClose {
-        /// Indices of the LiDARs.
-        lidars: [usize; 2],
-        /// Missing distance in metres.
-        by: f64,
-    },
-    /// A LiDAR lies inside a keep-out box.
-    KeptOut {
-        /// Index of the LiDAR.
-        lidar: usize,
-        /// Index of the box.
-        keep_out: usize,
-        /// Distance to its nearest face in metres.
-        by: f64,
-    },
-    /// The LiDARs stand at different heights against the rule.
-    UnequalHeight {
-        /// Height of the highest above the lowest, in metres.
-        by: f64,
-    },
-    /// A LiDAR has no mirror image among the others, and does not lie in the plane of symmetry.
-    NotMirrored {
-        /// Index of the LiDAR.
-        lidar: usize,
-        /// Index of the LiDAR without a mirror image that is nearest to this one's; it may be the LiDAR itself.
-        partner: usize,
-        /// Pose field that is farthest off.
-        field: &'static str,
-        /// Difference of that field, in m or rad.
-        off: f64,
-        /// Sum of the differences of all pose fields from its mirror image, in m and rad; over both LiDARs where each
-        /// is nearest to the other's image.
-        by: f64,
-    },
+    TooClose { lidars: [usize; 2], by: f64 },
+    /// A LiDAR lies inside a keep-out box, by metres from its nearest face.
+    KeptOut { lidar: usize, keep_out: usize, by: f64 },
+    /// The LiDARs stand at different heights against the rule, from the lowest to the highest.
+    UnequalHeight { by: f64 },
+    /// A LiDAR has no mirror image among the others, and does not lie in the plane of symmetry. The image of `partner` is
+    /// nearest to it, which may be the LiDAR itself; `field` is farthest off, by `off`. `by` sums up the differences of all
+    /// fields, over both LiDARs where each is nearest to the other's image.
+    NotMirrored { lidar: usize, partner: usize, field: &'static str, off: f64, by: f64 },
 }
 
 impl Violation {
