@@ -1,6 +1,5 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
-mod mounts;
 mod standing;
 
 use glam::DVec3;
@@ -67,8 +66,8 @@ impl Scene {
         };
         let mut all = in_file(&places.body, of_body);
         all.extend(in_file(&places.scene, doubts));
-        all.extend(mounts::all(scene, &places.mounts).into_iter().map(Note::doubt));
-        all.extend(mounts::apart(scene, &places.vehicle).map(Note::doubt));
+        all.extend(standing::mounts(scene, &places.mounts).into_iter().map(Note::doubt));
+        all.extend(standing::apart(scene, &places.vehicle).map(Note::doubt));
         all.extend(no_body(scene, places));
         all
     }
@@ -328,15 +327,11 @@ mod tests {
     use super::*;
 
     fn told(body: &str, ego: &str, ground: f64, lidar: &str, mount: &str) -> String {
-        let text = format!(
-            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "lidar": {lidar}, "mount": {mount}, "frames": 4,
+        crate::scene::tests::told(&format!(
+            r#""lidar": {lidar}, "mount": {mount}, "frames": 4,
             "ego": {{"body": [{{"class": "vehicle", "box": {body}}}], {ego}}},
-            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": {ground}}}}}]}}"#
-        );
-        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt()));
-        notes.map(|note| note.text().to_owned()).collect::<Vec<_>>().join("\n")
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": {ground}}}}}]"#
+        ))
     }
 
     const CAR: &str = r#"{"foot": [0, 0, 0.2], "size": [4.4, 1.8, 1.3]}"#;
@@ -433,12 +428,8 @@ mod tests {
         let actor = format!(
             r#", "actors": [{{"parts": [{box_}, "repeat": {{"count": 5, "step": [0, 0, 0]}}}}], {route}}}]"#
         );
-        let text = format!(
-            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "lidar": {LIDAR}, "mount": {ROOF}, "frames": 3{actor}}}"#
-        );
-        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        let told = scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n");
+        let keys = format!(r#""lidar": {LIDAR}, "mount": {ROOF}, "frames": 3{actor}"#);
+        let told = crate::scene::tests::told(&keys);
         for word in [
             "actors[0].parts[0].repeat.step: 0 m, so that all 5 copies stand in one place",
             "actors[0].route.spacing is 1000 m from frame to frame",

@@ -247,18 +247,12 @@ pub(super) fn doubts_of_scan(psog: &PsogSource) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::Scene;
-    use sightline_files::Note;
-
     fn told(scan: &str) -> String {
-        let text = format!(
-            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 3,
+        crate::scene::tests::told(&format!(
+            r#""lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 3,
             "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.2], "lidars": 1}}, "psog": {{"scan": {{{scan}}}}},
-            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
-        );
-        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n")
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]"#
+        ))
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use super::violation::HOLDS_NONE;
+use super::constraints::HOLDS_NONE;
 use super::{Constraints, Lidar, Placement, Region, SensorPose};
 
 /// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.

@@ -17,16 +17,14 @@ mod region;
 mod room;
 mod rules;
 pub mod sensor_file;
-mod spots;
 mod surface;
 mod variables;
 mod vehicle_file;
-mod violation;
 
 pub use self::rules::{
     ANY_LOST, FARTHEST_GROUND, GroundAsked, GroundRule, OverlapRule, Side, TargetRule,
 };
-pub use constraints::{Constraints, OtherModel, Slot, Ties};
+pub use constraints::{Constraints, OtherModel, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::{
     Doubts, FARTHEST as FARTHEST_ON_VEHICLE, doubt_of_ground, doubts_of_units, of_degrees,
@@ -52,4 +50,3 @@ pub use region::{Outline, Region};
 pub use room::NoRoom;
 pub use surface::Surface;
 pub(crate) use vehicle_file::read as read_vehicle;
-pub use violation::Violation;

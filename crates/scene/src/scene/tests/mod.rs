@@ -42,6 +42,15 @@ fn message(text: &str) -> String {
     }
 }
 
+/// Notes on a scene with further keys, a line each; all of them are doubts.
+pub(super) fn told(keys: &str) -> String {
+    let roi = r#"{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}"#;
+    let text = format!(r#"{{"sightline": 1, "roi": {roi}, {keys}}}"#);
+    let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
+    let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt(), "{note}"));
+    notes.map(Note::text).collect::<Vec<_>>().join("\n")
+}
+
 const BOX: &str = r#"{ "class": "building", "box": { "foot": [10, 0, 0], "size": [2, 3, 4] } }"#;
 
 #[test]
