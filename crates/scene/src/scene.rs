@@ -216,7 +216,6 @@ impl Scene {
     /// Adds rules to the mount; error messages call the scene `name_for_errors`.
     ///
     /// # Errors
-    ///
     /// A rule that the mount does not allow, or that leaves no room for a placement; any rule where mounts are those of a
     /// vehicle file.
     pub fn with_rules(self, rules: &MountRules, name_for_errors: &str) -> Checked<Self> {
@@ -317,7 +316,6 @@ impl Scene {
     /// Pose of the ego in frame `t`: takes ego coordinates to world coordinates.
     ///
     /// # Panics
-    ///
     /// If `t` is not below [`Scene::frame_count`].
     pub fn ego_pose(&self, t: usize) -> Pose {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
@@ -330,7 +328,6 @@ impl Scene {
     /// is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
     ///
     /// # Panics
-    ///
     /// If `t` is not below [`Scene::frame_count`].
     pub fn frame(&self, t: usize, body: EgoBody) -> TriangleSoup {
         let ego_from_world = self.ego_pose(t).inverse();

@@ -19,7 +19,6 @@ use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::read_limited;
 
-/// Extensions that are read.
 const READ: [&str; 3] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_node_visibility"];
 /// Starts of the names of extensions that change no surface: looks, lights, metadata, sound, motion. Draco's comes
 /// with plain data beside it where it is not required.

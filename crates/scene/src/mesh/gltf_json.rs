@@ -20,7 +20,6 @@ pub(super) struct Parts {
 /// Lists that no mesh depends on.
 const PASSED: [&str; 5] = ["animations", "cameras", "images", "samplers", "textures"];
 
-/// Reads `.gltf` or `.glb`.
 pub(super) fn read(bytes: &[u8]) -> Parsed<Parts> {
     let fault = |problem: String| MeshFault::new("file", problem);
     let (text, blob) = if bytes.starts_with(b"glTF") {

@@ -8,7 +8,6 @@ use super::gltf::Data;
 use super::{MOST_TRIANGLES, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 
-/// Deepest nesting of nodes.
 const MAX_DEPTH: usize = 64;
 /// Most vertices; primitives may share an accessor, so a small file can ask for any number.
 const MAX_VERTICES: usize = 3 * MOST_TRIANGLES;
@@ -26,7 +25,6 @@ pub(super) struct NodeWalk<'a> {
     /// Where each node of the scene stands. glTF demands a tree: a node with two parents could make a loop, or
     /// exponentially many copies.
     placed: Vec<Option<DMat4>>,
-    /// Nodes that show.
     shown: Vec<gltf::Node<'a>>,
 }
 
@@ -42,7 +40,6 @@ impl<'a> NodeWalk<'a> {
         Self { mesh, data, document, frames, accessors, placed, shown: Vec::new() }
     }
 
-    /// The triangles of a scene.
     pub(super) fn run(mut self, scene: &gltf::Scene<'a>) -> Parsed<RawMesh> {
         for node in scene.nodes() {
             self.place(node, DMat4::IDENTITY, 0, true)?;

@@ -32,7 +32,6 @@ const REFUSED: [(&[&str], &str); 3] = [
 /// Statements that end in a name or a path, where a backslash at the end continues nothing.
 const NAMED: [&[u8]; 6] = [b"usemtl", b"mtllib", b"usemap", b"maplib", b"g", b"o"];
 
-/// Reads an OBJ.
 pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(MeshFault::new("line 1", "is UTF-16; save the file as UTF-8"));

@@ -21,7 +21,6 @@ const NO_SURFACE: [&str; 6] =
 /// Parts of a name that may mean classes.
 const CLASS_WORDS: [&str; 5] = ["label", "class", "semantic", "category", "segment"];
 
-/// Reads a PLY.
 pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     let (header, body) = PlyHeader::read(bytes)?;
     let mut reader = PlyReader::default();

@@ -32,7 +32,6 @@ impl PlyScalar {
         SCALARS.iter().find(|(_, names, _)| names.contains(&word)).map(|(kind, ..)| *kind)
     }
 
-    /// Bytes of a number.
     fn size(self) -> usize {
         SCALARS[self as usize].2
     }

@@ -16,7 +16,6 @@ const HEAD: usize = 84;
 /// Bytes of a triangle: normal and three corners in `f32`, and two bytes of attributes.
 const TRIANGLE: usize = 50;
 
-/// Reads an STL.
 pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     let count = bytes.get(80..HEAD).and_then(|count| count.try_into().ok());
     let count = count.map(|count| u64::from(u32::from_le_bytes(count)));
@@ -126,7 +125,6 @@ impl<'a> Tokens<'a> {
         self.rest = rest;
     }
 
-    /// Rest of the line.
     fn line(&mut self) -> &'a [u8] {
         let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r'));
         let (line, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));

@@ -164,7 +164,7 @@ pub enum ActorKind {
 
 impl ActorKind {
     /// All kinds with their names in scene files.
-    pub const NAMES: [(Self, &'static str); 11] = [
+    const NAMES: [(Self, &'static str); 11] = [
         (Self::Car, "car"),
         (Self::Van, "van"),
         (Self::Truck, "truck"),

@@ -36,7 +36,6 @@ pub(super) struct SceneLocations {
 }
 
 impl Scene {
-    /// Every doubt about the scene.
     pub(super) fn doubts(&self, places: &SceneLocations) -> Vec<Note> {
         let scene = self;
         let own = body("ego body", &scene.body);

@@ -246,7 +246,6 @@ pub(crate) struct OwnBody {
     pub parts: Solid,
     /// Takes the body's frame to the ego frame.
     pub motion: Motion,
-    /// Where it is described.
     at: Location,
 }
 

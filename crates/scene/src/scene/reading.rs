@@ -34,7 +34,6 @@ impl Scene {
     /// File names in the scene are relative to the folder of the scene. A P-SOG file is not opened.
     ///
     /// # Errors
-    ///
     /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
     pub fn read(path: impl AsRef<Path>) -> Checked<Self> {
         Self::read_with(path, None)
@@ -74,7 +73,6 @@ impl Scene {
     /// A scene without a name, or with a blank one, is called `name_for_errors` without folder and ending.
     ///
     /// # Errors
-    ///
     /// See [`Scene::read`].
     pub fn from_json(text: &str, dir: &Path, name_for_errors: &str) -> Checked<Self> {
         Self::from_text(text, (dir, name_for_errors), None, false)
@@ -209,7 +207,6 @@ struct SceneVehicle {
     notes: Vec<Note>,
 }
 
-/// Shapes of a vehicle's bodies.
 struct VehicleBody {
     shapes: Vec<ShapeDescription>,
     /// Bodies beside the first.
@@ -258,7 +255,6 @@ impl SceneVehicle {
         Ok(Self { at, notes, vehicle, body: None, files })
     }
 
-    /// Where a mount is described.
     fn mount(&self, index: usize) -> Location {
         match self.vehicle.is_nameless() {
             true => self.at.key("mount"),

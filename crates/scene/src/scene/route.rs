@@ -13,9 +13,7 @@ use sightline_files::json::{Checked, Location};
 pub(crate) enum Motion {
     /// No motion: one pose for all frames.
     Still,
-    /// One pose a frame.
     Poses(Vec<Pose>),
-    /// Along a line.
     Route(Route),
 }
 

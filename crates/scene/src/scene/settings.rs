@@ -13,7 +13,6 @@ use sightline_files::json::{Checked, DescriptionError, Location};
 const MOUNT_HEADROOM: f64 = 10.0;
 /// Most voxels along one axis.
 const MAX_AXIS: f64 = 16_777_216.0;
-/// Most voxels of a ROI.
 const MAX_VOXELS: u64 = 1 << 31;
 
 /// Highest scanner and longest range, in metres.

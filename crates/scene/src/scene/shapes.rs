@@ -18,7 +18,6 @@ use crate::vehicle;
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
 const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
-/// Deepest nesting of named shapes.
 const MAX_DEPTH: usize = 8;
 const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "urdf", "shape"];
 
@@ -26,7 +25,6 @@ const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "urdf", "s
 pub(crate) struct Builder<'a> {
     classes: &'a Classes,
     named: &'a Dictionary<Vec<ShapeDescription>>,
-    /// Index in `named` by name.
     by_name: HashMap<&'a str, usize>,
     /// Place of the key `shapes`.
     named_at: Location,

@@ -58,7 +58,6 @@ pub(crate) struct Solid {
 }
 
 impl Solid {
-    /// Appends `other`, moved by `pose`.
     pub(crate) fn append(&mut self, other: &Self, pose: &Pose) {
         let base = self.vertices.len() as u32;
         let faces = self.faces.len();

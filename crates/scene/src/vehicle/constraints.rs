@@ -141,7 +141,6 @@ impl Constraints {
         self.slots[slot].allows(self.model_of(pose)).is_some()
     }
 
-    /// Model of a LiDAR.
     fn model_of(&self, pose: &SensorPose) -> SensorName {
         if pose.sensor.is_none() { self.first } else { pose.sensor }
     }

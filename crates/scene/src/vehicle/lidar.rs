@@ -50,7 +50,7 @@ impl Lidar {
     }
 
     /// True if it turns all the way round.
-    pub fn turns(&self) -> bool {
+    pub(super) fn turns(&self) -> bool {
         matches!(self, Self::Spinning { azimuth: None, .. })
     }
 

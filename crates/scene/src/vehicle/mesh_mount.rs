@@ -12,7 +12,7 @@ use super::Region;
 use super::description::{FacingDescription, KeepOutDescription, MeshPatchDescription};
 use super::equipment::VehicleMount;
 use super::pairing::flipped;
-use super::surface::{Facet, Image, Surface, is_roof, rest};
+use super::surface::{Facet, Image, Surface, frame_of_patch};
 use crate::mesh::{self, Placing};
 use crate::scene::clipped;
 use lidar_cast::geom::Pose;
@@ -133,8 +133,7 @@ fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
         .zip(&areas)
         .map(|(facet, area)| (facet.corners.iter().sum::<DVec3>() / 3.0) * area.length());
     let middle = weighted.sum::<DVec3>() / whole;
-    let on_roof = is_roof(normal);
-    let frame = Pose { rotation: rest(normal, on_roof), translation: middle };
+    let (frame, axes) = frame_of_patch(normal, middle);
     let back = frame.inverse();
     let kept =
         facets.iter().zip(&areas).filter(|(_, area)| area.dot(normal) > STEEP * area.length());
@@ -142,7 +141,6 @@ fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
         corners: facet.corners.map(|corner| back.apply(corner)),
         normals: facet.normals.map(|normal| back.rotation * normal),
     });
-    let axes = if on_roof { [0, 1] } else { [1, 2] };
     let Some(surface) = Surface::new(axes, moved.collect()) else {
         return Err("a patch with an area; all its triangles are thin or steep");
     };

@@ -54,18 +54,11 @@ impl Vehicle {
         let ties = Ties { equal_height: mount.equal_height, symmetric: mount.symmetric };
         let mut vehicle = Self {
             name: "vehicle".to_owned(),
-            sensors: Vec::new(),
             mounts: vec![VehicleMount { region, sensors: vec![name], count: [lidars; 2] }],
             min_distance,
             keep_out,
             ties,
-            require: Vec::new(),
-            targets: Vec::new(),
-            overlap: Vec::new(),
-            require_order: Vec::new(),
-            ground: Vec::new(),
-            other_sensors: Vec::new(),
-            notes: Vec::new(),
+            ..Self::default()
         };
         vehicle.check_room(&at)?;
         let DescribedLidar { lidar, measures, notes } =

@@ -10,9 +10,9 @@ use super::description::{CountDescription, MountingDescription};
 use super::equipment::{VehicleMount, VehicleSensor};
 use super::mesh_mount::{self, OFF};
 use super::pairing::ROUNDED;
-use super::surface::{is_roof, rest};
+use super::surface::frame_of_patch;
 use super::{MAX_LIDARS, Outline, Region, SensorName};
-use lidar_cast::geom::{Pose, crossing};
+use lidar_cast::geom::crossing;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{Checked, Location};
@@ -176,11 +176,8 @@ fn patch(at: &Location, mount: &MountingDescription, corners: &[[f64; 3]]) -> Ch
             return Err(bad(&place.item(i), format!("{corner:?}", corner = corners[i]), wanted));
         }
     }
-    let on_roof = is_roof(normal);
-    let rotation = rest(normal, on_roof);
-    let frame = Pose { rotation, translation: middle };
+    let (frame, axes) = frame_of_patch(normal, middle);
     let back = frame.inverse();
-    let axes = if on_roof { [0, 1] } else { [1, 2] };
     let outline: Vec<[f64; 2]> =
         points.iter().map(|point| back.apply(*point)).map(|p| axes.map(|k| p[k])).collect();
     if let Some((i, j)) = crossing(&outline) {
@@ -190,7 +187,6 @@ fn patch(at: &Location, mount: &MountingDescription, corners: &[[f64; 3]]) -> Ch
             format!("free of the side {}; the outline must not cross or touch itself", ends(i));
         return Err(bad(&place.item(j), format!("the side {}", ends(j)), wanted));
     }
-    let along = if on_roof { 2 } else { 0 };
     let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
     for (side, &field) in axes.iter().enumerate() {
         let values = outline.iter().map(|corner| corner[side]);
@@ -200,7 +196,7 @@ fn patch(at: &Location, mount: &MountingDescription, corners: &[[f64; 3]]) -> Ch
     let outline = Outline { axes, corners: outline };
     let region =
         Region { ego_from_region: Some(frame), lower, upper, outline, ..Region::default() };
-    with_ranges(at, mount, region, along)
+    with_ranges(at, mount, region, 3 - axes[0] - axes[1])
 }
 
 /// A patch with the ranges of `offset`, in front of it, and of the angles.

@@ -199,7 +199,6 @@ enum PlacementSource {
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
-/// First key of a document.
 const DOCUMENT: &[u8] = b"\"placements\"";
 /// Key that may stand before it, with a text.
 const SCHEMA: &[u8] = b"\"$schema\":\"";

@@ -66,7 +66,6 @@ pub fn table_7_held_by(vehicle: &Vehicle) -> Vec<Placement> {
     layouts
 }
 
-/// Word for every LiDAR.
 const ALL: &str = "all";
 
 /// A model for one LiDAR of every placement, or for all: `0=spin-32`, `all=spin-32`.

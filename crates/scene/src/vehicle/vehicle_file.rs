@@ -25,7 +25,6 @@ use sightline_files::json::{self, Checked, FileKind, Location};
 
 /// Largest vehicle file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
-/// Highest price of a sensor.
 const MOST_PRICE: f64 = 1e12;
 /// Most sensor models, mounts and requirements.
 const MOST: usize = 64;

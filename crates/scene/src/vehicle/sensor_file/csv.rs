@@ -90,7 +90,6 @@ fn in_degrees(at: &Location, title: &str) -> Checked<()> {
     Ok(())
 }
 
-/// The place of a row.
 pub(super) fn at_line(at: &Location, number: usize) -> Location {
     at.key(&format!("line {number}"))
 }
@@ -332,7 +331,6 @@ fn decimal_commas(at: &Location, text: &str) -> Option<Note> {
     })
 }
 
-/// First bytes of an array.
 const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// True if bytes begin with the magic of a NumPy array.
@@ -394,7 +392,6 @@ fn angles<T: Deserialize + Copy + Into<f64>>(
     Ok(if order == Order::Fortran { transpose(&numbers, 2) } else { numbers })
 }
 
-/// Bytes of a matrix.
 const MATRIX: usize = 48;
 /// Farthest that the length of a ray's axis may be from 1.
 const TOLERANCE: f64 = 1e-3;

@@ -14,7 +14,6 @@ use super::pattern::{
     channel, check_count, direction, quoted,
 };
 
-/// Most columns of a turn.
 const MAX_COLUMNS: f64 = 100_000.0;
 /// Reflectance that `minReflectanceRange` is stated for by default, and that ranges are rated for here.
 pub(super) const RATED: f64 = 0.1;

@@ -16,11 +16,8 @@ use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{Checked, Location, nearest};
 
-/// Most channels of a sensor.
 pub(crate) const MAX_CHANNELS: usize = 1024;
-/// Most beams of one LiDAR.
 pub(crate) const MAX_BEAMS: u64 = 10_000_000;
-/// Most columns of a frame.
 pub(super) const MAX_COLUMNS: u64 = 100_000;
 /// Least vertical field of view in degrees that is no doubt: the narrowest LiDARs of several channels have three, and the
 /// widest half a turn and more are as many radians.
@@ -365,9 +362,7 @@ pub(super) fn unread<S: AsRef<str>>(at: &Location, names: &[S]) -> Option<Note> 
 /// A part of metadata: an object, or the text that a sensor answers to a question it does not know.
 #[derive(Debug)]
 pub(super) enum Answer<T> {
-    /// The part.
     Read(T),
-    /// The text in its place.
     Text(String),
 }
 

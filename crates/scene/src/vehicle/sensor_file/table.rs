@@ -18,12 +18,10 @@ use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, Checked, Location, Quantity, parse_yaml};
 
-/// Keys that are read.
 const READ: &str = "name elevation_deg azimuth_offset_deg azimuth_sign channels azimuth_steps columns_per_frame \
                     azimuth_window range min_range rated_range noise rate";
 /// Largest azimuth offset in degrees of a sensor that has some: smaller ones are most likely radians.
 const OFFSET: f64 = 0.2;
-/// Keys that are passed over.
 const PASSED: Passed = &[
     ("vendor source licence license prod_line lidar_mode", "words for people"),
     ("format elevation spacing half azimuth beams notes fov_deg", "follow from the lists"),
@@ -139,7 +137,6 @@ fn window(at: &Location, [from, to]: [f64; 2]) -> Checked<[f64; 2]> {
     ))
 }
 
-/// Keys that are read.
 const VELODYNE_READ: &str = "lasers num_lasers laser_id rot_correction vert_correction vert_offset_correction \
                     horiz_offset_correction";
 /// Keys that are passed over, wherever they stand.
