@@ -20,6 +20,10 @@ use crate::vehicle;
 const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
 const MAX_DEPTH: usize = 8;
 const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "urdf", "shape"];
+/// Corners of a cylinder's base, and of a sphere's circles of latitude.
+const SIDES: u32 = 32;
+/// Bands of a sphere from pole to pole.
+const BANDS: u32 = 16;
 
 /// Builds triangles from shapes; loads each mesh file once.
 pub(crate) struct Builder<'a> {
@@ -241,13 +245,13 @@ impl<'a> Builder<'a> {
         default: Option<u16>,
     ) -> Checked<Solid> {
         let file = self.dir.join(&mesh.file);
-        let placing = placing(at, mesh)?;
+        let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
+        let axes = mesh.axes.as_deref();
+        let placing = Placing::new(at, axes, scale, translate, [roll, pitch, yaw])?;
         let mut map = HashMap::new();
         for (material, class) in &mesh.classes.0 {
-            map.insert(
-                material.as_str(),
-                self.classes.id(&at.key("classes").key(material), class)?,
-            );
+            let class = self.classes.id(&at.key("classes").key(material), class)?;
+            map.insert(material.as_str(), class);
         }
         let raw = self.raw(at, &file, &placing)?;
         self.note_unused(&at.key("classes"), &file, &map, &raw);
@@ -267,9 +271,7 @@ impl<'a> Builder<'a> {
             ends: Vec::new(),
         })
     }
-}
 
-impl Builder<'_> {
     /// A mesh file, read on first use.
     fn raw(&mut self, at: &Location, file: &Path, placing: &Placing) -> Checked<Rc<RawMesh>> {
         if let Some(raw) = self.meshes.get(file) {
@@ -280,14 +282,7 @@ impl Builder<'_> {
         self.meshes.insert(file.to_owned(), Rc::clone(&raw));
         Ok(raw)
     }
-}
 
-fn placing(at: &Location, mesh: &MeshDescription) -> Checked<Placing> {
-    let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
-    Placing::new(at, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
-}
-
-impl Builder<'_> {
     /// Notes material names that the mesh does not have: one map may serve several meshes, or hold a slip.
     fn note_unused(&mut self, at: &Location, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
         let has = || raw.materials.iter().flatten().map(String::as_str);
@@ -305,14 +300,7 @@ impl Builder<'_> {
             unused.join("`, `")
         )));
     }
-}
 
-/// Corners of a cylinder's base, and of a sphere's circles of latitude.
-const SIDES: u32 = 32;
-/// Bands of a sphere from pole to pole.
-const BANDS: u32 = 16;
-
-impl Builder<'_> {
     /// Triangles of a robot's links, with all joints at rest.
     fn urdf(&mut self, at: &Location, urdf: &UrdfDescription, class: u16) -> Checked<Solid> {
         let UrdfDescription { translate, roll, pitch, yaw, .. } = *urdf;
@@ -326,7 +314,11 @@ impl Builder<'_> {
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let (packages, without) = (packages.as_deref(), &urdf.without[..]);
         let (parts, origins) = RobotFile { file: &file, packages, tag, without }.parts(at)?;
-        self.note_degrees(at, &file, &origins);
+        // Origins of one file share one mistake.
+        let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
+            vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
+        });
+        self.notes.extend(in_degrees.take(3).map(Note::doubt));
         self.others.push(file.clone());
         let mut solid = Solid::default();
         for part in parts {
@@ -344,14 +336,6 @@ impl Builder<'_> {
         }
     }
 
-    /// Doubts of a robot's origins in degrees; origins of one file share one mistake.
-    fn note_degrees(&mut self, at: &Location, file: &Path, origins: &[OriginAngles]) {
-        let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
-            vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
-        });
-        self.notes.extend(in_degrees.take(3).map(Note::doubt));
-    }
-
     fn part(&mut self, at: &Location, geometry: &Geometry, class: u16) -> Checked<Solid> {
         Ok(match geometry {
             Geometry::Box(edges) => Solid::cuboid(DVec3::ZERO, *edges, 0.0, class),
@@ -360,24 +344,11 @@ impl Builder<'_> {
                 Solid::cylinder(foot, *radius, *length, SIDES, class)
             }
             Geometry::Sphere(radius) => Solid::sphere(*radius, [SIDES, BANDS], class),
-            Geometry::Mesh(file, scale) => self.mesh_of_link(at, file, *scale, class)?,
-        })
-    }
-
-    fn mesh_of_link(
-        &mut self,
-        at: &Location,
-        file: &Path,
-        scale: DVec3,
-        class: u16,
-    ) -> Checked<Solid> {
-        let placing = Placing::scaled(scale);
-        let raw = self.raw(at, file, &placing)?;
-        Ok(Solid {
-            vertices: placing.vertices(at, file, &raw)?,
-            faces: raw.faces.clone(),
-            classes: vec![class; raw.faces.len()],
-            ends: Vec::new(),
+            Geometry::Mesh(file, scale) => {
+                let placing = Placing::scaled(*scale);
+                let raw = self.raw(at, file, &placing)?;
+                Solid::of_class(placing.vertices(at, file, &raw)?, raw.faces.clone(), class)
+            }
         })
     }
 }

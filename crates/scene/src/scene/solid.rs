@@ -58,6 +58,12 @@ pub(crate) struct Solid {
 }
 
 impl Solid {
+    /// Triangles of one class.
+    pub(crate) fn of_class(vertices: Vec<DVec3>, faces: Vec<[u32; 3]>, class: u16) -> Self {
+        let classes = vec![class; faces.len()];
+        Self { vertices, faces, classes, ends: Vec::new() }
+    }
+
     pub(crate) fn append(&mut self, other: &Self, pose: &Pose) {
         let base = self.vertices.len() as u32;
         let faces = self.faces.len();
@@ -110,8 +116,7 @@ impl Solid {
             let j = (i + 1) % n;
             faces.extend([[i, j, j + n], [i, j + n, i + n]]);
         }
-        let classes = vec![class; faces.len()];
-        Self { vertices, faces, classes, ends: Vec::new() }
+        Self::of_class(vertices, faces, class)
     }
 
     /// Upright prism with `sides` corners on the circle around `foot`, the first at +x.
@@ -154,19 +159,14 @@ impl Solid {
                 [[a, c, d], [a, d, b]].into_iter().filter(|f| f[0] != f[2] && f[1] != f[2]),
             );
         }
-        let classes = vec![class; faces.len()];
-        Self { vertices, faces, classes, ends: Vec::new() }
+        Self::of_class(vertices, faces, class)
     }
 
     /// A level rectangle facing up: two triangles.
     pub(crate) fn plane(min: [f64; 2], max: [f64; 2], z: f64, class: u16) -> Self {
         let corners = [[min[0], min[1]], [max[0], min[1]], [max[0], max[1]], [min[0], max[1]]];
-        Self {
-            vertices: corners.iter().map(|p| DVec3::new(p[0], p[1], z)).collect(),
-            faces: vec![[0, 1, 2], [0, 2, 3]],
-            classes: vec![class; 2],
-            ends: Vec::new(),
-        }
+        let vertices = corners.iter().map(|p| DVec3::new(p[0], p[1], z)).collect();
+        Self::of_class(vertices, vec![[0, 1, 2], [0, 2, 3]], class)
     }
 }
 

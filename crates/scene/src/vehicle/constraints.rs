@@ -1,5 +1,6 @@
 //! Rules of a mount, and the ways in which a placement breaks them.
 
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 use super::doubts::stands_on;
@@ -339,12 +340,9 @@ impl Constraints {
 }
 
 /// Order of poses: by x, then y, z, roll, pitch, yaw.
-fn in_order(a: &SensorPose, b: &SensorPose) -> std::cmp::Ordering {
+fn in_order(a: &SensorPose, b: &SensorPose) -> Ordering {
     let fields = a.values().into_iter().zip(b.values());
-    fields
-        .map(|(a, b)| a.total_cmp(&b))
-        .find(|order| order.is_ne())
-        .unwrap_or(std::cmp::Ordering::Equal)
+    fields.fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(&b)))
 }
 
 /// One broken rule of a placement. `lidar` is the index of a LiDAR, `sensor` its model, `mount` the name of the mount that

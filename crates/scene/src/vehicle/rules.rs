@@ -91,7 +91,10 @@ impl GroundRule {
             }
             (Some(within), None) => GroundAsked::Within(distance(at, "ground", within)?),
             (None, Some(side)) => {
-                let side = side_named(at, side)?;
+                let known = Side::ALL.into_iter().find(|known| known.name() == side);
+                let wanted = "a side: ahead, behind, left or right";
+                let wrong = || bad(&at.key("blind_zone"), format!("`{side}`"), wanted);
+                let side = known.ok_or_else(wrong)?;
                 let mend = "say within how many metres the blind zone must end, `\"depth\": 2` for example";
                 let depth = required.depth.ok_or_else(|| check::missing(at, "depth", mend))?;
                 GroundAsked::BlindZone(side, distance(at, "depth", depth)?)
@@ -125,13 +128,6 @@ fn distance(at: &Location, key: &'static str, metres: f64) -> Checked<f64> {
     }
     let wanted = format!("metres from the own body, above 0 and at most {FARTHEST_GROUND}");
     Err(bad(&at.key(key), metres, wanted))
-}
-
-fn side_named(at: &Location, name: &str) -> Checked<Side> {
-    let known = Side::ALL.iter().find(|side| side.name() == name);
-    known.copied().ok_or_else(|| {
-        bad(&at.key("blind_zone"), format!("`{name}`"), "a side: ahead, behind, left or right")
-    })
 }
 
 /// Distance from which on a rule counts where it does not say, metres.

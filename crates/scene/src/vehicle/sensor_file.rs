@@ -56,7 +56,7 @@ fn parse(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<Senso
 }
 
 fn parse_any(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<SensorPattern> {
-    if csv::is_npy(bytes) {
+    if bytes.starts_with(csv::MAGIC) {
         return csv::parse_npy(at, bytes);
     }
     if is_utf_16(bytes) {

@@ -72,7 +72,8 @@ impl Vehicle {
         let name = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
         let (mut files, mut notes) = (Vec::new(), Vec::new());
         let sensors = models(at, vehicle.sensors, dir, &mut files, &mut notes)?;
-        notes.extend(doubts_of_mounts(at, &vehicle.mounts));
+        let doubts = vehicle.mounts.iter().enumerate().flat_map(doubts_of_mount);
+        notes.extend(doubts.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
         let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
         files.extend(meshes);
         let min_distance = least_distance(at, vehicle.min_distance)?;
@@ -141,14 +142,8 @@ fn models(
     Ok(sensors)
 }
 
-/// Doubts about each mount, with the place of the vehicle.
-fn doubts_of_mounts(at: &Location, mounts: &[MountingDescription]) -> Vec<Note> {
-    let doubts = mounts.iter().enumerate().flat_map(|(i, mount)| doubts_of_mount(i, mount));
-    doubts.map(|doubt| Note::doubt(format!("{at}: {doubt}"))).collect()
-}
-
 /// Doubts about the angles of a mount and of its mesh, and about a mount below the ground.
-fn doubts_of_mount(i: usize, mount: &MountingDescription) -> Vec<String> {
+fn doubts_of_mount((i, mount): (usize, &MountingDescription)) -> Vec<String> {
     let of = |key: &str, angles: &[f64]| super::of_angles(&format!("mounts[{i}].{key}"), angles);
     let own = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
     let mut doubts: Vec<String> = own.iter().filter_map(|(key, range)| of(key, range)).collect();

@@ -331,12 +331,8 @@ fn decimal_commas(at: &Location, text: &str) -> Option<Note> {
     })
 }
 
-const MAGIC: &[u8] = b"\x93NUMPY";
-
-/// True if bytes begin with the magic of a NumPy array.
-pub(super) fn is_npy(bytes: &[u8]) -> bool {
-    bytes.starts_with(MAGIC)
-}
+/// First bytes of a NumPy array.
+pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
 pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Checked<SensorPattern> {
     let wanted = "an array [N, 2] of float32 or float64, as np.save writes it: azimuth and elevation of each beam \
