@@ -367,6 +367,7 @@ pub(crate) enum Geometry {
 
 /// A shape of a robot.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
 pub(crate) struct RobotPart {
     /// Shape in a frame of its own.
     pub geometry: Geometry,

@@ -67,6 +67,17 @@ pub fn unknown_name<'a>(
     }
 }
 
+/// Error of more things of a kind than a place holds.
+pub fn too_many(
+    at: &Location,
+    what: &'static str,
+    count: u64,
+    limit: u64,
+    mend: &'static str,
+) -> DescriptionError {
+    DescriptionError::TooMany { at: Box::new(at.clone()), what, count, limit, mend }
+}
+
 /// A text for tables and drawings, without control characters.
 pub fn text(at: &Location, value: String) -> Result<String, DescriptionError> {
     if !value.contains(char::is_control) {

@@ -80,7 +80,8 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Parsed<RawMesh> {
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
         return Err(MeshFault::new("file", "holds no scene; export it with its objects in one"));
     };
-    NodeWalk::new(&document, frames, Data::new(buffers), mesh).run(&scene)
+    let data = Data { buffers, left: Cell::new(MOST_NUMBERS) };
+    NodeWalk::new(&document, frames, data, mesh).run(&scene)
 }
 
 /// Farthest that the length of a quaternion may be from 1.
@@ -186,10 +187,6 @@ pub(super) struct Data {
 }
 
 impl Data {
-    pub(super) fn new(buffers: Vec<Vec<u8>>) -> Self {
-        Self { buffers, left: Cell::new(MOST_NUMBERS) }
-    }
-
     /// Numbers of an accessor, item after item; integers are scaled where it says `normalized`.
     ///
     /// # Errors

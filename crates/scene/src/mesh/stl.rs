@@ -50,16 +50,6 @@ struct Corners {
 }
 
 impl Corners {
-    /// Number of a corner in a mesh, which it is added to where it is new.
-    fn number(&mut self, mesh: &mut RawMesh, corner: DVec3) -> u32 {
-        // Both zeros are one place.
-        let key = corner.to_array().map(|v| (v + 0.0).to_bits());
-        *self.known.entry(key).or_insert_with(|| {
-            mesh.vertices.push(corner);
-            mesh.vertices.len() as u32 - 1
-        })
-    }
-
     /// Adds a triangle.
     fn add(
         &mut self,
@@ -73,7 +63,14 @@ impl Corners {
                 super::exponents(corners[at])
             ));
         }
-        let face = corners.map(|corner| self.number(mesh, corner));
+        let face = corners.map(|corner| {
+            // Both zeros are one place.
+            let key = corner.to_array().map(|v| (v + 0.0).to_bits());
+            *self.known.entry(key).or_insert_with(|| {
+                mesh.vertices.push(corner);
+                mesh.vertices.len() as u32 - 1
+            })
+        });
         mesh.triangle(face, material)
     }
 }

@@ -59,13 +59,11 @@ impl RoiBounds {
         let count = shape.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul);
         match count {
             Some(n) if n <= MAX_VOXELS => Ok(Self { min, max, voxel, shape }),
-            _ => Err(DescriptionError::TooMany {
-                at: Box::new(at.clone()),
-                what: "voxels",
-                count: count.unwrap_or(u64::MAX),
-                limit: MAX_VOXELS,
-                mend: "take a smaller ROI or larger voxels",
-            }),
+            _ => {
+                let (count, mend) =
+                    (count.unwrap_or(u64::MAX), "take a smaller ROI or larger voxels");
+                Err(check::too_many(at, "voxels", count, MAX_VOXELS, mend))
+            }
         }
     }
 

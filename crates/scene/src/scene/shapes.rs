@@ -184,13 +184,8 @@ impl<'a> Builder<'a> {
         if count <= self.most {
             return Ok(());
         }
-        Err(DescriptionError::TooMany {
-            at: Box::new(at.clone()),
-            what: "triangles",
-            count,
-            limit: self.most,
-            mend: "take fewer copies or a coarser mesh",
-        })
+        let mend = "take fewer copies or a coarser mesh";
+        Err(check::too_many(at, "triangles", count, self.most, mend))
     }
 
     /// Shape called `name`, used at `at` inside `depth` other named shapes.

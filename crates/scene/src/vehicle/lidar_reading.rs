@@ -229,13 +229,8 @@ fn spinning(
     let azimuth_steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
     let beams = elevations.len() as u64 * steps;
     if beams > MAX_BEAMS {
-        return Err(DescriptionError::TooMany {
-            at: Box::new(at.clone()),
-            what: "beams",
-            count: beams,
-            limit: MAX_BEAMS,
-            mend: "take fewer channels or azimuth steps",
-        });
+        let mend = "take fewer channels or azimuth steps";
+        return Err(check::too_many(at, "beams", beams, MAX_BEAMS, mend));
     }
     Ok(Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range })
 }

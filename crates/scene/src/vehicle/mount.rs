@@ -16,7 +16,7 @@ use super::{
     Constraints, MAX_LIDARS, Placement, Region, Response, SensorName, SensorPose, SpinPhase, Ties,
 };
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{Checked, DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Most keep-out boxes of a mount.
 const MAX_KEEP_OUT: usize = 32;
@@ -205,10 +205,8 @@ pub(super) fn keep_out_boxes(
     boxes: &[KeepOutDescription],
 ) -> Checked<Vec<[[f64; 3]; 2]>> {
     if boxes.len() > MAX_KEEP_OUT {
-        let at = Box::new(at.clone());
         let (count, limit) = (boxes.len() as u64, MAX_KEEP_OUT as u64);
-        let mend = "join some";
-        return Err(DescriptionError::TooMany { at, what: "boxes", count, limit, mend });
+        return Err(check::too_many(at, "boxes", count, limit, "join some"));
     }
     let corners = |(i, KeepOutDescription { min, max }): (usize, &KeepOutDescription)| {
         check::corners(&at.item(i), *min, *max, ": the box would keep nothing out")

@@ -155,7 +155,7 @@ pub(crate) struct PlacementFile {
     #[serde(default, rename = "sightline", deserialize_with = "json::version_1")]
     _version: Option<u64>,
     /// Placements, each of a name of its own.
-    placements: Vec<Placement>,
+    pub(super) placements: Vec<Placement>,
 }
 
 /// A file, and the name of one placement behind its colon: `rigs.json:roof`. A file whose own name is the whole text has

@@ -279,7 +279,9 @@ fn rotary(
     pattern.azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
     match (window, ticks) {
         (Some(window), Some(ticks)) if states > 1 => {
-            let columns = WindowColumns::of(at, window, ticks, clockwise)?;
+            let step = 360.0 / ticks as f64;
+            let [first, last] = whole_columns(at, window, step)?.map(|column| column as i64);
+            let columns = WindowColumns { first, count: last - first + 1, step, clockwise };
             columns.cut(at, list, profile, &mut pattern)?;
             pattern.notes.push(cut_to(window));
         }
@@ -300,13 +302,6 @@ struct WindowColumns {
 }
 
 impl WindowColumns {
-    fn of(at: &Location, window: [f64; 2], ticks: usize, clockwise: bool) -> Checked<Self> {
-        let step = 360.0 / ticks as f64;
-        let [first, last] = whole_columns(at, window, step)?;
-        let [first, last] = [first as i64, last as i64];
-        Ok(Self { first, count: last - first + 1, step, clockwise })
-    }
-
     /// The state that fires at a column.
     fn state(&self, column: i64, states: usize) -> usize {
         let turn = if self.clockwise { -1 } else { 1 };
