@@ -23,7 +23,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use lidar_cast::geom::{Pose, TriangleSoup};
+use lidar_cast::geom::Pose;
 use sightline_files::json::{Checked, check};
 use sightline_files::{Note, json};
 
@@ -298,9 +298,7 @@ impl Scene {
 
     /// True if the static world, an actor or the ego body has a triangle.
     pub fn has_geometry(&self) -> bool {
-        let empty = |s: &Solid| s.faces.is_empty();
-        let no_body = empty(&self.body) && self.bodies.iter().all(|b| empty(&b.parts));
-        !(empty(&self.world) && no_body && self.actors.iter().all(|a| empty(&a.parts)))
+        self.triangles(EgoBody::Include) > 0
     }
 
     /// Number of frames, T; 1 without geometry.
@@ -320,30 +318,6 @@ impl Scene {
     pub fn ego_pose(&self, t: usize) -> Pose {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.ego.pose(t)
-    }
-
-    /// Triangles of frame `t` in the ego frame, in metres.
-    ///
-    /// Order: static world, actors as listed, ego body, bodies of the ego that move; face ids are the same in every frame. The copy
-    /// is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
-    ///
-    /// # Panics
-    /// If `t` is not below [`Scene::frame_count`].
-    pub fn frame(&self, t: usize, body: EgoBody) -> TriangleSoup {
-        let ego_from_world = self.ego_pose(t).inverse();
-        let mut soup = TriangleSoup::default();
-        self.world.append_to(&mut soup, &ego_from_world);
-        for actor in &self.actors {
-            let ego_from_actor = ego_from_world.compose(&actor.motion.pose(t));
-            actor.parts.append_to(&mut soup, &ego_from_actor);
-        }
-        if body == EgoBody::Include {
-            self.body.append_to(&mut soup, &Pose::IDENTITY);
-            for body in &self.bodies {
-                body.parts.append_to(&mut soup, &body.motion.pose(t));
-            }
-        }
-        soup
     }
 }
 

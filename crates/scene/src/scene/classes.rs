@@ -122,12 +122,9 @@ impl Classes {
         (0_u16..).zip(classes).filter(|(_, name)| counts(name)).map(|(id, _)| id).collect()
     }
 
-    fn find(&self, name: &str) -> Option<u16> {
-        self.names.iter().position(|n| n == name).map(|i| i as u16)
-    }
-
     pub(crate) fn id(&self, at: &Location, name: &str) -> Checked<u16> {
-        self.find(name).ok_or_else(|| unknown(at, name, &self.names))
+        let found = self.names.iter().position(|known| known == name);
+        found.map(|i| i as u16).ok_or_else(|| unknown(at, name, &self.names))
     }
 }
 

@@ -93,14 +93,32 @@ impl Scene {
         self.solid(part).faces.len()
     }
 
-    /// Takes each part's frame to the ego frame of frame `t`; the ego's bodies come last.
-    pub fn part_poses(&self, t: usize) -> Vec<Pose> {
+    /// Takes the frame of each part's owner to the ego frame of frame `t`.
+    fn owner_poses(&self, t: usize) -> Vec<Pose> {
         let ego_from_world = self.ego_pose(t).inverse();
         let mut poses = vec![ego_from_world];
         let actors = self.actors.iter().map(|actor| actor.motion.pose(t));
         poses.extend(actors.map(|world_from_actor| ego_from_world.compose(&world_from_actor)));
         poses.push(Pose::IDENTITY);
         poses.extend(self.bodies.iter().map(|body| body.motion.pose(t)));
+        poses
+    }
+
+    /// Triangles of frame `t` in the ego frame, in metres.
+    ///
+    /// Order: static world, actors as listed, ego body, bodies of the ego that move; face ids are the same in every frame.
+    /// The copy is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
+    pub fn frame(&self, t: usize, body: EgoBody) -> TriangleSoup {
+        let mut soup = TriangleSoup::default();
+        for (part, ego_from_owner) in self.parts(body).zip(self.owner_poses(t)) {
+            self.solid(part).append_to(&mut soup, &ego_from_owner);
+        }
+        soup
+    }
+
+    /// Takes each part's frame to the ego frame of frame `t`; the ego's bodies come last.
+    pub fn part_poses(&self, t: usize) -> Vec<Pose> {
+        let mut poses = self.owner_poses(t);
         for (pose, &origin) in poses.iter_mut().zip(&self.origins) {
             pose.translation = pose.apply(origin);
         }
@@ -336,24 +354,15 @@ impl OwnBodies {
 
     /// Puts bodies with a pose for each frame where they are in frame 0, with a note for each.
     pub(crate) fn hold_still(&mut self) -> Vec<Note> {
-        let (mut notes, mut moving) = (Vec::new(), Vec::new());
-        for body in std::mem::take(&mut self.moving) {
-            let poses = match &body.motion {
-                Motion::Poses(poses) if !poses.is_empty() => poses,
-                // A list without a pose is refused with the number of frames.
-                _ => {
-                    moving.push(body);
-                    continue;
-                }
-            };
-            self.body.append(&body.parts, &poses[0]);
+        let mut notes = Vec::new();
+        for OwnBody { parts, motion, at, .. } in std::mem::take(&mut self.moving) {
+            let Motion::Poses(poses) = motion else { continue };
+            self.body.append(&parts, &poses[0]);
+            let count = poses.len();
             notes.push(Note::fact(format!(
-                "{}: has {} poses, one for each frame; {HELD_STILL}",
-                body.at,
-                poses.len()
+                "{at}: has {count} poses, one for each frame; {HELD_STILL}"
             )));
         }
-        self.moving = moving;
         notes
     }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
+use lidar_cast::geom::TriangleSoup;
 
 use super::*;
 use crate::vehicle::Ties;
