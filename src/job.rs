@@ -351,7 +351,7 @@ impl Job {
             scores.guards = [below, std::mem::take(&mut scores.guards)].concat();
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
-        let is_whole = self.add_holds(&mut all, None, go_on)?;
+        let is_whole = self.add_holds(&mut all, go_on)?;
         if let Some(site) = self.target_site()? {
             for (placement, scores) in &mut all {
                 name_missed_places(site, problem.target_rules(), placement, &mut scores.required)?;

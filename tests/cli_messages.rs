@@ -317,10 +317,22 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
     assert!(
-        text.contains("\nup: price 2; range card, met at every distance and all 16 bearings: car "),
+        text.contains("\nup: price 2; range card from the origin, met at every distance and all 16 bearings: car "),
         "{text}"
     );
     assert!(text.contains("\nlevel: price 4; range card"), "{text}");
+    assert!(text.contains("\nMetres of targets count from the origin, of ground"), "{text}");
+    // Every table that prints metres says where they begin.
+    for (study, from) in [
+        ("targets", "Metres from the origin at which 5 beams or more meet a target"),
+        ("redundancy", "targets 5 to 50 m from the origin with 5 beams or more each"),
+        ("nearfield", " m² of ground within 10 m of the body, "),
+    ] {
+        let args = ["study", study, "s.json", "rigs.json", "--frames", "1", "--backend", "cpu"];
+        let output = sightline(dir.path(), &args);
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains(from), "{study}: {text}");
+    }
     let last = text.lines().last().unwrap();
     assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
     assert!(last.ends_with("then the number of violated guards, then near_gain"), "{text}");

@@ -66,6 +66,14 @@ fn optimize_writes_its_folder_and_repeats_itself() {
             && !report.contains("src=")
             && !report.contains("<link")
     );
+    let swaps = first["methods"].as_array().unwrap().iter().find(|of| of["method"] == "swaps");
+    let words = format!(
+        "{} evaluations and {} of swaps; {} generations, ",
+        first["evaluations"],
+        swaps.unwrap()["evaluations"],
+        first["generations"]
+    );
+    assert!(report.contains(&words), "{words}");
     assert_eq!(first["baselines"].as_array().unwrap().len(), 11);
     // A finished run is not made again: its result stays as it is, to the times in it.
     let before = fs::read(dir.path().join("first/result.json")).unwrap();
@@ -260,6 +268,37 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     let (auto, full) = (median("auto"), median("full"));
     let lost = (full - auto) / full.abs();
     assert!(lost <= LOST, "{auto} is {lost} worse than {full}");
+}
+
+#[test]
+fn a_run_from_another_folder_writes_the_same_record() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let below = dir.path().join("below");
+    fs::create_dir(&below).unwrap();
+    let lidars = json!([{ "x": 0.3, "y": 0.3, "z": 1.5 }, { "x": -0.3, "y": -0.3, "z": 1.5 }]);
+    let rig = json!({ "placements": [{ "name": "mine", "lidars": lidars }] });
+    fs::write(dir.path().join("mine.json"), rig.to_string()).unwrap();
+    let run = |from: &Path, to_room: &str| {
+        let [scene, rigs, out] = ["room.json", "mine.json", "run"].map(|f| format!("{to_room}{f}"));
+        let out = format!("{out}-{}", to_room.len());
+        let args = ["optimize", &scene, "--backend", "cpu", "--evaluations", "12", "--frames", "1"];
+        let printed = ok(from, &[&args[..], &["--inject", &rigs, "--out", &out]].concat());
+        let read = |file: &str| fs::read_to_string(from.join(&out).join(file)).unwrap();
+        let mut record: Value = serde_json::from_str(&read("result.json")).unwrap();
+        assert_eq!(record["command"], printed["command"]);
+        let is_time = |key: &str| {
+            ["second", "memory", "time", "timings"].iter().any(|part| key.contains(part))
+        };
+        record.as_object_mut().unwrap().retain(|key, _| !is_time(key));
+        (record, read("report.html"))
+    };
+    let ((here, page), (there, _)) = (run(dir.path(), ""), run(&below, "../"));
+    assert_eq!(here, there);
+    let whole = dir.path().canonicalize().unwrap().join("room.json");
+    let words = format!("sightline optimize {} ", whole.display());
+    assert!(here["command"].as_str().unwrap().starts_with(&words), "{}", here["command"]);
+    assert!(page.contains("<code>sightline optimize room.json "), "{page}");
 }
 
 #[cfg(unix)]

@@ -141,6 +141,19 @@ fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
     assert_eq!(stopped(&args("broken", &["--max-seconds", "0"])), 1);
     let resume = ["optimize", "--resume", "broken", "--backend", "cpu"];
     assert_eq!(stopped(&[&resume[..], &["--time", "0"]].concat()), 2, "a generation a sitting");
+    // A better rig of an earlier sitting is the result of one without time.
+    let times = dir.path().join("broken/times.json");
+    let mut spent: Value = serde_json::from_str(&read(dir.path(), "broken", "times.json")).unwrap();
+    let best: Value = serde_json::from_str(&read(dir.path(), "whole", "result.json")).unwrap();
+    spent["kept"] = best["best"]["placement"].clone();
+    fs::write(&times, spent.to_string()).unwrap();
+    assert_eq!(stopped(&[&resume[..], &["--max-seconds", "0"]].concat()), 3);
+    let kept: Value = serde_json::from_str(&read(dir.path(), "broken", "result.json")).unwrap();
+    assert_eq!(kept["best"]["placement"], best["best"]["placement"]);
+    assert_eq!(
+        serde_json::from_str::<Value>(&read(dir.path(), "broken", "times.json")).unwrap()["kept"],
+        best["best"]["placement"]
+    );
     let resumed = ok(dir.path(), &resume);
     for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg", "map.svg"]
     {

@@ -352,6 +352,9 @@ fn own_rigs_lose_each_lidar_in_turn() {
         { "name": "both", "lidars": [lidar(0.0), lidar(std::f64::consts::PI)] },
         { "name": "twice", "lidars": [lidar(0.0), lidar(0.0), lidar(std::f64::consts::PI)] },
         { "name": "front", "lidars": [lidar(0.0), lidar(0.0)] } ] });
+    let back = std::f64::consts::PI;
+    let blind = json!({ "placements": [{ "name": "back", "lidars": [lidar(back), lidar(back)] }] });
+    fs::write(dir.path().join("blind.json"), blind.to_string()).unwrap();
     fs::write(dir.path().join("own.json"), rigs.to_string()).unwrap();
     let args = ["study", "loss", "street.json", "own.json", "--backend", "cpu", "--out", "lost"];
     let found = ok(dir.path(), &args);
@@ -405,9 +408,26 @@ fn own_rigs_lose_each_lidar_in_turn() {
             && !notes.contains("both with all"),
         "{notes}"
     );
+    let looked = &scores["scores"][0]["range_card"]["blind_between"];
+    let [near, far] = [0, 1].map(|end: usize| looked[end].as_f64().unwrap());
+    assert!(
+        notes.contains(&format!("a car is lost somewhere between {near} and {far} m")),
+        "{notes}"
+    );
     // A rule that allows for a loss is looked at with this one LiDAR lost, and no second.
     assert!(notes.contains("; NOT MET: pair: 0.0 % seen, 90.0 % required"), "{notes}");
-    assert!(!notes.contains("twice without LiDAR 0"), "{notes}");
+    assert!(
+        !notes.contains("twice without LiDAR 0") && !notes.contains("already NOT MET"),
+        "{notes}"
+    );
+    // A requirement that all LiDARs miss is missed without each, and told so.
+    let args = ["study", "loss", "street.json", "blind.json", "--backend", "cpu", "--out", "blind"];
+    let notes = ok(dir.path(), &args)["notes"].to_string();
+    for lost in ["back without LiDAR 0", "back without LiDAR 1"] {
+        let (_, rest) = notes.split_once(lost).expect(&notes);
+        let told = rest.split("back without").next().unwrap();
+        assert!(told.contains("already NOT MET: ahead: 0.0 % seen, 90.0 % required"), "{notes}");
+    }
     // In fog cars are lost where `score` of the LiDARs that are left says so in the same fog.
     let fog = ["--condition", "fog:mor=12", "--backend", "cpu"];
     let single = |name: &str, yaw: f64| json!({ "name": name, "lidars": [lidar(yaw)] });

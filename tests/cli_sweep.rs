@@ -113,6 +113,8 @@ fn a_table_for_people_and_a_chart() {
         ),
         "{text}"
     );
+    let lost = "\ncar lost °: bearings in which a car is lost between 5 and 50 m\n";
+    assert!(text.contains(lost), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     assert!(
         text.starts_with("Scores and requirements by one pose field, over 1 frame of yard\n"),
@@ -230,6 +232,31 @@ fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
         }
     }
     assert!(ends > 0 && ends < 4, "{room}");
+}
+
+#[test]
+fn a_tolerance_looks_at_four_frames_unless_told_otherwise_and_says_so() {
+    let dir = required_yard();
+    let path = dir.path().join("yard.json");
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    scene["frames"] = json!(6);
+    scene["actors"][0]["poses"] =
+        json!([12, 13, 14, 15, 16, 17].map(|x| json!({ "x": x, "y": 1 })));
+    fs::write(&path, scene.to_string()).unwrap();
+    let line =
+        "study tolerance yard.json two.json --backend cpu --most-mm 1 --most-deg 1 --steps 1";
+    let told = |more: &str| {
+        let line = format!("{line}{more}");
+        let output = sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        [output.stdout, output.stderr].map(|words| String::from_utf8(words).unwrap())
+    };
+    let [[few, said], [four, _], [_, all]] = ["", " --frames 4", " --frames 6"].map(told);
+    assert!(
+        said.contains("4 of 6 frames are looked at, spread evenly; --frames 6 looks at all"),
+        "{said}"
+    );
+    assert!(few == four && !few.is_empty(), "{few}\n{four}");
+    assert!(!all.contains("frames are looked at"), "{all}");
 }
 
 #[test]

@@ -261,6 +261,17 @@ fn the_study_of_cost_rises_with_the_price() {
     assert!(prices.last() >= Some(&10.0), "{prices:?}");
     let gains: Vec<f64> = rows.iter().map(|row| row["values"][1].as_f64().unwrap()).collect();
     assert!(gains.last() > gains.first(), "{gains:?}");
+    // Searches of a study do not look at copies: a table with requirements says so.
+    let note = "Requirements are met as mounted only: searches of a study allow for no tolerance";
+    assert!(!table["notes"].to_string().contains(note), "{table}");
+    changed(dir.path(), "need.json", |cart| {
+        cart["require"] =
+            json!([{ "name": "near", "min": [-2, -2, 0], "max": [2, 2, 1], "share": 0.1 }]);
+    });
+    let line = "study cost room.json --vehicle need.json --evaluations 4 --out need";
+    let args: Vec<&str> = line.split(' ').collect();
+    let table = ok(dir.path(), &[&args[..], &CPU].concat());
+    assert!(table["notes"].to_string().contains(note), "{table}");
     // A sensor without a price is named wherever prices matter, and nowhere else.
     changed(dir.path(), "free.json", |cart| {
         cart["sensors"][1].as_object_mut().unwrap().remove("price");

@@ -130,6 +130,45 @@ fn the_choice_tells_how_far_it_is_and_stops_when_told() {
 }
 
 #[test]
+fn a_grid_of_both_ends_alone_is_told() {
+    let told = |mounts: u32| {
+        let mut vehicle = vehicle(Vec::new());
+        let mount = vehicle.mounts[1].clone();
+        let numbered = |k: u32| {
+            let mut mount = mount.clone();
+            let (region, x) = (Arc::make_mut(&mut mount.region), f64::from(k));
+            region.name = format!("mount-{k}");
+            (region.lower, region.upper) =
+                ([x, -0.2, 0.0, -0.1, -0.1, -0.1], [x + 0.2, 0.2, 0.2, 0.1, 0.1, 0.1]);
+            mount
+        };
+        vehicle.mounts = (0..mounts).map(numbered).collect();
+        let (suite, objective) = (problem(5, &vehicle).into(), "information_gain".parse().unwrap());
+        let (mut notes, mut poses) = (Vec::new(), 0);
+        let mut observe = |event: &Event| {
+            match *event {
+                Event::Note(words) => notes.push(words.to_owned()),
+                Event::Progress { work: Work::Equipment, total, .. } => poses = total,
+                _ => {}
+            }
+            poses == 0
+        };
+        let (limits, engine) = (Limits::budget(14.0), EngineChoice::cpu());
+        let opened =
+            Equipping::open(&suite, &vehicle, &objective, limits, &engine, None, &mut observe);
+        assert!(opened.unwrap().is_none(), "it is stopped before it casts");
+        notes.retain(|words| words.contains("both ends of every pose field"));
+        (poses, notes)
+    };
+    // Two ends of six fields are 64 poses, for each of two models on every mount.
+    let (poses, notes) = told(10);
+    assert_eq!(poses, 2 * 10 * 64);
+    assert!(notes.len() == 1 && notes[0].contains("among 1280 poses"), "{notes:?}");
+    let (poses, notes) = told(9);
+    assert!(poses <= 1200 && notes.is_empty(), "{poses} {notes:?}");
+}
+
+#[test]
 fn time_that_ends_at_any_moment_leaves_a_rig() {
     // No mount must hold a sensor: a choice that is cut before its first has none.
     let vehicle = vehicle(Vec::new());
@@ -365,7 +404,7 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     given[1].name = "mine".to_owned();
     // Given in another order than the mounts have, as people write them.
     given[1].lidars.reverse();
-    let (taken, name) = choice.or_given(&vehicle, &given, few.clone()).unwrap();
+    let (taken, name) = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap().unwrap();
     assert_eq!((name.as_deref(), taken.cost), (Some("mine"), many.cost));
     assert_eq!(
         (&taken.equipment, &taken.placement.lidars),
@@ -373,12 +412,26 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     );
     // A worse one is not taken, nor the chosen rig itself.
     let worse = [&few, &many].map(|of| of.placement.clone());
-    let (kept, name) = choice.or_given(&vehicle, &worse, many.clone()).unwrap();
+    let (kept, name) = choice.or_given(&vehicle, &worse, many.clone(), silent).unwrap().unwrap();
     assert_eq!((name, &kept), (None, &many));
     // One that breaks a rule, and one that is no better, are not taken.
     given[1].lidars[0].y = 3.0;
-    let (kept, name) = choice.or_given(&vehicle, &given, few.clone()).unwrap();
-    assert_eq!((name, kept), (None, few));
+    let (kept, name) = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap().unwrap();
+    assert_eq!((name, kept), (None, few.clone()));
+    // The look is told before each cast, and can be stopped there.
+    let (mut told, mut is_given) = (0, true);
+    let mut stop = |event: &Event| {
+        is_given &= matches!(event, Event::Progress { work: Work::Given, done: 0, total: 1.. });
+        told += 1;
+        false
+    };
+    let stopped = choice.or_given(&vehicle, &given, few.clone(), &mut stop).unwrap();
+    assert_eq!((stopped, told, is_given), (None, 1, true));
+    // Where the time is over the rig chosen stays.
+    let choice = choice.until(Some(Instant::now()));
+    given[1] = many.placement.clone();
+    let kept = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap();
+    assert_eq!(kept, Some((few, None)));
 }
 
 #[test]

@@ -21,6 +21,8 @@ mod cli_counts;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_csv;
 #[cfg(all(unix, feature = "cli"))]
+mod cli_drawing;
+#[cfg(all(unix, feature = "cli"))]
 mod cli_edges;
 #[cfg(feature = "cli")]
 mod cli_errors;

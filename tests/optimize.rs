@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use lidar_cast::bvh::Bvh;
-use sightline::internals::Spacing;
+use sightline::internals::{Spacing, Standing};
 use sightline::problem::Problem;
 use sightline::problem::Task;
 use sightline::psog::Roi;
@@ -158,6 +158,40 @@ fn a_run_out_of_time_does_one_generation_and_goes_on() {
     assert!(outcome.best.is_some() && outcome.evaluations < settings().evaluations);
     let (_, resumed) = finish(loaded(&problem, states.last().unwrap()), &mut |_| true);
     assert_eq!(bits(&resumed), bits(&whole));
+}
+
+#[test]
+fn a_run_that_goes_on_with_less_time_ends_with_nothing_worse() {
+    let problem = problem();
+    let (states, whole) = finish(Run::new(problem.clone(), &settings()).unwrap(), &mut |_| true);
+    let earlier = whole.best.clone().unwrap().placement;
+    let late = |state: &str, kept: Option<&Placement>| {
+        let mut run = loaded(&problem, state);
+        run.open_with(settings().engine, Some(TimeLimit::from_now(Duration::ZERO)), None);
+        kept.into_iter().for_each(|kept| run.keep(kept.clone()));
+        finish(run, &mut |_| true).1
+    };
+    let objective = settings().objective;
+    let standing = |outcome: &Outcome| {
+        outcome.best.as_ref().map(|best| Standing::of(&best.scores, &objective)).unwrap()
+    };
+    let (mut worse, best) = (0, standing(&whole));
+    for state in states.iter().step_by(3) {
+        let outcome = late(state, Some(&earlier));
+        assert!(!best.beats(&standing(&outcome)), "{best:?}: {:?}", outcome.methods);
+        let is_worse = best.beats(&standing(&late(state, None)));
+        let won = outcome.methods.iter().find(|method| method.won).unwrap();
+        assert!(!is_worse || won.method == "earlier sitting", "{:?}", outcome.methods);
+        worse += usize::from(is_worse);
+    }
+    assert!(worse > 0, "each sitting found as much in no time");
+    // One that comes to its end gives the bits of a whole run; a rig of other LiDARs is passed over.
+    let mut run = loaded(&problem, &states[1]);
+    run.keep(baseline("far", 1.5));
+    assert_eq!(bits(&finish(run, &mut |_| true).1), bits(&whole));
+    let three =
+        Placement { lidars: [&earlier.lidars[..], &earlier.lidars[..1]].concat(), ..earlier };
+    assert_eq!(bits(&late(&states[1], Some(&three))), bits(&late(&states[1], None)));
 }
 
 #[test]

@@ -28,7 +28,8 @@ impl PyScene {
     /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a target.
     ///
     /// Targets are a car, an adult and a tyre, on level ground with the own body in the way. Sixteen bearings are in
-    /// degrees counter-clockwise from straight ahead. The card names the sectors that lose a car between 5 and 50 m.
+    /// degrees counter-clockwise from straight ahead. The card names the sectors that lose a car between 5 and 50 m,
+    /// or up to the longest range of the sensors where that is less (`blind_between`).
     /// `None` with coverage `through`. Raises `ValueError` as `score`, and for several placements.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn range_card<'py>(
@@ -158,7 +159,7 @@ impl PyScene {
     /// One placement with all its LiDARs and with each lost in turn, as a `dict` of `scores` and `losses`.
     ///
     /// A loss has `lidar`, `name`, `scores` of the others, `broken` (requirements that all together meet and the others
-    /// do not) and `blind` (sectors that are blind without it alone). Raises `ValueError` as `score`, and for several
+    /// do not), `already_missed` (those that all together miss, too) and `blind` (sectors that are blind without it alone). Raises `ValueError` as `score`, and for several
     /// placements. `progress` as for `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, progress = None))]
     fn losses<'py>(

@@ -68,6 +68,7 @@ def test_losses_are_scores_without_each_lidar(scene: Scene, rig: sightline.Place
         known = found["scores"]["range_card"]["blind"]
         assert card is not None and loss["lidar"] == lidar
         assert loss["scores"]["near_gain"] == scene.score(left)["near_gain"][0]
+        assert loss["broken"] == loss["already_missed"] == []  # nothing is required
         assert loss["blind"] == [sector for sector in card["blind"] if sector not in known]
     assert len(found["losses"]) == len(rig)
     assert scene.losses(rig.poses[:1])["losses"] == []

@@ -25,7 +25,9 @@ pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
             let frames = counted(found.frames, "frame");
             let under = under(&found.conditions);
             let table = near_field_text(&found.near_fields);
-            format!("{scene}: {area:.0} m² of ground within 10 m, {frames}{under}\n{table}")
+            format!(
+                "{scene}: {area:.0} m² of ground within 10 m of the body, {frames}{under}\n{table}"
+            )
         },
     )?;
     found.wrote.iter().for_each(|wrote| terminal.note(wrote));
@@ -44,7 +46,9 @@ pub fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
         || {
             let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
             let table = targets_text(&found.table, beams);
-            format!("Metres at which {beams} beams or more meet a target, {over}{under}\n\n{table}")
+            format!(
+                "Metres from the origin at which {beams} beams or more meet a target, {over}{under}\n\n{table}"
+            )
         },
     )?;
     found.wrote.iter().for_each(|wrote| terminal.note(wrote));
@@ -64,12 +68,19 @@ pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
         || {
             let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
             let tables = redundancy_text(&rows);
+            let at = targets_at(&found.distances);
             format!(
-                "Seen by how many LiDARs, targets with {beams} beams or more each, {over}{under}\n\n{tables}"
+                "Seen by how many LiDARs, targets{at} with {beams} beams or more each, {over}{under}\n\n{tables}"
             )
         },
     )?;
     Ok(terminal.exit())
+}
+
+/// Distances of targets in words: ` 5 to 50 m from the origin`; empty without any.
+fn targets_at(distances: &[f64]) -> String {
+    let ends = distances.first().zip(distances.last());
+    ends.map_or(String::new(), |(from, to)| format!(" {from} to {to} m from the origin"))
 }
 
 pub type OverlapArgs = Asked<OverlapRequest, TableFormat>;

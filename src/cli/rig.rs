@@ -13,6 +13,7 @@ use crate::rig::{ImportSettings, Mounting, RigFormat};
 use crate::runs::handover::{HandoverRequest, handover};
 use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
 use crate::runs::{RunError, TableFormat};
+use crate::score::percent_up;
 
 #[derive(clap::Subcommand)]
 pub enum RigCommand {
@@ -225,7 +226,7 @@ fn run_handover(args: &Asked<HandoverRequest>) -> Result<Exit, RunError> {
             let priced = if price > 0.0 { format!(", sensors for {price}") } else { String::new() };
             outln!("{}: {} files of {placement}{priced}", made.out.display(), made.files.len())?;
             for (k, [own, all]) in made.own_beams.iter().enumerate() {
-                let share = 100.0 * *own as f64 / *all as f64;
+                let share = percent_up(*own as f64 / *all as f64);
                 outln!("  LiDAR {k}: {own} of {all} beams end at the own body, {share:.1} %")?;
             }
         }

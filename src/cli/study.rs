@@ -70,7 +70,7 @@ every other one. docs/targets.md has the definitions.")]
 
 LIDAR is the number of a LiDAR in the placement, from 0, or the name of a mount or model that one LiDAR has. Angles are
 in degrees, positive pitch looks down. The first row is the placement as given. Car lost: degrees of bearings in which
-fewer than five beams meet a car somewhere between 5 and 50 m.")]
+fewer than five beams meet a car somewhere between 5 and 50 m, or up to the longest range of the sensors.")]
     Sweep(sensitivity::SweepArgs),
     /// How far each LiDAR may be off until a requirement breaks
     #[command(name = "tolerance")]

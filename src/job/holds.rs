@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{Job, JobError};
+use super::{Job, JobError, Tolerance};
 use crate::engine::{EngineChoice, open};
 use crate::near_field::FEW_PLACEMENTS;
 use crate::score::Scores;
@@ -61,8 +61,15 @@ impl Job {
         Ok(())
     }
 
-    /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs, or `only` one of them, are off by
-    /// the job's tolerance. Nothing without a tolerance or requirements.
+    /// An evaluator over the few frames of each scene in which copies are looked at.
+    pub(super) fn over_few_frames(&self) -> Result<Evaluator, JobError> {
+        let suite = self.suite()?;
+        let few = suite.over(&suite.spread(Some(FRAMES_OF_COPIES)));
+        Ok(Evaluator::suite_on_cpu(&few, self.settings.engine.memory_budget() / 2))
+    }
+
+    /// Adds to each requirement the share of copies that still meet it: copies whose LiDARs are off by the job's tolerance.
+    /// Nothing without a tolerance or requirements.
     ///
     /// Targets are looked at as the requirement asks, with poses drawn anew for each copy. Areas, ground and overlap are looked
     /// at in 15 poses of each LiDAR, from which copies draw again, and in four frames of each scene; the change there is added
@@ -75,33 +82,45 @@ impl Job {
     pub(super) fn add_holds(
         &self,
         all: &mut [(&Placement, &mut Scores)],
-        only: Option<usize>,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, JobError> {
         let Some(tolerance) = self.tolerance.filter(|tolerance| tolerance.is_some()) else {
             return Ok(true);
         };
-        let all = all.iter_mut().filter(|(_, scores)| !scores.required.is_empty());
-        let mut all: Vec<_> = all.collect();
-        if all.is_empty() {
+        if all.iter().all(|(_, scores)| scores.required.is_empty()) {
             return Ok(true);
         }
-        let suite = self.suite()?;
-        let few = suite.over(&suite.spread(Some(FRAMES_OF_COPIES)));
-        let mut evaluator = Evaluator::suite_on_cpu(&few, self.settings.engine.memory_budget() / 2);
-        for (placement, scores) in &mut all {
-            let found: Vec<_> =
-                scores.required.iter().map(|seen| (seen.share, seen.least)).collect();
-            let looked_at = (&**placement, found.len());
-            let off = (tolerance, SEED_OF_RESULT, only);
-            let moved = Moved::new(off, looked_at, &mut evaluator, go_on)?;
-            let Some(moved) = moved else { return Ok(false) };
-            let Some(holds) = moved.holds(&[], &found, go_on)? else { return Ok(false) };
-            scores.requirements_hold_in = Some(holds.all);
-            for (seen, share) in scores.required.iter_mut().zip(holds.each) {
-                seen.holds_in = Some(share);
+        let mut evaluator = self.over_few_frames()?;
+        for (placement, scores) in all.iter_mut().filter(|(_, scores)| !scores.required.is_empty())
+        {
+            let looked_at = (*placement, &mut **scores);
+            if !add_holds_in(&mut evaluator, looked_at, (tolerance, None), go_on)? {
+                return Ok(false);
             }
         }
         Ok(true)
     }
+}
+
+/// Adds the shares of copies to one placement that requires something, all LiDARs off by a tolerance, or one of them; the
+/// evaluator is [`Job::over_few_frames`]. False once `go_on` says no.
+///
+/// # Errors
+/// See [`Job::add_holds`].
+pub(super) fn add_holds_in(
+    evaluator: &mut Evaluator,
+    (placement, scores): (&Placement, &mut Scores),
+    (tolerance, only): (Tolerance, Option<usize>),
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<bool, JobError> {
+    let found: Vec<_> = scores.required.iter().map(|seen| (seen.share, seen.least)).collect();
+    let off = (tolerance, SEED_OF_RESULT, only);
+    let moved = Moved::new(off, (placement, found.len()), evaluator, go_on)?;
+    let Some(moved) = moved else { return Ok(false) };
+    let Some(holds) = moved.holds(&[], &found, go_on)? else { return Ok(false) };
+    scores.requirements_hold_in = Some(holds.all);
+    for (seen, share) in scores.required.iter_mut().zip(holds.each) {
+        seen.holds_in = Some(share);
+    }
+    Ok(true)
 }

@@ -30,6 +30,8 @@ pub struct Loss {
     pub scores: Scores,
     /// Requirements that all LiDARs together meet, and the others do not.
     pub broken: Vec<Seen>,
+    /// Requirements that all LiDARs together miss already, and the others, too.
+    pub already_missed: Vec<Seen>,
     /// Blind sectors of the others that all LiDARs together do not have; empty with coverage `through`.
     pub blind: Vec<BlindSector>,
 }
@@ -50,6 +52,14 @@ impl Loss {
     /// Requirements that the other LiDARs do not meet, whether or not all together do.
     pub fn unmet(&self) -> impl Iterator<Item = &Seen> {
         self.scores.required.iter().filter(|seen| !seen.is_met())
+    }
+
+    /// Requirements that are not met and sectors that are blind without this LiDAR, in words; requirements that all LiDARs
+    /// together miss are told as `already`.
+    pub(crate) fn told(&self) -> Vec<String> {
+        let new = self.broken.iter().map(Seen::to_string);
+        let old = self.already_missed.iter().map(|seen| format!("already {seen}"));
+        new.chain(self.blind.iter().map(BlindSector::to_string)).chain(old).collect()
     }
 
     /// Width of all sectors that are blind without this LiDAR, degrees; `None` with coverage `through`.
@@ -120,15 +130,16 @@ impl Job {
                 let words = missing[lidar].iter().find(|(name, _)| *name == seen.name);
                 seen.missing = words.map(|(_, words)| words.clone()).or(seen.missing.take());
             }
-            let broken = scores.required.iter().zip(&met);
-            let broken = broken.filter(|(seen, met)| **met && !seen.is_met());
-            let broken = broken.map(|(seen, _)| seen.clone()).collect();
+            let unmet = scores.required.iter().zip(&met).filter(|(seen, _)| !seen.is_met());
+            let (broken, missed): (Vec<_>, Vec<_>) = unmet.partition(|(_, met)| **met);
+            let [broken, already_missed] =
+                [broken, missed].map(|all| all.into_iter().map(|(seen, _)| seen.clone()).collect());
             let new = blind(&scores)
                 .iter()
                 .filter(|sector| !known.iter().any(|known| sector.is_within(known)));
             let blind = new.cloned().collect();
             let name = lidar_name(lidar, mounts.get(lidar).copied().flatten());
-            Loss { lidar, name, scores, broken, blind }
+            Loss { lidar, name, scores, broken, already_missed, blind }
         };
         let losses = lost.zip(left).map(row).collect();
         Ok(Some(Losses { scores: whole, losses }))

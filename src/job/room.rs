@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 use serde::Serialize;
 
+use super::holds::add_holds_in;
 use super::sweep::SweptField;
 use super::{Job, JobError, Tolerance};
 use crate::engine::BackendError;
@@ -12,9 +13,11 @@ use crate::near_field::self_hits;
 use crate::problem::Problem;
 use crate::scene::Scene;
 use crate::score::{Guard, HOLDS, Scores, Seen};
-use crate::search::{Evaluator, error_of_share};
+use crate::search::{Evaluator, Moved, error_of_share};
 use crate::vehicle::{Placement, SensorPose};
 
+/// Placements that are looked at together; the caller is asked in between.
+const AT_ONCE: usize = 16;
 /// Tolerances in which copies are mounted, as multiples of the usual one.
 const COPIES_WITHIN: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 
@@ -34,7 +37,7 @@ pub struct RoomSteps {
 }
 
 /// Deviations within which a placement keeps its requirements.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Room {
     /// Name of the placement.
     pub placement: String,
@@ -168,16 +171,7 @@ impl Job {
         if !self.requires()? {
             return Err(JobError::NothingRequired { asked: "tolerance" });
         }
-        let name = placement.name.clone();
-        let mut room = Room {
-            placement: name,
-            missed: Vec::new(),
-            guards: Vec::new(),
-            fields: Vec::new(),
-            tilt: None,
-            copies: Vec::new(),
-            alone: Vec::new(),
-        };
+        let mut room = Room { placement: placement.name.clone(), ..Room::default() };
         let as_given = evaluator.scores_while(std::slice::from_ref(placement), &mut || go_on(0))?;
         let Some(mut scores) = as_given.and_then(|mut scores| scores.pop()) else {
             return Ok(room);
@@ -191,9 +185,13 @@ impl Job {
             return Ok(room);
         }
         set_aside(&mut scores, &missed);
-        let (scene, guards) = (self.scene(), room.guards.clone());
-        let mut look =
-            Look { evaluator, scene, problem: &problem, missed: &missed, guards: &guards };
+        let (scene, guards, required) =
+            (self.scene(), room.guards.clone(), scores.required.clone());
+        let still = Moved::still((placement, required.len()), evaluator, &mut || go_on(0))?;
+        let Some(still) = still else { return Ok(room) };
+        let (problem, guards, required) = (&*problem, &guards[..], &required[..]);
+        let still = still.leaving_out(&missed);
+        let mut look = Look { evaluator, scene, problem, placement, still, required, guards };
         for field in SweptField::all(placement) {
             let Some(of_field) = room_of_field(&mut look, placement, field, steps, go_on)? else {
                 return Ok(room);
@@ -213,39 +211,38 @@ impl Job {
         room: &mut Room,
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<(), JobError> {
-        let usual = Tolerance::default();
+        let (usual, mut few) = (Tolerance::default(), self.over_few_frames()?);
         for times in COPIES_WITHIN {
             let tolerance =
                 Tolerance { metres: times * usual.metres, radians: times * usual.radians };
-            let holds = self.holds_in((placement, scores), (tolerance, None), go_on)?;
+            let holds = holds_in(&mut few, (placement, scores), (tolerance, None), go_on)?;
             let Some(holds_in) = holds else { return Ok(()) };
             let error = error_of_share(holds_in, placement.lidars.len());
             room.copies.push(RoomOfCopies { tolerance, holds_in, error });
             go_on(1);
         }
         for lidar in alone(placement) {
-            let mut share =
-                |tolerance| self.holds_in((placement, scores), (tolerance, Some(lidar)), go_on);
+            let mut share = |tolerance| {
+                holds_in(&mut few, (placement, scores), (tolerance, Some(lidar)), go_on)
+            };
             let Some(of_lidar) = room_of_lidar(&mut share, lidar, &room.copies)? else { break };
             room.alone.push(of_lidar);
             go_on(1);
         }
         Ok(())
     }
+}
 
-    /// Share of copies that meet all requirements, with all LiDARs off by a tolerance, or one of them; `None` once `go_on` says
-    /// no.
-    fn holds_in(
-        &self,
-        (placement, scores): (&Placement, &mut Scores),
-        (tolerance, only): (Tolerance, Option<usize>),
-        go_on: &mut dyn FnMut(u64) -> bool,
-    ) -> Result<Option<f64>, JobError> {
-        let job = self.clone().tolerance(Some(tolerance));
-        let all = &mut [(placement, &mut *scores)];
-        let is_whole = job.add_holds(all, only, &mut || go_on(0))?;
-        Ok(scores.requirements_hold_in.filter(|_| is_whole))
-    }
+/// Share of copies that meet all requirements, with all LiDARs off by a tolerance, or one of them; `None` once `go_on` says
+/// no.
+fn holds_in(
+    few: &mut Evaluator,
+    (placement, scores): (&Placement, &mut Scores),
+    off: (Tolerance, Option<usize>),
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<Option<f64>, JobError> {
+    let is_whole = add_holds_in(few, (placement, &mut *scores), off, &mut || go_on(0))?;
+    Ok(scores.requirements_hold_in.filter(|_| is_whole))
 }
 
 /// LiDARs that are also looked at alone: each of several.
@@ -284,22 +281,35 @@ struct Look<'a> {
     evaluator: &'a mut Evaluator,
     scene: &'a Scene,
     problem: &'a Problem,
-    /// Requirements that the placement misses as it is.
-    missed: &'a [usize],
+    /// The placement as it is, and its LiDARs, cast once.
+    placement: &'a Placement,
+    still: Moved,
+    /// Its requirements, those set aside that it misses.
+    required: &'a [Seen],
     /// Guards `self_hit` of the placement as it is.
     guards: &'a [Guard],
 }
 
 impl Look<'_> {
-    /// Scores of some placements, requirements missed as they are set aside; `None` once `go_on` says no.
+    /// Scores of some placements that hold their requirements alone; `None` once `go_on` says no. Voxels are not counted, and
+    /// only moved LiDARs are cast.
     fn scores(
         &mut self,
         moved: &[Placement],
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Option<Vec<Scores>>, BackendError> {
-        let mut scores = self.evaluator.scores_while(moved, &mut || go_on(0))?;
-        scores.iter_mut().flatten().for_each(|scores| set_aside(scores, self.missed));
-        Ok(scores)
+        let mut all = Vec::with_capacity(moved.len());
+        for some in moved.chunks(AT_ONCE) {
+            let (still, evaluator) = (&self.still, &mut *self.evaluator);
+            let shares = still.shares_beside(self.placement, some, evaluator, &mut || go_on(0))?;
+            let Some(shares) = shares else { return Ok(None) };
+            all.extend(shares.into_iter().map(|shares| {
+                let seen = self.required.iter().cloned().zip(shares);
+                let required = seen.map(|(seen, share)| Seen { share, ..seen }).collect();
+                Scores { required, ..Scores::default() }
+            }));
+        }
+        Ok(Some(all))
     }
 
     /// True if a LiDAR has the guard `self_hit` as it is.

@@ -1,5 +1,6 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
+mod checks;
 mod fewest;
 
 use std::ops::ControlFlow;
@@ -12,7 +13,8 @@ use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
     Settings, State, Stopped, Suite, TimeLimit,
 };
-use crate::vehicle::{Constraints, PoseGrid, SensorName, Vehicle, random_placements_by_the_rules};
+use crate::vehicle::{Constraints, Placement, Vehicle, random_placements_by_the_rules};
+use checks::check_equipped;
 use fewest::{Fewest, Next, taken};
 use sightline_files::json::counted;
 
@@ -93,6 +95,8 @@ pub struct JobRun<'a> {
     run: Option<Run>,
     /// The last search, whose result missed a requirement: it stands where more sensors are not searched.
     before: Option<Before>,
+    /// Result of an earlier sitting; see [`Self::keep`].
+    kept: Option<Placement>,
     /// The time ended while sensors were chosen: a resumed search goes on with that choice.
     is_late: bool,
     /// Wall time that choosing sensors has taken in this process.
@@ -159,6 +163,7 @@ impl Job {
             equipping: None,
             run: None,
             before: None,
+            kept: None,
             is_late,
             equipped_in,
         };
@@ -180,21 +185,6 @@ impl Job {
     }
 }
 
-/// Checks that a vehicle can carry sensors that were read from a file.
-fn check_equipped(vehicle: &Vehicle, equipped: &Equipped) -> Result<(), JobError> {
-    let Equipped { equipment, placement, .. } = equipped;
-    let is_there = |&(mount, sensor): &(usize, SensorName)| {
-        mount < vehicle.mounts.len() && vehicle.sensors.iter().any(|of| of.name == sensor)
-    };
-    match equipment.len() == placement.lidars.len() && equipment.iter().all(is_there) {
-        true => Ok(()),
-        false => {
-            let why = "its sensors are not those of the vehicle".to_owned();
-            Err(JobError::OtherState { why })
-        }
-    }
-}
-
 impl JobRun<'_> {
     /// Does one step: part of the choice of sensors, or a step of the search of placements.
     ///
@@ -210,6 +200,15 @@ impl JobRun<'_> {
         let Some(outcome) = run.step(observer)? else { return Ok(JobStep::On) };
         let Some(outcome) = self.met_or_last(outcome, observer) else { return Ok(JobStep::On) };
         self.done(outcome, observer)
+    }
+
+    /// Keeps the result of an earlier sitting: where this one is cut short by time or the observer, its result is no worse over
+    /// the frames that it is scored over. A search that comes to its own end gives the bits of one that never stopped.
+    pub fn keep(&mut self, earlier: Placement) {
+        if let Some(run) = &mut self.run {
+            run.keep(earlier.clone());
+        }
+        self.kept = Some(earlier);
     }
 
     /// The result of the last search, where no other is begun; `None` where there was none.
@@ -338,12 +337,18 @@ impl JobRun<'_> {
             EquipStep::Done(found) => found,
             EquipStep::OutOfTime(found) => {
                 self.is_late = true;
+                let kept: Vec<Placement> = self.kept.iter().cloned().collect();
+                let Some((found, _)) = choice.or_given(vehicle, &kept, found, observer)? else {
+                    return Ok(ControlFlow::Break(JobStep::Stopped));
+                };
                 return Ok(ControlFlow::Continue(Equipped { is_cut: true, ..found }));
             }
         };
         let Settings { starts, baselines, .. } = &wanted.settings;
         let given = [&starts[..], &baselines[..]].concat();
-        let (found, name) = choice.or_given(vehicle, &given, found)?;
+        let Some((found, name)) = choice.or_given(vehicle, &given, found, observer)? else {
+            return Ok(ControlFlow::Break(JobStep::Stopped));
+        };
         if let Some(name) = name {
             observer.on(&Event::Note(&format!(
                 "{name} is better over few frames than the rig chosen: its sensors and poses are taken"
@@ -380,6 +385,9 @@ impl JobRun<'_> {
         };
         let settings = &self.job.settings;
         run.open_with(settings.engine.clone(), settings.time, self.job.tolerance);
+        if let Some(kept) = &self.kept {
+            run.keep(kept.clone());
+        }
         self.run = Some(run);
         Ok(())
     }
@@ -442,36 +450,6 @@ fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observ
              over those that are not met; the search tries to close it",
             100.0 * found.missing
         )));
-    }
-}
-
-impl Job {
-    /// Checks that some rig keeps the rules of the mounts, and that the grid of `delta` has no more poses than are possible,
-    /// before anything is written.
-    ///
-    /// # Errors
-    /// No rig is found, or too many poses.
-    pub fn check_room(&self) -> Result<(), JobError> {
-        let place = |file: &std::path::PathBuf| file.display().to_string();
-        let vehicle = self.scene().vehicle();
-        let found = vehicle.rig_by_the_rules();
-        let (equipment, _) = found.map_err(|error| JobError::InScene {
-            scene: self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place),
-            source: error.into(),
-        })?;
-        if let Some(spacing) = self.settings.delta {
-            let regions = || vehicle.mounts.iter().map(|mount| &mount.region);
-            let sides = regions().flat_map(|r| [0, 1, 2].map(|k| r.upper[k] - r.lower[k]));
-            let widest = sides.fold(0.0, f64::max);
-            if widest > 0.0 && spacing.metres > widest {
-                let scene =
-                    self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place);
-                return Err(JobError::WideStep { given: spacing.metres, scene, widest });
-            }
-            let grid = PoseGrid::new(&vehicle.constraints(&equipment), spacing);
-            grid.map_err(SearchError::from)?;
-        }
-        Ok(())
     }
 }
 

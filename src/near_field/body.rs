@@ -1,5 +1,7 @@
 //! The own body: its footprint and wheels, and the guards `self_hit` and `below_ground`.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 
 use super::outline;
@@ -7,10 +9,10 @@ use crate::cast::closest_hit_in;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::{Frame, Problem, SensorBatch, ground_triangles};
+use crate::problem::{Frame, Problem, SensorBatch, ground_triangles, own_bodies};
 use crate::scene::{EgoBody, Scene};
-use crate::score::{Guard, MOST_SELF_HITS};
-use crate::vehicle::Placement;
+use crate::score::{Guard, MOST_SELF_HITS, percent_up};
+use crate::vehicle::{Placement, Region, SensorName, Sensors, UnknownSensor};
 
 /// Convex hull of the own body seen from above: corners in the ego frame, metres, counter-clockwise.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -243,6 +245,78 @@ pub fn self_hits(
     let shares = own_shares(scene, problem, engine, placement)?;
     let much = shares.into_iter().enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
     Ok(much.map(|(lidar, share)| Guard::SelfHit { lidar, share }).collect())
+}
+
+/// Share of a LiDAR's beams at the own body above which its mount is said to look into it.
+const MOST_INTO_BODY: f64 = 0.5;
+/// Directions in all of which the body lies around a place inside it, and metres to its far side.
+const AXES: [[f32; 3]; 6] = [
+    [1.0, 0.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, -1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.0, 0.0, -1.0],
+];
+const INSIDE: f32 = 100.0;
+/// Yaws at which a mount is looked at that lets its LiDARs turn all round.
+const YAWS: usize = 8;
+
+/// Sentences on mounts that look into the own body: from the middle of the range more than half of a model's beams end
+/// there, cast at the bodies of frame 0 alone. A mount that leaves the whole turn free is judged at its best yaw. Boxes
+/// whose middle lies inside the body, as those around both flanks, are passed over.
+///
+/// # Errors
+/// A mount with a model that the sensors do not have.
+pub fn mounts_into_body(scene: &Scene, sensors: &Sensors) -> Result<Vec<String>, UnknownSensor> {
+    let (body, mut told) = (own_bodies(scene, sensors.longest_range().max(INSIDE)), Vec::new());
+    for mount in scene.vehicle().mounts.iter().filter(|mount| mount.count[1] > 0) {
+        for &model in &mount.sensors {
+            let share = share_into_body(&body, &mount.region, sensors, model)?;
+            if share <= MOST_INTO_BODY {
+                continue;
+            }
+            let model = if model.is_none() { "its LiDAR" } else { model.as_str() };
+            let name = mount.region.own_name();
+            let name = if name.is_empty() { String::new() } else { format!(" {name}") };
+            told.push(format!(
+                "mount{name}: in the middle of its range {model} ends {:.1} % of its beams at the own body; turn `yaw` away \
+                 from the body, or move the mount",
+                percent_up(share)
+            ));
+        }
+    }
+    Ok(told)
+}
+
+/// Share of a model's beams at the own body from the middle of a region; 0 inside the body.
+fn share_into_body(
+    body: &Frame,
+    region: &Region,
+    sensors: &Sensors,
+    model: SensorName,
+) -> Result<f64, UnknownSensor> {
+    let mut fields = [0, 1, 2, 3, 4, 5].map(|k| 0.5 * (region.lower[k] + region.upper[k]));
+    // Bounds of a whole turn are written with a few digits.
+    let yaws = if region.upper[5] - region.lower[5] > TAU - 0.01 { YAWS } else { 1 };
+    let mut least = 1.0_f64;
+    for _ in 0..yaws {
+        let pose = region.pose(fields, model);
+        let level = Pose { translation: pose.position(), ..Pose::IDENTITY };
+        let ends = |along: &[f32; 3]| closest_hit_in(body, &level, *along, INSIDE).is_hit();
+        if AXES.iter().all(ends) {
+            return Ok(0.0);
+        }
+        let number = sensors.number(&pose)?;
+        let (table, stands) = (sensors.table(number), sensors.ego_from_sensor(number, &pose, 0));
+        let directions = table.directions();
+        let is_own =
+            |along: &&[f32; 3]| closest_hit_in(body, &stands, **along, table.range()).is_hit();
+        let own = directions.iter().filter(is_own).count();
+        least = least.min(own as f64 / directions.len() as f64);
+        fields[5] += TAU / yaws as f64;
+    }
+    Ok(least)
 }
 
 /// The guards of a placement's LiDARs below the ground: below z = 0, and below the plane under the wheels in the first frame,

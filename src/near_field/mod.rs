@@ -27,7 +27,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `body` | the outline of the body, the plane under its wheels, the guards of placements that look at the own vehicle or stand below the ground |
+//! | `body` | the outline of the body, the plane under its wheels, the guards of placements that look at the own vehicle or stand below the ground, mounts that look into the body |
 //! | `ground` | cells, and which of them are ground |
 //! | `look` | ends of beams, cells and poles seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
@@ -40,7 +40,7 @@ mod required;
 mod zone;
 
 pub(crate) use self::body::WheelPlane;
-pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, self_hits};
+pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, mounts_into_body, self_hits};
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
 pub(crate) use look::{CLOSE, outline, place, returned_hits};
 pub use look::{NearField, NearSite};

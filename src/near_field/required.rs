@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::ground::{Cell, Cells};
 use super::look::{CLOSE, MOST_BODY, NearSite};
-use super::zone::{LOST, lane_before, lost_stretches};
+use super::zone::{kept_depth, lane_before};
 use super::{CELL, Footprint, NEAR};
 use crate::bvh::Hit;
 use crate::cast::Caster;
@@ -260,23 +260,9 @@ impl RequiredGround {
         lane.iter().find(|cell| self.is_seen(cell, bits)).map(|cell| cell.distance)
     }
 
-    /// Like [`Self::depth`]; where a stretch of 1 m or more that begins within some metres and ends beyond them is lost again,
-    /// metres to the nearest cell seen behind it. A stretch that ends within them is as good as a blind zone that does.
-    /// One more LiDAR makes a lane worse only where it first sees ground right behind a thing, and none beyond.
+    /// Depth of a lane that counts for a rule of some metres; see [`kept_depth`].
     fn kept_depth(&self, lane: &[LaneCell], metres: f64, bits: &[u64]) -> Option<f64> {
-        let depth = self.depth(lane, bits);
-        if depth.is_none_or(|depth| depth > metres) {
-            return depth;
-        }
-        let near = lane.iter().take_while(|cell| cell.distance < metres + LOST);
-        let near: Vec<(f64, bool)> =
-            near.map(|cell| (cell.distance, self.is_seen(cell, bits))).collect();
-        let lost = lost_stretches(&near);
-        let Some([from, _]) = lost.iter().find(|[from, to]| *from <= metres && *to > metres) else {
-            return depth;
-        };
-        let behind = |cell: &&LaneCell| cell.distance > *from && self.is_seen(cell, bits);
-        lane.iter().find(behind).map(|cell| cell.distance)
+        kept_depth(lane.iter().map(|cell| (cell.distance, self.is_seen(cell, bits))), metres)
     }
 
     /// Ground that a rule lacks, in words.

@@ -68,14 +68,42 @@ fn is_long([from, to]: &[f64; 2]) -> bool {
 }
 
 /// Metres of a stretch that a lane counts as lost: beams' rings leave less unseen between them.
-pub(super) const LOST: f64 = 1.0;
+const LOST: f64 = 1.0;
 /// Metres of a stretch that is said.
 const LONG_LOST: f64 = 2.0;
 
+/// True for two ground cells of a lane without a thing between them.
+fn is_next(a: &(f64, bool), b: &(f64, bool)) -> bool {
+    b.0 - a.0 < 1.5 * CELL
+}
+
+/// Depth of a lane that a rule of so many `metres` keeps, from the metres of its ground cells, by distance, and whether each
+/// is seen: metres to the nearest cell seen. Where the ground behind that cell, up to the next thing, is lost again over 1 m
+/// or more from within `metres` to beyond them, metres to the nearest cell seen behind it. More cells seen never make it
+/// deeper.
+pub(super) fn kept_depth(
+    lane: impl Iterator<Item = (f64, bool)> + Clone,
+    metres: f64,
+) -> Option<f64> {
+    let mut seen = lane.skip_while(|(_, is_seen)| !is_seen);
+    let (depth, _) = seen.clone().next()?;
+    if depth > metres {
+        return Some(depth);
+    }
+    let near = seen.clone().take_while(|(distance, _)| *distance < metres + LOST);
+    let near: Vec<(f64, bool)> = near.collect();
+    // Ground in the shadow of a thing is not judged.
+    let lost = near.chunk_by(is_next).next().map(lost_stretches).unwrap_or_default();
+    let Some([from, _]) = lost.into_iter().find(|[from, to]| *from <= metres && *to > metres)
+    else {
+        return Some(depth);
+    };
+    seen.find(|(distance, is_seen)| *is_seen && *distance > from).map(|(distance, _)| distance)
+}
+
 /// Stretches of a lane that are lost again, from the metres of its ground cells, by distance, and whether each is seen; see
 /// [`BlindLane::lost`]. One that begins behind a thing, where ground is missing, does not count.
-pub(super) fn lost_stretches(cells: &[(f64, bool)]) -> Vec<[f64; 2]> {
-    let is_next = |a: &(f64, bool), b: &(f64, bool)| b.0 - a.0 < 1.5 * CELL;
+fn lost_stretches(cells: &[(f64, bool)]) -> Vec<[f64; 2]> {
     let runs: Vec<&[(f64, bool)]> = cells.chunk_by(|a, b| a.1 == b.1 && is_next(a, b)).collect();
     let lost = |pair: &[&[(f64, bool)]]| {
         let (before, first, last) = (pair[0].last()?, pair[1].first()?, pair[1].last()?);
@@ -283,6 +311,9 @@ pub enum NearFieldError {
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
 
     /// Middles of some cells from a place on, metres.
@@ -340,6 +371,51 @@ mod tests {
         };
         assert_eq!(lost_stretches(&cells(false)), [[2.0, 10.0]]);
         assert_eq!(lost_stretches(&cells(true)), [[0.0; 2]; 0]);
+    }
+
+    #[test]
+    fn more_ground_seen_never_makes_the_kept_depth_worse() {
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let depth = |cells: &[(f64, bool)], metres| {
+            kept_depth(cells.iter().copied(), metres).unwrap_or(f64::INFINITY)
+        };
+        let (mut lost, mut better) = (0, 0);
+        for _ in 0..20_000 {
+            // Things leave gaps in the ground; what is seen comes in runs, too.
+            let mut runs = |likely: f64| -> Vec<bool> {
+                let mut is_set = rng.random_bool(likely);
+                let turned = |_| {
+                    is_set ^= rng.random_bool(0.25);
+                    is_set
+                };
+                (0..40).map(turned).collect()
+            };
+            let (ground, few, added) = (runs(0.9), runs(0.3), runs(0.3));
+            let lane = |seen: &dyn Fn(usize) -> bool| -> Vec<(f64, bool)> {
+                let cells = middles(0.0, 40).enumerate().filter(|(k, _)| ground[*k]);
+                cells.map(|(k, metres)| (metres, seen(k))).collect()
+            };
+            let (less, more) = (lane(&|k| few[k]), lane(&|k| few[k] || added[k]));
+            for metres in [0.5, 1.0, 2.0, 3.3, 6.0, 9.5] {
+                let [with_less, with_more] = [depth(&less, metres), depth(&more, metres)];
+                assert!(with_more <= with_less, "{metres}: {less:?} {more:?}");
+                let nearest = less.iter().find(|cell| cell.1).map_or(f64::INFINITY, |cell| cell.0);
+                lost += usize::from(with_less > nearest);
+                better += usize::from(with_more < with_less);
+            }
+        }
+        assert!(lost > 100 && better > 100, "{lost} {better}");
+        // Ground seen right behind a thing, and none beyond: as good as without that ground.
+        let behind_a_thing = |is_seen: bool| -> Vec<(f64, bool)> {
+            let ground = middles(0.0, 40).filter(|metres| !(0.5..1.0).contains(metres));
+            ground.map(|metres| (metres, metres < 0.5 || (is_seen && metres < 1.5))).collect()
+        };
+        let both = [false, true].map(|is_seen| depth(&behind_a_thing(is_seen), 2.0));
+        assert_eq!(both, [CELL / 2.0; 2]);
+        // The first cell seen and lost ground behind it: the lane does not end.
+        let slit: Vec<(f64, bool)> =
+            middles(0.0, 40).map(|metres| (metres, metres < 1.0)).collect();
+        assert_eq!(depth(&slit, 2.0), f64::INFINITY);
     }
 
     #[test]

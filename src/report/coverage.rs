@@ -6,7 +6,7 @@ use maud::{Markup, html};
 
 use super::columns::align_columns;
 use super::optional;
-use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
+use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px, trimmed};
 use super::text::shortened;
 use crate::json::fixed;
 use crate::maths;
@@ -56,7 +56,7 @@ pub fn near_field_text(all: &[NearField]) -> String {
             let [seen, poles] = seen_of(near, standard);
             format!("{seen}/{poles}")
         }));
-        let wasted = near.beams.iter().map(|beams| format!("{:.0}", 100.0 * beams.own));
+        let wasted = near.beams.iter().map(|beams| trimmed(percent_up(beams.own), 1));
         row.push(wasted.collect::<Vec<_>>().join(" "));
         row
     }));

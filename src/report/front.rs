@@ -12,6 +12,7 @@ use crate::csv::{csv, number};
 use crate::job::{Front, FrontObjective, FrontPoint, FrontStopped};
 use crate::scan::conditions::under;
 use crate::score::percent_down;
+use crate::targets::RangeCard;
 
 /// All of `result.json` of a front.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -123,10 +124,15 @@ fn copies(point: &FrontPoint) -> Option<f64> {
     point.scores.requirements_hold_in.filter(|_| point.meets && !point.scores.required.is_empty())
 }
 
-/// Degrees of bearings in which a car is lost somewhere between 5 and 50 m, as `study loss` has them; `None` where nobody
-/// looked.
+/// Degrees of bearings in which a car is lost, as `study loss` has them; `None` where nobody looked.
 fn blind(point: &FrontPoint) -> Option<f64> {
     point.scores.range_card.as_ref().map(|_| lost(&point.scores))
+}
+
+/// Meaning of the column of blind bearings, with the distances that were looked at.
+pub(super) fn blind_in_words(front: &Front) -> String {
+    let card = front.points.iter().find_map(|point| point.scores.range_card.as_ref());
+    format!("blind °: bearings in which a car is lost {}", RangeCard::between_in_words(card))
 }
 
 /// A value of an objective as tables and drawings show it: gains and missing shares that are shares in per cent.
@@ -263,7 +269,7 @@ pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path)
         } else {
             text += "\n";
         }
-        text += "blind °: bearings in which a car is lost between 5 and 50 m\n";
+        text += &format!("{}\n", blind_in_words(front));
         text += &format!("{}\n", refined_in_words(front, record));
     }
     text + &format!(
@@ -354,7 +360,7 @@ mod tests {
             scores: only.scores,
             by_scene: Vec::new(),
         };
-        let front = Front {
+        let mut front = Front {
             objectives: "price,near_gain".parse().unwrap(),
             points: vec![point],
             picks: Vec::new(),
@@ -365,5 +371,14 @@ mod tests {
         };
         let words = "One placement is the best in each of price, near_gain";
         assert_eq!(front_verdict(&front), words);
+        // Sensors that reach 20 m: nobody looked farther.
+        let words = "blind °: bearings in which a car is lost between 5 and";
+        assert_eq!(blind_in_words(&front), format!("{words} 50 m"));
+        let card = RangeCard { blind_between: [5.0, 20.0], ..RangeCard::default() };
+        front.points[0].scores.range_card = Some(card);
+        assert_eq!(blind_in_words(&front), format!("{words} 20 m"));
+        let record = FrontRecord::new(&front, FrontContext::default());
+        let text = front_text(&front, &record, "runs".as_ref());
+        assert!(text.contains(&format!("\n{words} 20 m\n")), "{text}");
     }
 }

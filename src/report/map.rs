@@ -5,6 +5,7 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 
+use super::drawing::{Flat, outline};
 use super::svg::{COLOURS, FAINT, INK, corners, page, px};
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Content, Entropy, Problem, spread};
@@ -43,6 +44,8 @@ pub struct InformationMap {
     lidars: Vec<u32>,
     /// Frames that were added.
     frames: u32,
+    /// Loops around the own body from above, metres.
+    body: Vec<Vec<Flat>>,
 }
 
 impl InformationMap {
@@ -75,6 +78,14 @@ impl InformationMap {
         Ok(map)
     }
 
+    /// The map with the outline of the own body, whose triangles are given in the ego frame, metres.
+    #[must_use]
+    pub fn with_body(self, body: &[[[f32; 3]; 3]]) -> Self {
+        let flat = |[x, y, _]: [f32; 3]| [x, y].map(f64::from);
+        let from_above: Vec<_> = body.iter().map(|triangle| triangle.map(flat)).collect();
+        Self { body: outline(&from_above), ..self }
+    }
+
     /// Adds a LiDAR to the cells of which it covers an occupied voxel in a frame.
     fn add_lidar(&mut self, roi: &Roi, content: &Content, covers: impl Fn(u32) -> bool) {
         let covered = content.occupied().iter().filter(|voxel| covers(voxel.index));
@@ -99,6 +110,7 @@ impl InformationMap {
             gained: vec![0.0; count],
             lidars: vec![0; count],
             frames: 0,
+            body: Vec::new(),
         };
         for voxel in content.occupied() {
             let cell = map.cell_of(roi, u64::from(voxel.index));
@@ -194,13 +206,16 @@ impl InformationMap {
         let [wide, high] = cell.map(|side| format!("{side:.4}"));
         let to_pixels =
             format!("translate(0 {}) scale({wide} -{high})", px(height - 0.5 * cell[1]));
+        let at = |[x, y]: Flat| ((x - self.min[0]) * scale, height - (y - self.min[1]) * scale);
         let drawing = html! {
             g transform=(to_pixels) stroke-width="1.04" {
                 @for (of_run, path) in runs { path d=(path) stroke=(rgb(of_run)) {} }
             }
-            @for pose in &placement.lidars {
-                circle cx=(px((pose.x - self.min[0]) * scale)) cy=(px(height - (pose.y - self.min[1]) * scale))
-                    r="3" fill="#1f5fa8" stroke="#fff" {}
+            @for edge in &self.body {
+                polygon points=(corners(edge.iter().map(|corner| at(*corner)))) fill="none" stroke=(INK) {}
+            }
+            @for (x, y) in placement.lidars.iter().map(|pose| at([pose.x, pose.y])) {
+                circle cx=(px(x)) cy=(px(y)) r="3" fill="#1f5fa8" stroke="#fff" {}
             }
             g transform={ "translate(0 " (px(height + 8.0)) ")" } { (legend) }
         };
@@ -223,8 +238,8 @@ impl InformationMap {
             rect x="500" y=".5" width="12" height="13" fill="#fff" stroke=(FAINT) {}
             text x="518" y="12" { "no information" }
             text x="0" y="34" {
-                "the darker, the more nats a column; " (format!("{:.0}", self.size[0]))
-                " m across, forward is right, LiDARs in blue"
+                "darker: more nats; " (format!("{:.0}", self.size[0]))
+                " m across, forward is right; LiDARs blue, own body outlined"
             }
         }
     }
@@ -428,7 +443,17 @@ mod tests {
         assert_eq!(map.gained, [0.25, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0]);
         let svg = map.svg(&Placement { name: "x".into(), lidars: vec![] });
         assert_eq!(svg.matches("<path").count(), 2, "{svg}");
-        assert!(svg.contains(">no information<"), "{svg}");
+        assert!(svg.contains(">no information<") && !svg.contains("<polygon"), "{svg}");
+        // A body of 2 × 1 m: 160 pixels a metre, y up from 320.
+        let [low, high] = [[1.0, 0.5, 0.0], [3.0, 1.5, 0.0]];
+        let far = [high[0], low[1], 0.0];
+        let body = [[low, far, high], [low, high, [low[0], high[1], 0.0]]];
+        let svg = map.with_body(&body).svg(&Placement { name: "x".into(), lidars: vec![] });
+        let points = svg.split_once("<polygon points=\"").unwrap().1.split_once('"').unwrap().0;
+        let numbers = points.split([' ', ',']).map(|number| number.parse::<f64>().unwrap());
+        let mut numbers: Vec<i32> = numbers.map(|number| number.round() as i32).collect();
+        numbers.sort_unstable();
+        assert_eq!(numbers, [80, 80, 160, 160, 240, 240, 480, 480], "{points}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `record` | all of `result.json`; a run as text; convergence of the search |
-//! | `words` | the findings of a run as sentences |
+//! | `words`, `blind` | the findings of a run as sentences; what it does not see, as a list where that is much |
 //! | `next_steps` | steps to take next where a result misses requirements |
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `study` | plain charts of some series |
@@ -26,6 +26,7 @@
 //! | `page` | the page |
 
 pub(crate) mod audit;
+mod blind;
 pub(crate) mod chart;
 pub(crate) mod chart_text;
 pub(crate) mod columns;

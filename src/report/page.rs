@@ -69,8 +69,9 @@ fn head(title: &str) -> Markup {
     }
 }
 
-/// Head of a page: scene and weather, the first sentence of the verdict large, the others below.
+/// Head of a page: scene and weather, the first sentence of the verdict large, the others and its list below.
 fn heading(scene: &str, conditions: &[String], verdict: &str) -> Markup {
+    let (verdict, list) = verdict.split_once('\n').unwrap_or((verdict, ""));
     let (first, rest) = verdict.split_once(". ").unwrap_or((verdict, ""));
     let stop = if rest.is_empty() { "" } else { "." };
     html! {
@@ -78,6 +79,7 @@ fn heading(scene: &str, conditions: &[String], verdict: &str) -> Markup {
             p.scene { "sightline · " (scene) (under(conditions)) }
             h1 { (unbroken(first)) (stop) }
             @if !rest.is_empty() { p { (rest) } }
+            @if !list.is_empty() { ul { @for place in list.lines() { li { (place) } } } }
         }
     }
 }
@@ -262,7 +264,8 @@ impl Looks {
                 || -> Result<_, JobError> {
                     let mut engine = open(problem.task(), &choice, |_| {})?.engine;
                     let engine = &mut *engine;
-                    let map = InformationMap::of(problem, engine, placement)?;
+                    let map =
+                        InformationMap::of(problem, engine, placement)?.with_body(&scene.body());
                     let count = places.len();
                     let view = ViewData::new(scene, problem, engine, placement, &layouts, count)?;
                     Ok((map, view))

@@ -245,7 +245,7 @@ impl RunRecord {
     /// result in words.
     pub fn json(&self) -> Value {
         let mut all = json!(self);
-        all["verdict"] = json!(run_verdict(self));
+        all["verdict"] = json!(run_verdict(self).replace('\n', " "));
         all
     }
 
@@ -342,7 +342,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
-    text += &format!("{}\n\n", run_verdict(record));
+    text += &format!("{}\n\n", run_verdict(record).replace('\n', "\n- "));
     next_in_words(record).iter().for_each(|step| text += &format!("{step}\n\n"));
     if let Some(words) = spread_in_words(record) {
         text += &format!("{words}\n\n");
@@ -396,15 +396,15 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     )
 }
 
-/// Placements that each method looked at.
-fn evaluations_in_words(record: &RunRecord) -> String {
+/// Placements that each method looked at, in full numbers: `180 evaluations and 360 of swaps`.
+pub(super) fn evaluations_in_words(record: &RunRecord) -> String {
     let swaps = record.methods.iter().find(|method| method.method == "swaps");
     match swaps {
         Some(swaps) if record.evaluations == 0 => {
             format!("{} evaluations of swaps", swaps.evaluations)
         }
         Some(swaps) => {
-            format!("{} evaluations, and {} of swaps,", record.evaluations, swaps.evaluations)
+            format!("{} evaluations and {} of swaps", record.evaluations, swaps.evaluations)
         }
         None => format!("{} evaluations", record.evaluations),
     }

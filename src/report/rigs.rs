@@ -34,7 +34,7 @@ fn card_in_words(card: &RangeCard) -> String {
         });
     let each: Vec<String> = each.collect();
     format!(
-        "range card, met at every distance and all {} bearings: {}",
+        "range card from the origin, met at every distance and all {} bearings: {}",
         card.targets.first().map_or(0, |target| target.bearings.len()),
         each.join(", ")
     )
@@ -174,7 +174,7 @@ mod tests {
             target("tyre", [&[[2.5, 60.0]], &[]]),
         ];
         let card = RangeCard { targets, ..RangeCard::default() };
-        let want = "range card, met at every distance and all 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
+        let want = "range card from the origin, met at every distance and all 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
         assert_eq!(card_in_words(&card), want);
     }
 

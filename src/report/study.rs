@@ -9,6 +9,7 @@ use crate::json::fixed;
 use crate::score::{Guard, HOLDS, MOST_SELF_HITS, Scores, percent_down, percent_up};
 use crate::search::{COPIES, error_of_share};
 use crate::study::{Row, Table, TablePlot};
+use crate::targets::RangeCard;
 
 /// Draws a table by its `drawing`.
 pub fn study_plot(table: &Table) -> Plot {
@@ -80,7 +81,7 @@ const DRAWN: [(ScoreColumn, &str); 2] =
 /// Requirements that are drawn at most: more would hide each other.
 const MOST_DRAWN: usize = 6;
 
-/// Degrees of bearings in which a car is lost somewhere between 5 and 50 m.
+/// Degrees of bearings in which a car is lost; see [`RangeCard::blind_between`].
 pub(super) fn lost(scores: &Scores) -> f64 {
     let of = |guard: &Guard| match guard {
         Guard::BlindSector(sector) => sector.degrees(),
@@ -151,6 +152,10 @@ pub fn sweep_text(all: &[Sweep]) -> String {
         }
         if sweep.rows.iter().flat_map(|row| &row.scores.required).any(|seen| !seen.is_met()) {
             text += "! = not met\n";
+        }
+        if let Some(card) = &first.scores.range_card {
+            let between = RangeCard::between_in_words(Some(card));
+            text += &format!("car lost °: bearings in which a car is lost {between}\n");
         }
         text += &first_of(sweep, "rules broken", |row| row.broken_rules.clone());
         text + &first_of(sweep, "a LiDAR looks at the own vehicle", |row| {

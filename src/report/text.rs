@@ -38,6 +38,10 @@ fn is_hidden(c: char) -> bool {
         || ('\u{2060}'..='\u{2069}').contains(&c)
 }
 
+/// Places that the distances of requirements count from.
+pub(super) const COUNTED_FROM: &str =
+    "Metres of targets count from the origin, of ground and blind zones from the body.";
+
 /// A table of placements, below each its requirements (+ met, ! not), doubts (!) and blind sectors (*).
 pub fn scores_text(all: &[Scores]) -> String {
     scores_text_by(all, "")
@@ -50,7 +54,9 @@ pub(super) fn scores_text_by(all: &[Scores], objective: &str) -> String {
     let mut rows: Vec<Vec<String>> =
         vec![columns.iter().map(|column| column.title().to_owned()).collect()];
     rows.extend(all.iter().map(cells));
-    align_with_notes(&rows, &all.iter().map(notes).collect::<Vec<_>>())
+    let table = align_with_notes(&rows, &all.iter().map(notes).collect::<Vec<_>>());
+    let requires = all.iter().any(|scores| !scores.required.is_empty());
+    if requires { format!("{table}{COUNTED_FROM}\n") } else { table }
 }
 
 /// Lines below the scores of a placement.

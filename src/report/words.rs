@@ -7,24 +7,22 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::RunRecord;
-use super::targets::bearing_in_words;
+use super::blind::{Blind, blind_in_words, unseen_in_words};
 use crate::csv::rounded;
 use crate::json::spoken;
-use crate::near_field::{NEAR, NearField};
 use crate::score::{Guard, NEAR_GAIN, Objective, percent_down};
-use crate::search::{Certificate, Climbs, MethodRecord, Scored};
-use crate::targets::{RangeCard, TargetRanges};
+use crate::search::{Certificate, Climbs, Scored};
 use sightline_files::json::counted;
 
 /// The result of a run against the best baselines, by the objective and by information gain.
 ///
 /// It names the guards that the result violates, the price of its sensors where these have one, and sides on which it
-/// sees no ground near the vehicle.
+/// sees no ground near the vehicle. Many blind places follow as a list, a line each.
 ///
 /// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
 /// than such a baseline is never called better without saying so.
 pub fn run_verdict(run: &RunRecord) -> String {
-    let near = run.near_field.as_ref().map_or(String::new(), |near| unseen_in_words(&near.near));
+    let near = run.near_field.as_ref().map(|near| unseen_in_words(&near.near)).unwrap_or_default();
     let of_run = OfRun { price: price_in_words(&run.settings), near };
     verdict_at(&of_run, run.best.as_ref(), &run.baselines, &run.objective)
 }
@@ -35,30 +33,7 @@ struct OfRun {
     /// See [`price_in_words`].
     price: String,
     /// See [`unseen_in_words`].
-    near: String,
-}
-
-/// Sentence on sides of the vehicle without any ground that is seen, and on sides that lose it again in half of their lanes or
-/// more; empty where there is none.
-fn unseen_in_words(near: &NearField) -> String {
-    let (mut sides, mut lanes) = (Vec::new(), Vec::new());
-    for (side, _) in near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none()) {
-        let of_side = near.zone.lanes.iter().filter(|lane| lane.side == side);
-        let (blind, all) =
-            (of_side.clone().filter(|lane| lane.depth.is_none()).count(), of_side.count());
-        match blind == all {
-            true => sides.push(side.to_owned()),
-            false => lanes.push(format!("in {blind} of {all} lanes {side}")),
-        }
-    }
-    let places = [sides.join(" and "), lanes.join(" and ")];
-    let each = places.iter().filter(|places| !places.is_empty());
-    let mut each: Vec<String> =
-        each.map(|places| format!("no ground is seen within {NEAR} m {places}")).collect();
-    let lost = near.zone.depths().into_iter().filter_map(|(side, _)| near.zone.lost_on(side));
-    let lost = lost.filter(|lost| 2 * lost.lanes >= lost.of);
-    each.extend(lost.map(|lost| format!("ground {} is {}", lost.side, lost.in_words())));
-    if each.is_empty() { String::new() } else { format!("BLIND ZONE: {}. ", each.join("; ")) }
+    near: Blind,
 }
 
 /// Price of the sensors and the budget, such as ` at a price of 9200 (budget 12000)`; empty where nothing has a price.
@@ -116,7 +91,10 @@ fn judged_at(
     });
     let warnings = warnings_in_words(best);
     let below = below_in_words(best);
-    format!("{below}{required}{}{near}{against}{last}.{share} {warnings}", blind_in_words(best))
+    let blind = blind_in_words(best);
+    let list: String = blind.list.iter().chain(&near.list).map(|of| format!("\n{of}")).collect();
+    let blind = format!("{}{}", blind.sentence, near.sentence);
+    format!("{below}{required}{blind}{against}{last}.{share} {warnings}{list}")
 }
 
 /// Sentence on LiDARs below the ground; empty where there are none.
@@ -237,39 +215,6 @@ fn met_in_words(subject: &str, facts: &str, best: &Scored) -> String {
         [one] => format!("{subject} meets its requirement ({}){facts}{paper}", one.title()),
         all => format!("{subject} meets all {} requirements{facts}{paper}", all.len()),
     }
-}
-
-/// Sentence on sectors that a placement does not see; empty where it sees a car all round, or nobody looked.
-fn blind_in_words(placement: &Scored) -> String {
-    let card = placement.scores.range_card.as_ref();
-    let blind: Vec<String> =
-        card.iter().flat_map(|card| &card.blind).map(ToString::to_string).collect();
-    let blind =
-        if blind.is_empty() { String::new() } else { format!("BLIND: {}. ", blind.join("; ")) };
-    blind + &card.map_or(String::new(), unmet_in_words)
-}
-
-/// Most bearings that are named one by one.
-const FEW_BEARINGS: usize = 4;
-
-/// Sentence on bearings at which a target is met at no distance; blind sectors tell of cars. Empty where there are none.
-fn unmet_in_words(card: &RangeCard) -> String {
-    let of_target = |target: &TargetRanges| {
-        let unmet = target.bearings.iter().filter(|of| of.met.is_empty());
-        let names: Vec<String> = unmet.map(|of| bearing_in_words(of.bearing)).collect();
-        let (name, all) = (&target.target, target.bearings.len());
-        match names.len() {
-            0 => None,
-            count if count == all => Some(format!("{name} all round")),
-            count if count > FEW_BEARINGS => Some(format!("{name} at {count} of {all} bearings")),
-            _ => Some(format!("{name} ({})", names.join(", "))),
-        }
-    };
-    let unmet: Vec<String> = card.targets.iter().skip(1).filter_map(of_target).collect();
-    if unmet.is_empty() {
-        return String::new();
-    }
-    format!("UNSEEN at every distance of the range card: {}. ", unmet.join("; "))
 }
 
 /// A line for each placement that breaks rules of the mount, with the first of them.
@@ -413,6 +358,7 @@ fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String
     let from = match won {
         Some("cma-es") => "the other method, CMA-ES",
         Some("swaps") | None => "later moves",
+        Some("earlier sitting") => "an earlier sitting",
         Some(_) => "a layout that was given",
     };
     match climbs.met {
@@ -424,8 +370,7 @@ fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String
 /// Objective that each search method reached, and which method gave the result.
 pub fn methods_in_words(run: &RunRecord) -> String {
     let won = run.methods.iter().find(|method| method.won);
-    let better = |m: &MethodRecord| won.is_some_and(|won| m.objective > won.objective);
-    let is_beaten = run.methods.iter().any(better);
+    let is_beaten = run.methods.iter().any(|m| won.is_some_and(|won| m.objective > won.objective));
     let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
     let then = if is_penalized { ", and unseen cars take a penalty off the objective" } else { "" };
     let each = run.methods.iter().map(|m| {

@@ -24,7 +24,7 @@ use crate::files::{
     Input, Session, is_forced, safe_name, safe_names, writable_folder, write_folder,
 };
 use crate::report::handover::{DrawnLidar, DrawnMount, DrawnRig};
-use crate::score::{Guard, MOST_SELF_HITS};
+use crate::score::{Guard, percent_up};
 use crate::shared::FieldOfView;
 use crate::vehicle::sensor_file::isaac_profile;
 use crate::vehicle::{MAX_LIDARS, sum_of_prices};
@@ -85,7 +85,7 @@ pub fn handover(
     writable_folder(&request.out)?;
     let rig = HandoverRig::new(request, computing)?;
     let masks = rig.masks();
-    let guards = self_hits(&masks);
+    let guards: Vec<String> = rig.guards.iter().map(Guard::to_string).collect();
     guards.iter().for_each(|guard| computing.watcher.note(guard));
     let (materials, price) = materials(&rig);
     let mut files: NamedFiles = Vec::new();
@@ -127,16 +127,9 @@ pub fn handover(
     })
 }
 
-/// Guards of LiDARs that end too many of their beams at the own body, in words.
-fn self_hits(masks: &[SelfHitMask<'_>]) -> Vec<String> {
-    let shares = masks.iter().map(SelfHitMask::counts).map(|[own, all]| own as f64 / all as f64);
-    let much = shares.enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
-    much.map(|(lidar, share)| Guard::SelfHit { lidar, share }.to_string()).collect()
-}
-
-/// Lines of these guards, but for LiDARs of which the run that found the rig has said so over all of its frames.
-fn unsaid_self_hits(rig: &HandoverRig, masks: &[SelfHitMask<'_>]) -> Vec<String> {
-    let lines = self_hits(masks).into_iter().map(|guard| format!("Warning: {guard}"));
+/// Lines of the guards, but for LiDARs of which the run that found the rig has said so over all of its frames.
+fn unsaid_self_hits(rig: &HandoverRig) -> Vec<String> {
+    let lines = rig.guards.iter().map(|guard| format!("Warning: {guard}"));
     let is_said = |line: &String| {
         let lidar: String = line.split_inclusive(' ').take(4).collect();
         rig.of_run.iter().any(|said| said.starts_with(&lidar))
@@ -294,7 +287,7 @@ fn text<'a>(
 ) -> Result<String, RunError> {
     let (vehicle, placement) = (rig.vehicle_name(), &rig.placement.name);
     let mut text = format!("{vehicle}, placement {placement}: LiDARs to be handed over\n\n");
-    let own = unsaid_self_hits(rig, masks);
+    let own = unsaid_self_hits(rig);
     let lines = rig.of_run.iter().chain(&rig.warnings).chain(&own).chain(&rig.about);
     lines.for_each(|line| text += &format!("{line}\n"));
     let _ = write!(text, "\n{CONVENTION}\nFiles\n");
@@ -317,8 +310,8 @@ fn text<'a>(
     for (k, mask) in masks.iter().enumerate() {
         let [own, all] = mask.counts();
         let rings = if mask.is_grid() { "" } else { ", no rings" };
-        let share = 100.0 * own as f64 / all as f64;
-        let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.2} %{rings}");
+        let share = percent_up(own as f64 / all as f64);
+        let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.1} %{rings}");
     }
     let (margin, [x, y, z]) = (request.margin, request.base_link.unwrap_or_default());
     let _ = write!(

@@ -7,12 +7,14 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use crate::Note;
+use crate::engine::BackendError;
 use crate::files::Input;
 use crate::job::{Job, JobError, JobFiles, JobScene};
+use crate::near_field::mounts_into_body;
 use crate::problem::StageTimes;
 use crate::psog::{Psog, PsogError};
 use crate::scan::conditions::{Condition, ConditionKind};
-use crate::scene::{PsogSource, Scene};
+use crate::scene::{Coverage, PsogSource, Scene};
 use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 
 use super::inputs::no_run_folder;
@@ -277,6 +279,18 @@ fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
             ));
         }
     }
+}
+
+/// Notes mounts of a scene's vehicle that look into the own body, which ends beams in it.
+///
+/// # Errors
+/// A model without beams.
+pub fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), RunError> {
+    if scene.scene().coverage() == Coverage::FirstHit {
+        let told = mounts_into_body(scene.scene(), &scene.models()?).map_err(BackendError::from)?;
+        told.iter().for_each(|words| watcher.note(words));
+    }
+    Ok(())
 }
 
 /// Notes scenes whose own body is not that of the first, which decides about requirements on targets and warnings of the mean.

@@ -18,12 +18,13 @@ use crate::files::{RunDir, Session, holds_run, read_own};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::record::peak_memory;
+use crate::report::words::from_here;
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::search::{
     Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
 use crate::vehicle::Placement;
-use request::{Begun, RunCheckpoint, command};
+use request::{Begun, RunCheckpoint, command, in_full};
 
 pub use finished::{Finished, finished};
 pub use front::{FrontStart, Fronted, front, holds_front};
@@ -95,8 +96,9 @@ pub fn optimize(
     };
     folder.check(&inputs)?;
     outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
-    let run = begin(&job, going_on.take(), &folder, computing.watcher)?;
     let (earlier, times) = (read_spent(&folder, &request.start), loaded.times);
+    let mut run = begin(&job, going_on.take(), &folder, computing.watcher)?;
+    earlier.kept.iter().for_each(|kept| run.keep(kept.clone()));
     let mut sitting =
         RunSession { request, computing, begun, job: &job, folder, run, times, earlier, start };
     let found = sitting.search_and_write();
@@ -133,7 +135,10 @@ fn begin<'a>(
     let is_resumed = state.is_some();
     let run = match state {
         Some(state) => job.resume(state),
-        None => job.begin(),
+        None => {
+            opening::note_mounts(&job.scenes()[0], watcher)?;
+            job.begin()
+        }
     };
     let run = run.map_err(|error| match error {
         JobError::OtherState { why } => RunError::from(folder.refusal(&why)),
@@ -274,18 +279,21 @@ struct RunSession<'a> {
 /// where generations are quick.
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
-/// File of the times of earlier sittings. The checkpoint does not hold them: it is the same bytes however often a run
-/// was interrupted.
+/// File of the times and the result of earlier sittings. The checkpoint does not hold them: it is the same bytes however often
+/// a run was interrupted.
 const TIMES: &str = "times.json";
 
-/// Work and wall times of all sittings of a run.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+/// Work and wall times of all sittings of a run, and the result of the last one that had any.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Spent {
     /// Placements × frames that the generations scored.
     searched: u64,
     /// Seconds of the generations, with going to other frames.
     seconds: f64,
     times: RunTimes,
+    /// A sitting with less time ends with nothing worse; see [`JobRun::keep`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    kept: Option<Placement>,
 }
 
 /// The times of earlier sittings; a run that was killed before it wrote its first times has none. A new run
@@ -302,10 +310,11 @@ impl RunSession<'_> {
     /// Work and wall times of all sittings up to now.
     fn spent(&self) -> Spent {
         let now = self.run.run().map(Run::times).unwrap_or_default();
-        let Spent { searched, seconds, times } = self.earlier;
+        let Spent { searched, seconds, times, ref kept } = self.earlier;
         Spent {
             searched: searched + now.scored,
             seconds: seconds + now.until_swaps,
+            kept: kept.clone(),
             times: RunTimes {
                 load: times.load + self.times.load,
                 build: times.build + self.times.build + now.frames,
@@ -358,7 +367,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
         RunContext {
             scene: job.scene().name(),
             settings: settled,
-            command: command(&sitting.begun, settings, limit),
+            command: command(&sitting.begun, settings, limit, in_full),
             suite,
             equipment: sitting.run.equipment_in_words(),
             seed: settings.seed,
@@ -379,6 +388,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     // All but writing the files is over.
     let mut spent = sitting.spent();
     spent.times.page += drawing.elapsed().as_secs_f64();
+    spent.kept = record.best.as_ref().map(|best| best.placement.clone()).or(spent.kept);
     record.timings = spent.times;
     record.near_field = near_field;
     folder.write_json(TIMES, &spent)?;
@@ -396,7 +406,11 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
         let number = if index > 0 { format!("-{}", index + 1) } else { String::new() };
         folder.write_text(&format!("map{number}.svg"), map)?;
     }
+    // The page is read where the run was made.
+    let here = command(&sitting.begun, settings, limit, from_here);
+    let whole = std::mem::replace(&mut record.command, here);
     folder.write_text("report.html", &report_html(&record, &drawings))?;
+    record.command = whole;
     let wanted = sitting.request.figures.as_deref();
     outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;
     Ok(record)

@@ -330,6 +330,7 @@ pub fn count(
     }
     let frames = scene.frame_count();
     let scene = JobScene::from(scene);
+    opening::note_mounts(&scene, watcher)?;
     let (scene, psog) = (scene.scene(), opening::psog(&scene, None, watcher)?);
     let info = PsogInfo::new(&psog, None);
     let soup = scene.frame(0, EgoBody::Include);

@@ -11,7 +11,7 @@ use super::outputs::Drawings;
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
 use crate::files::Session;
-use crate::job::{Job, Room, RoomSteps, Sweep, SweptField, moves_of};
+use crate::job::{Job, JobScene, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
 use crate::scan::conditions::in_words;
 use crate::scene::Target;
@@ -21,6 +21,8 @@ use crate::vehicle::{Placement, read_placements};
 
 /// Values that are scored at once.
 const AT_ONCE: usize = 8;
+/// Frames of each scene over which deviations are looked at unless told otherwise: each of hundreds of them looks at all.
+const FRAMES_OF_ROOM: u32 = 4;
 
 /// A pose field, its values, and the scenes and placements to score.
 #[derive(Debug, Clone)]
@@ -165,6 +167,8 @@ impl RoomFound {
 /// Scenes, placements, and deviations to look at.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
+#[cfg_attr(feature = "cli", command(mut_arg("frames", |frames| frames
+    .help("Average over this many frames, spread evenly over each scene [default: at most 4]"))))]
 pub struct RoomRequest {
     /// Farthest deviation of x, y and z, millimetres
     #[cfg_attr(feature = "cli", arg(long, value_name = "MM", default_value_t = 100.0, value_parser = super::parse::number_that(|mm| mm > 0.0 && mm <= 10_000.0, "millimetres above 0 and up to 10000")))]
@@ -194,7 +198,7 @@ pub fn room(request: &RoomRequest, computing: &Computing<'_>) -> Result<RoomFoun
     let &RoomRequest { ref shared, most_mm, most_deg, most_tilt_deg, tilt_about, steps } = request;
     let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
     let (scenes, file) = Files::or_level_ground(&shared.files, computing)?;
-    let mut opened = OpenJob::new(shared, &scenes, &file, computing)?;
+    let mut opened = OpenJob::over_frames(Some(FRAMES_OF_ROOM), shared, &scenes, &file, computing)?;
     let bar = computing.watcher.bar(opened.placements.iter().map(moves_of).sum(), Some("moves"));
     let mut go_on = |moves: u64| {
         bar.advance(moves);
@@ -393,6 +397,17 @@ impl OpenJob {
         file: &Path,
         computing: &Computing<'_>,
     ) -> Result<Self, RunError> {
+        Self::over_frames(None, request, scenes, file, computing)
+    }
+
+    /// Like [`Self::new`], with at most `few` frames of each scene where the request does not say how many.
+    fn over_frames(
+        few: Option<u32>,
+        request: &SharedRequest,
+        scenes: &[PathBuf],
+        file: &Path,
+        computing: &Computing<'_>,
+    ) -> Result<Self, RunError> {
         let (watcher, mut placements) = (computing.watcher, read_placements(file)?);
         let mut loaded = match (scenes, &computing.vehicle) {
             ([], Some(vehicle)) => {
@@ -407,6 +422,16 @@ impl OpenJob {
                 opening::job(&opening::files(scenes, conditions, frames, computing), computing)?
             }
         };
+        if let Some(few) = few.filter(|_| request.frames.is_none()) {
+            let frames = |scene: &JobScene| scene.scene().frame_count();
+            for scene in loaded.job.scenes().iter().filter(|scene| frames(scene) > few as usize) {
+                let (place, all) = (scene.place(), frames(scene));
+                watcher.note(&format!(
+                    "{place}: {few} of {all} frames are looked at, spread evenly; --frames {all} looks at all"
+                ));
+            }
+            loaded.job = loaded.job.frames(Some(few));
+        }
         let evaluator = loaded.evaluator(computing)?;
         Given::in_problem(file, evaluator.problem(), computing).whole(&mut placements)?;
         watcher.listen(GRACE);

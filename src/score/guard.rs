@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
 
+use super::percent_up;
 use crate::maths;
 use crate::problem::{Content, Entropy, Tally};
 use crate::targets::BlindSector;
@@ -144,8 +145,7 @@ impl std::fmt::Display for Guard {
                 f,
                 "short_sight: misses {:.1} % of the information because of its range, more than \
                  {:.0} %",
-                // Rounded up, so that it reads as more.
-                (1e3 * lost).ceil() / 10.0,
+                percent_up(*lost),
                 100.0 * MOST_OUT_OF_RANGE
             ),
             Self::RedundantLidar { lidar, share } => write!(
@@ -164,8 +164,7 @@ impl std::fmt::Display for Guard {
             Self::SelfHit { lidar, share } => write!(
                 f,
                 "self_hit: LiDAR {lidar} ends {:.1} % of its beams at the own vehicle, more than {:.0} %",
-                // Rounded up, so that it reads as more.
-                (1e3 * share).ceil() / 10.0,
+                percent_up(*share),
                 100.0 * MOST_SELF_HITS
             ),
             Self::BlindSector(sector) => write!(f, "blind_sector: {sector}"),

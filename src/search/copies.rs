@@ -46,10 +46,15 @@ pub(crate) struct Column {
     own: SensorPose,
     /// Beams on targets in it; empty where no rule looks for targets.
     on_targets: SightBeams,
-    /// Ground and surfaces, `[poses]`; empty where no rule looks for them.
+    /// Ground and surfaces, `[poses]`, one where it is never off; empty where no rule looks for them.
     near: Vec<SightBeams>,
     /// Bits of areas, `[members][poses]`, frame after frame; of members where an area is required.
     areas: Vec<Vec<Vec<u64>>>,
+}
+
+/// Thing of a pose among one for each; a list of one holds for all poses.
+fn in_pose<T>(all: &[T], pose: usize) -> &T {
+    if let [still] = all { still } else { &all[pose] }
 }
 
 /// Numbers of LiDARs, each with the column that replaces its own.
@@ -112,6 +117,38 @@ impl Moved {
         let Some(columns) = moved.columns_of(&lidars, evaluator, go_on)? else { return Ok(None) };
         moved.columns = columns;
         Ok(Some(moved))
+    }
+
+    /// A placement none of whose LiDARs is off, by which those of others [beside it](Self::shares_beside) are found; `go_on` and
+    /// `None` work as in [`Self::new`].
+    pub fn still(
+        looked_at: (&Placement, usize),
+        evaluator: &mut Evaluator,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Self>, BackendError> {
+        let none = Tolerance { metres: 0.0, radians: 0.0 };
+        Self::new((none, 0, None), looked_at, evaluator, go_on)
+    }
+
+    /// A question that does not look at some requirements, by their numbers in the order of the scores.
+    pub fn leaving_out(mut self, left_out: &[usize]) -> Self {
+        let mut own: Vec<usize> = (0..self.wanted.len()).collect();
+        self.problem.in_file_order(&mut own);
+        left_out.iter().for_each(|&k| self.wanted[own[k]] = false);
+        self
+    }
+
+    /// Share of every requirement of other placements than one, in the order of the scores, 1 where it is not looked at. Only
+    /// LiDARs are cast that stand elsewhere; `go_on` and `None` work as in [`Self::new`].
+    pub fn shares_beside(
+        &self,
+        one: &Placement,
+        others: &[Placement],
+        evaluator: &mut Evaluator,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Vec<Vec<f64>>>, BackendError> {
+        let beside = self.columns_beside(one, others, evaluator, go_on)?;
+        Ok(beside.map(|all| all.par_iter().map(|instead| self.as_it_is(instead)).collect()))
     }
 
     /// A question that looks only at requirements that some copies miss, by the shares that meet each: the others count as met.
@@ -190,9 +227,12 @@ impl Moved {
         let own: Vec<SensorPose> = lidars.iter().map(|(_, own)| *own).collect();
         let Some(targets) = self.looked_at(&own, &on_targets, go_on)? else { return Ok(None) };
         let in_poses = |(lidar, own): &(usize, SensorPose)| {
-            (0..POSES).map(|copy| self.pose_in(*lidar, own, copy)).collect::<Vec<_>>()
+            let is_still = self.offsets[*lidar].iter().all(|off| *off == [0.0; 6]);
+            let poses = 0..if is_still { 1 } else { POSES };
+            poses.map(|copy| self.pose_in(*lidar, own, copy)).collect::<Vec<_>>()
         };
-        let poses: Vec<SensorPose> = lidars.iter().flat_map(in_poses).collect();
+        let each: Vec<Vec<SensorPose>> = lidars.iter().map(in_poses).collect();
+        let poses = each.concat();
         let Some(near) = self.looked_at(&poses, &on_near, go_on)? else { return Ok(None) };
         let mut areas = Vec::new();
         let members = if of_areas.contains(&true) { evaluator.members().len() } else { 0 };
@@ -202,13 +242,15 @@ impl Moved {
             };
             areas.extend(of_member);
         }
-        let columns = own.into_iter().zip(targets).zip(near.chunks(POSES)).enumerate();
-        let column = |(number, ((own, on_targets), near)): (usize, (_, &[SightBeams]))| {
-            let poses = number * POSES..(number + 1) * POSES;
+        let mut columns = Vec::new();
+        let mut first = 0;
+        for ((own, on_targets), poses) in own.into_iter().zip(targets).zip(&each) {
+            let poses = first..first + poses.len();
+            first = poses.end;
             let areas = areas.iter().map(|of: &Vec<Vec<u64>>| of[poses.clone()].to_vec()).collect();
-            Column { own, on_targets, near: near.to_vec(), areas }
-        };
-        Ok(Some(columns.map(column).collect()))
+            columns.push(Column { own, on_targets, near: near[poses].to_vec(), areas });
+        }
+        Ok(Some(columns))
     }
 
     /// Bits of areas of each pose in one scene, within which none is where nothing is required of them; `go_on` and `None`
@@ -257,7 +299,7 @@ impl Moved {
             for (member, areas) in self.areas.iter().enumerate() {
                 let mut union = vec![0; columns[0].areas[member][0].len()];
                 for (column, &pose) in columns.iter().zip(poses) {
-                    let bits = &column.areas[member][pose];
+                    let bits = in_pose(&column.areas[member], pose);
                     union.iter_mut().zip(bits).for_each(|(all, bits)| *all |= bits);
                 }
                 let members = self.areas.len() as f64;
@@ -266,7 +308,7 @@ impl Moved {
             }
         }
         if let Some(sight) = &self.sight {
-            let near = columns.iter().zip(poses).map(|(of, pose)| &of.near[*pose]);
+            let near = columns.iter().zip(poses).map(|(of, pose)| in_pose(&of.near, *pose));
             shares.extend(sight.shares(&near.collect::<Vec<_>>(), &on_near));
         }
         shares

@@ -51,6 +51,8 @@ pub enum Work {
     Equipment,
     /// Rounds of exchanges in the choice of equipment.
     Exchanges,
+    /// Casts of given placements, which may have better sensors than the choice has.
+    Given,
     /// Choices of sensors along a front.
     Choices,
     /// Searches of poses around the placements of a front, in hundredths of one.
@@ -82,6 +84,7 @@ impl fmt::Display for Work {
             Self::Frames => f.write_str("frames looked at to choose a few"),
             Self::Equipment => f.write_str("poses for the choice of sensors"),
             Self::Exchanges => f.write_str("rounds of exchanged sensors at most"),
+            Self::Given => f.write_str("casts of given placements, in place of the sensors chosen"),
             Self::Choices => f.write_str("choices of sensors along the front at most"),
             Self::Polish => f.write_str("steps of the search around the front"),
             Self::Looks => f.write_str("placements of the front looked at closely"),

@@ -113,7 +113,8 @@ impl Scored {
 /// Result of one search method.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MethodRecord {
-    /// `cma-es` or `swaps`; `layout given` where a baseline or a start is better than all that was found.
+    /// `cma-es` or `swaps`; `layout given` where a baseline or a start is better than all that was found; `earlier sitting`
+    /// where this one was cut short and has found nothing better than the one before.
     pub method: &'static str,
     /// Its placement's objective over all frames of the scene.
     pub objective: Option<f64>,

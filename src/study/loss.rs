@@ -8,9 +8,9 @@ use super::scene::StudyScene;
 use super::table::{Cases, shown_objective};
 use super::{Row, StudyError, Table, TablePlot};
 use crate::job::{Loss, Losses, without};
-use crate::score::{Objective, Seen};
+use crate::score::Objective;
 use crate::search::{Evaluator, SearchError};
-use crate::targets::BlindSector;
+use crate::targets::{BlindSector, RangeCard};
 use crate::vehicle::{Constraints, Placement};
 
 /// Step size at the start, as a share of each range.
@@ -102,22 +102,21 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
         looked.insert(rig.name.clone(), losses);
         Ok(row)
     })?;
-    let mut notes = Vec::new();
+    let (mut notes, mut between) = (Vec::new(), RangeCard::between_in_words(None));
     for rig in rows.iter().filter_map(|row| row.placement.as_ref()) {
         // Rows of an interrupted study are known without their losses.
         let losses = match looked.remove(&rig.name) {
             Some(losses) => losses,
             None => scene.losses(&mut evaluator, rig)?,
         };
-        let in_words =
-            |sectors: &[BlindSector]| sectors.iter().map(BlindSector::to_string).collect();
-        let known: Vec<String> = in_words(losses.blind());
+        let card = losses.scores.range_card.as_ref();
+        between = card.map_or(between, |card| RangeCard::between_in_words(Some(card)));
+        let known: Vec<String> = losses.blind().iter().map(BlindSector::to_string).collect();
         if !known.is_empty() {
             notes.push(format!("{} with all LiDARs already: {}", rig.name, known.join("; ")));
         }
         for loss in &losses.losses {
-            let mut told: Vec<String> = loss.broken.iter().map(Seen::to_string).collect();
-            told.extend::<Vec<String>>(in_words(&loss.blind));
+            let told = loss.told();
             if !told.is_empty() {
                 notes.push(format!("{} without {}: {}", rig.name, loss.name, told.join("; ")));
             }
@@ -126,8 +125,8 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
     let (title, _) = shown_objective(objective);
     notes.push(format!(
         "{title} with one LiDAR failed. most not met: most requirements that a loss leaves unmet; one that must \
-         hold without any one LiDAR is looked at with this one lost. most blind °: width of the sectors of 30° in which a \
-         car is lost somewhere between 5 and 50 m, after the loss that leaves most."
+         hold without any one LiDAR is looked at with this one lost. already: missed with all LiDARs, too. most blind °: \
+         width of the sectors of 30° in which a car is lost somewhere {between}, after the loss that leaves most."
     ));
     Ok(table(scene, &names_of(scene, rigs.iter()), &OF_OWN, rows, notes))
 }

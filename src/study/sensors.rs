@@ -168,7 +168,7 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
             .to_owned(),
         format!(
             "car ahead m: end of the first stretch of distances at each of which a car straight ahead has {CARD_BEAMS} beams or \
-             more, on level ground; 0 where there is none. Conditions other than fog, snow and rain have no such number."
+             more, from the origin on level ground; 0 where there is none. Conditions other than fog, snow and rain have no such number."
         ),
     ];
     let drawn = made_large(&scene.settings.objective);

@@ -15,8 +15,8 @@ use crate::vehicle::Placement;
 pub(crate) const REQUIREMENTS: [&str; 2] = ["requirements met", "not met"];
 
 /// Note below a table of a vehicle that requires something.
-const AS_MOUNTED: &str = "Requirements are looked at as mounted; `sightline score` tells how many copies mounted a \
-                          little off meet them.";
+const AS_MOUNTED: &str = "Requirements are met as mounted only: searches of a study allow for no tolerance, those of \
+                          `optimize` do. `sightline score` tells how many copies mounted a little off meet them.";
 
 /// One line of a study: a case and its values.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

@@ -235,6 +235,15 @@ impl RangeCard {
         Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind_between, blind })
     }
 
+    /// Distances in words between which a car counts as lost: `between 5 and 50 m`, or less far where no sensor reaches 50 m.
+    /// Without a card, the distances for sensors that reach as far.
+    pub(crate) fn between_in_words(card: Option<&Self>) -> String {
+        match card.map_or(SECTOR_RANGE, |card| card.blind_between) {
+            [near, far] if near == far => format!("at {near} m"),
+            [near, far] => format!("between {near} and {far} m"),
+        }
+    }
+
     /// True if sectors are looked at less far than cars matter, because no sensor reaches farther.
     pub(crate) fn ends_at_range(&self) -> bool {
         self.blind_between[1] < SECTOR_RANGE[1]

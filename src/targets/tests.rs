@@ -184,6 +184,8 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let [seen, lost] = [&all[..], &front[..]].map(short);
     assert_eq!((&seen.blind[..], seen.blind_between), (&[][..], [5.0, 20.0]));
     assert_eq!((lost.blind[0].bearings, lost.blind[0].distances), ([52.5, -52.5], [5.0, 20.0]));
+    let said = [&round, &seen].map(|card| RangeCard::between_in_words(Some(card)));
+    assert_eq!(said, ["between 5 and 50 m", "between 5 and 20 m"]);
     let text = crate::report::targets::range_card_text(&seen);
     let words = "\nBlind sectors are looked for from 5 to 20 m: no sensor reaches farther.\n";
     assert!(text.ends_with(words), "{text}");

@@ -85,3 +85,51 @@ fn lidars_turn_together_about_a_point_of_the_ground() {
     }
     assert_eq!(second.phase, Some(0.5));
 }
+
+/// Level ground with a walker that comes and goes in three frames, and a vehicle that requires an area, ground and a target.
+const YARD: &str = r#"{ "sightline": 1, "name": "yard", "frames": 3,
+    "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
+    "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
+    "actors": [{ "name": "walker", "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
+        "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
+    "vehicle": { "sightline": 1, "name": "cart",
+        "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }],
+        "sensors": [{ "name": "a", "lidar": { "channels": 12, "fov": [-40, 0], "azimuth_steps": 120, "range": 60 } }],
+        "mounts": [{ "name": "roof", "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "roll": [-1, 1], "pitch": [-1, 1],
+                     "count": [1, 3] }],
+        "require": [{ "ground": 5, "share": 0.2 },
+                    { "name": "ring", "min": [-6, -6, -0.2], "max": [6, 6, 0.6], "share": 0.2 },
+                    { "target": "car", "from": 5, "within": 12, "share": 0.5, "without_any_one": true }] } }"#;
+
+#[test]
+fn shares_beside_a_placement_are_those_of_scores() {
+    let scene = Scene::from_json(YARD, std::path::Path::new(""), "yard.json").unwrap();
+    let job = Job::new(scene).engine(crate::EngineChoice::cpu());
+    let (mut evaluator, _) = job.evaluator(|_| {}).unwrap();
+    let lidars =
+        [-1.2, 0.0, 1.2].map(|x| SensorPose { pitch: 0.1 * x, ..SensorPose::at(x, 0.3, 2.0) });
+    let one = Placement { name: "one".into(), lidars: lidars.to_vec() };
+    let fields: Vec<SweptField> = SweptField::all(&one).collect();
+    let by = |k: usize, off: f64| fields[k].moved(&one, fields[k].value_in(&one) + off);
+    let turn = tilt(0.7, 0.15);
+    let others =
+        [one.clone(), by(2, -0.3), by(10, 20.0), by(16, -25.0), tilted(&one, [0.0; 2], turn)];
+    let scores = evaluator.scores(&others).unwrap();
+    let want: Vec<Vec<f64>> = scores
+        .iter()
+        .map(|scores| scores.required.iter().map(|seen| seen.share).collect())
+        .collect();
+    let still = Moved::still((&one, 3), &mut evaluator, &mut || true).unwrap().unwrap();
+    let beside = |still: &Moved, evaluator: &mut Evaluator| {
+        still.shares_beside(&one, &others, evaluator, &mut || true).unwrap().unwrap()
+    };
+    assert_eq!(beside(&still, &mut evaluator), want);
+    // Each requirement depends on the poses.
+    for k in 0..3 {
+        assert!(want.iter().any(|of| of[k] != want[0][k]), "{want:?}");
+    }
+    let fewer = beside(&still.leaving_out(&[1]), &mut evaluator);
+    for (found, want) in fewer.iter().zip(&want) {
+        assert_eq!((found[0], found[1], found[2]), (want[0], 1.0, want[2]));
+    }
+}

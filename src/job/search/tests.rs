@@ -1,7 +1,6 @@
 //! Tests of `search`.
 
 use super::*;
-use crate::vehicle::Placement;
 
 fn found(sensors: usize, cost: f64, missing: f64) -> Equipped {
     let placement = Placement { name: "x".to_owned(), lidars: vec![] };

@@ -1,6 +1,6 @@
 //! A view on the sheet: body, mounts, fields of view, blind zone, LiDARs and measures.
 
-use super::labels::{Labels, Marker, RADIUS};
+use super::labels::{Labels, Marker, RADIUS, end_of_leader};
 use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
 use crate::maths;
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
@@ -19,6 +19,8 @@ pub(super) const MOUNT: Stroke = Stroke::dashed(SOFT, 0.2);
 const ZONE: Ink = Ink(ACCENT, 0.18);
 const ZONE_EDGE: Stroke = Stroke::solid(ACCENT, 0.3);
 const THIN: Stroke = Stroke::solid(INK, 0.15);
+/// Line from a mount to its name where other words keep both apart.
+const LEADER: Stroke = Stroke::solid(SOFT, 0.12);
 
 pub(super) fn colour(lidar: usize) -> &'static str {
     COLOURS[lidar % COLOURS.len()]
@@ -40,7 +42,7 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
     labels.keep(front, WORDS, "front", Anchor::Start);
     drawing.text(front, WORDS, "front", Anchor::Start, true, Ink::full(INK));
     depths(drawing, rig, panel, [low, high], &mut labels);
-    for mount in &rig.mounts {
+    for mount in rig.mounts.iter().filter(|mount| !mount.name.is_empty()) {
         let [[left, below], [right, up]] = rectangle(&views.top, mount);
         let ([left, above], [right, under]) = (panel.at([left, up]), panel.at([right, below]));
         let places = [
@@ -49,7 +51,14 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
             ([right, under + SMALL], Anchor::End),
             ([left, under + SMALL], Anchor::Start),
         ];
-        let (at, anchor) = labels.place(&places, SMALL, &mount.name);
+        let placed = labels.place(&places, SMALL, &mount.name);
+        let (at, anchor) = placed;
+        // A name that stands beside its box needs no line to it.
+        if !places.contains(&placed) {
+            let from = [0.5 * (left + right), 0.5 * (above + under)];
+            let to = end_of_leader(from, placed, SMALL, &mount.name);
+            drawing.line([from, to], LEADER);
+        }
         drawing.text(at, SMALL, &mount.name, anchor, false, Ink::full(SOFT));
     }
     numbers(drawing, &markers);
@@ -103,7 +112,7 @@ fn depths(
         ([left, beside], words("behind", zone.behind), Anchor::Start),
         (ahead, words("ahead", zone.ahead), Anchor::End),
     ] {
-        labels.keep(at, SMALL + 0.3, &words, anchor);
+        let (at, anchor) = labels.place(&[(at, anchor)], SMALL + 0.3, &words);
         drawing.text(at, SMALL + 0.3, words, anchor, false, Ink::full(ACCENT));
     }
 }

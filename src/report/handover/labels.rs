@@ -69,6 +69,17 @@ fn overlap(a: &[f64; 4], b: &[f64; 4]) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
+/// End of a line to words that were moved away from a place: the middle of their nearer long side.
+pub(super) fn end_of_leader(
+    towards: Point,
+    (at, anchor): (Point, Anchor),
+    size: f64,
+    words: &str,
+) -> Point {
+    let [left, upper, right, lower] = bounds(at, size, words, anchor);
+    [0.5 * (left + right), if towards[1] < upper { upper } else { lower }]
+}
+
 /// Box around words, millimetres: left, upper, right, lower.
 fn bounds([x, y]: Point, size: f64, words: &str, anchor: Anchor) -> [f64; 4] {
     let [wide, above, below] = CHARACTER.map(|share| share * size);
@@ -96,8 +107,8 @@ impl Labels {
         self.0.push(bounds(at, size, words, anchor));
     }
 
-    /// The first of some places at which words lie over nothing, else the first line above or below that is free; the
-    /// place is then taken.
+    /// The first of some places at which words lie over nothing, else the first line above or below that is free, which is
+    /// none of them; the place is then taken.
     pub fn place(
         &mut self,
         candidates: &[(Point, Anchor)],

@@ -6,7 +6,8 @@ use super::search::repeat;
 use super::{head, heading, layout};
 use crate::job::Front;
 use crate::report::front::{
-    front_plot, front_rows, front_verdict, has_requirements, picks_of, refined_in_words,
+    blind_in_words, front_plot, front_rows, front_verdict, has_requirements, picks_of,
+    refined_in_words,
 };
 use crate::report::{FrontRecord, scores_text};
 
@@ -58,7 +59,7 @@ fn trade(front: &Front, record: &FrontRecord) -> Markup {
                 @if has_requirements(front) {
                     " copies %: copies mounted within the tolerance that meet all requirements."
                 }
-                " blind °: bearings in which a car is lost between 5 and 50 m."
+                " " (blind_in_words(front)) "."
             }
             div.paper { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
             (layout::table("Points of the front", &titles, &rows))

@@ -6,7 +6,7 @@ use super::layout::{bar, difference, table, text};
 use super::{Figures, Subject};
 use crate::json::spoken;
 use crate::report::tables::rows_by_scene;
-use crate::report::text::{Against, against as compared};
+use crate::report::text::{Against, COUNTED_FROM, against as compared};
 use crate::report::view::sight::InformationShare;
 use crate::report::{RunRecord, ScoreColumn};
 use crate::score::{Guard, HOLDS, Scores, Seen, percent_down, percent_up};
@@ -274,6 +274,7 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
             section aria-labelledby="required" {
                 h2 #required { "Requirements" }
                 div.required { (met_or_not(best, subject.baselines)) }
+                p.small { (COUNTED_FROM) }
                 ul.guards {
                     @for seen in all.iter().filter(|seen| has_more_to_tell(seen)) { li { (seen) } }
                 }
@@ -281,7 +282,7 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 @if let Some(words) = breaks_first(all) { p { (words) "." } }
                 p {
                     "How far each LiDAR may be off, and the body may tilt, until a requirement breaks: "
-                    code { "sightline study tolerance SCENE PLACEMENTS --frames 4" }
+                    code { "sightline study tolerance SCENE PLACEMENTS" }
                     ", with the scenes and the vehicle of the command below."
                 }
             }

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
-use crate::report::record::steps_of_generations;
+use crate::report::record::{evaluations_in_words, steps_of_generations};
 use crate::report::words::{climbs_in_words, frames_in_words};
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 use sightline_files::json::counted;
@@ -92,8 +92,8 @@ fn facts(run: &RunRecord) -> Markup {
         (
             "evaluations",
             format!(
-                "{} in {}, at last over {}; scores above are over {}",
-                run.evaluations,
+                "{}; {}, at last over {}; scores above are over {}",
+                evaluations_in_words(run),
                 counted(run.generations as usize, "generation"),
                 counted(run.search_frames, "frame"),
                 frames_in_words(run.confirmed_frames, run.frames)

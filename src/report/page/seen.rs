@@ -38,7 +38,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
             div.polar {
                 (figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
             }
-            (table("Metres at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
+            (table("Metres from the origin at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
             @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { p.small { (words) } }
         }
     }

@@ -8,8 +8,7 @@ use crate::job::Loss;
 use crate::json::fixed;
 use crate::report::ScoreColumn;
 use crate::report::coverage::{redundancy_rows, technology_rows};
-use crate::score::{Seen, percent_down};
-use crate::targets::BlindSector;
+use crate::score::percent_down;
 use sightline_files::json::counted;
 
 /// Voxels, ground and targets by the number of LiDARs that see them, and by technology where the vehicle has several.
@@ -22,7 +21,7 @@ pub(super) fn redundancy(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 "Per cent of the voxels, of the ground near the vehicle and of the places of targets that no, one, two, and \
                  three or more LiDARs see, over " (counted(found.frames, "frame"))
                 @if figures.views.len() > 1 { " of the first scene" }
-                ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m on level ground."
+                ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m from the origin on level ground, and ground counts from the body."
             }
             (with_titles("Per cent seen by a number of LiDARs", &redundancy_rows(found)))
             @if let Some(all) = &found.technologies {
@@ -62,16 +61,13 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let mut titles = vec!["lost", column.title()];
     titles.extend(requires.then_some("requirements that fail"));
     titles.push("blind °");
-    let told = |loss: &Loss| {
-        let broken = loss.broken.iter().map(Seen::to_string);
-        broken.chain(loss.blind.iter().map(BlindSector::to_string)).collect::<Vec<_>>().join("; ")
-    };
+    let told = |loss: &Loss| loss.told().join("; ");
     html! {
         section aria-labelledby="lost" {
             h2 #lost { "If one LiDAR fails" }
             p {
                 "Rest without each LiDAR: " (column.title()) " (" (column.cell(&found.scores)) " with all)"
-                @if requires { ", requirements that are met with all and fail without it" }
+                @if requires { ", requirements that are met with all and fail without it (others are told as " code { "already" } ")" }
                 ", and the width of all blind sectors."
             }
             (table("Rest without each LiDAR", &titles, &rows))

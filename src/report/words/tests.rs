@@ -3,9 +3,10 @@
 use serde_json::json;
 
 use super::*;
-use crate::near_field::{BlindLane, BlindZone, LostGround};
+use crate::near_field::{BlindLane, BlindZone, LostGround, NearField};
+use crate::report::blind::unmet_in_words;
 use crate::score::{Guard, Scores, Seen, TaskScores};
-use crate::targets::{BearingRanges, RangeCard, TargetRanges};
+use crate::targets::{BearingRanges, BlindSector, RangeCard, TargetRanges};
 use crate::vehicle::{Placement, SensorPose};
 
 /// The verdict on a result that has no price and no near field.
@@ -235,21 +236,45 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
         poles: vec![],
         cells: vec![],
     };
-    let told = unseen_in_words(&near);
+    let told = unseen_in_words(&near).sentence;
     let want = "BLIND ZONE: no ground is seen within 10 m ahead; no ground is seen within 10 m in 1 of 2 lanes behind. ";
     assert_eq!(told, want);
     let (of_run, found) =
-        (OfRun { near: told.clone(), ..OfRun::default() }, planted("found", 1.0, 500.0));
+        (OfRun { near: unseen_in_words(&near), ..OfRun::default() }, planted("found", 1.0, 500.0));
     assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
     (near.zone.ahead, near.zone.behind) = (left, Some(10.0));
-    assert_eq!(unseen_in_words(&near), "");
+    assert_eq!(unseen_in_words(&near), Blind::default());
     let slit = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 1, of: 2 };
     near.zone.lost = vec![slit];
     let want =
         "BLIND ZONE: ground behind is unseen again in 1 of 2 lanes, at most from 1.3 to 10 m. ";
-    assert_eq!(unseen_in_words(&near), want);
+    assert_eq!(unseen_in_words(&near).sentence, want);
     near.zone.lost[0].of = 3;
-    assert_eq!(unseen_in_words(&near), "", "few lanes are said with the depths");
+    assert_eq!(unseen_in_words(&near), Blind::default(), "few lanes are said with the depths");
+}
+
+#[test]
+fn many_blind_sectors_are_counted_first_and_listed_last() {
+    let sector = |from: f64| BlindSector {
+        bearings: [from, from + 30.0],
+        distances: [5.0, 50.0],
+        worst: from + 15.0,
+        lost: vec![[5.0, 50.0]],
+    };
+    let mut found = planted("found", 1.0, 500.0);
+    let mut first_words = |blind: Vec<BlindSector>| {
+        found.scores.range_card = Some(RangeCard { blind, ..RangeCard::default() });
+        verdict(Some(&found), &[], "near_gain")
+    };
+    let one = first_words(vec![sector(-15.0)]);
+    assert!(one.starts_with("BLIND: ahead (") && !one.contains('\n'), "{one}");
+    let three = first_words(vec![sector(-15.0), sector(75.0), sector(-105.0)]);
+    assert!(three.starts_with("BLIND: 3 sectors, listed below. The placement"), "{three}");
+    let list: Vec<&str> = three.lines().skip(1).collect();
+    assert!(list.len() == 3 && list.iter().all(|line| line.starts_with("BLIND: ")), "{three}");
+    let all = three.replace('\n', " ");
+    let longest = all.split(". ").map(|words| words.split_whitespace().count()).max();
+    assert!(longest <= Some(40), "{three}");
 }
 
 #[test]
@@ -286,7 +311,7 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     assert_eq!(price, " at a price of 9200 (budget 12000)");
     assert_eq!(price_in_words(&json!({ "equipped": { "cost": 9200.5 } })), " at a price of 9200.5");
     assert_eq!(price_in_words(&json!({ "budget": 5.0, "equipped": { "cost": 0.0 } })), "");
-    let of_run = OfRun { price, near: String::new() };
+    let of_run = OfRun { price, ..OfRun::default() };
     let mut found = planted("found", -1.0, 500.0);
     found.scores.required = vec![Seen::of("child", 0.95), Seen::of("ring", 0.9)];
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");

@@ -137,18 +137,17 @@ fn word(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// A box with a margin around it, counted from elsewhere; corners are rounded outwards to millimetres.
+/// Metres that a corner of a body may be off by the rounding of its coordinates to `f32`.
+const OF_F32: f64 = 1e-5;
+
+/// A box with a margin around it, counted from elsewhere; corners are rounded outwards to centimetres, so that it holds the
+/// body. A centimetre that the body's own `f32` makes is none.
 fn grown([low, high]: BoxCorners, margin: f64, base_link: [f64; 3]) -> BoxCorners {
-    // A millimetre that rounding alone makes is none.
-    let out = |value: f64| (1000.0 * value - 1e-4).ceil() / 1000.0;
-    [0, 1, 2]
-        .map(|k| [-out(-(low[k] - margin - base_link[k])), out(high[k] + margin - base_link[k])])
-        .into_iter()
-        .enumerate()
-        .fold([[0.0; 3]; 2], |[mut lower, mut upper], (k, [from, to])| {
-            (lower[k], upper[k]) = (from, to);
-            [lower, upper]
-        })
+    let out = |value: f64| (100.0 * (value - OF_F32)).ceil() / 100.0;
+    [
+        [0, 1, 2].map(|k| -out(-(low[k] - margin - base_link[k]))),
+        [0, 1, 2].map(|k| out(high[k] + margin - base_link[k])),
+    ]
 }
 
 fn node(text: &mut String, name: &str, [low, high]: &BoxCorners) {
@@ -160,7 +159,7 @@ fn node(text: &mut String, name: &str, [low, high]: &BoxCorners) {
     for (side, corner) in [("min", low), ("max", high)] {
         for (axis, value) in ["x", "y", "z"].into_iter().zip(corner) {
             // ROS tells a number with a point from a whole one, and wants the former.
-            let _ = writeln!(text, "    {side}_{axis}: {:.3}", value + 0.0);
+            let _ = writeln!(text, "    {side}_{axis}: {:.2}", value + 0.0);
         }
     }
     text.push_str("    negative: true\n");
@@ -198,4 +197,23 @@ fn chunk(bytes: &mut Vec<u8>, kind: [u8; 4], content: &[u8]) {
     bytes.extend(kind);
     bytes.extend(content);
     bytes.extend(sum.sum().to_be_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crop_box_ends_at_the_centimetre_where_the_body_ends_and_holds_every_other_body() {
+        let body = |from: f32, to: f32| [[f64::from(from); 3], [f64::from(to); 3]];
+        // -9.35 as `f32` lies 0.4 µm below.
+        assert_eq!(grown(body(-9.35, 2.7), 0.0, [0.0; 3]), [[-9.35; 3], [2.7; 3]]);
+        assert_eq!(grown(body(-9.35, 2.7), 0.05, [1.0; 3]), [[-10.4; 3], [1.75; 3]]);
+        for k in 0..200_u8 {
+            let end = 0.1 + 0.0637 * f32::from(k);
+            let [low, high] = grown(body(-end, end), 0.0, [0.0; 3]);
+            let out = high[0] - f64::from(end);
+            assert!((-1.1 * OF_F32..0.01).contains(&out) && low[0] == -high[0], "{end}: {high:?}");
+        }
+    }
 }

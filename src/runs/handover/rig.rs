@@ -10,13 +10,13 @@ use crate::engine::BackendError;
 use crate::files::changed_input;
 use crate::geom::Pose;
 use crate::job::{Job, Tolerance};
-use crate::near_field::{Footprint, NearField, NearSite};
+use crate::near_field::{Footprint, NearField, NearSite, self_hits};
 use crate::problem::SensorBatch;
 use crate::runs::inputs::{Given, file_and_name, named_placements, no_ground};
 use crate::runs::opening::{LoadTimes, Loaded};
 use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
-use crate::score::{HOLDS, Seen, all_held_in_words};
+use crate::score::{Guard, HOLDS, Seen, all_held_in_words};
 use crate::search::Evaluator;
 use crate::vehicle::{BeamTable, Placement, Sensors, UnknownSensor, name_lidars};
 
@@ -37,6 +37,8 @@ pub(super) struct HandoverRig {
     pub poses: Vec<Pose>,
     /// True for each beam of each LiDAR that ends at the own body.
     own: Vec<Vec<bool>>,
+    /// Guards `self_hit`, as `sightline score` finds them in this frame.
+    pub guards: Vec<Guard>,
     /// Triangles of the own body in the ego frame, metres.
     pub body: Vec<[[f32; 3]; 3]>,
     /// Blind zone on the ground, or why there is none.
@@ -84,10 +86,16 @@ impl HandoverRig {
         // Only now: warnings about a rig with an unknown model would mislead.
         warnings.iter().for_each(|words| computing.watcher.note(words));
         let sensors = problem.sensors().clone();
-        let (models, spins_freely) =
-            at_rest(&mut placement, &sensors).map_err(BackendError::from)?;
         let job = loaded.job;
         let scene = job.scene();
+        // By the phases that scores and studies have: only masks and drawing are of the sensors at rest.
+        let near = near_field(scene, request.frame as usize, &mut evaluator, &placement)?;
+        if let Err(why) = &near {
+            computing.watcher.note(&format!("the drawing has no blind zone: {why}"));
+        }
+        let guards = self_hits(scene, &problem, evaluator.backend_mut(), &placement)?;
+        let (models, spins_freely) =
+            at_rest(&mut placement, &sensors).map_err(BackendError::from)?;
         let own = scene.triangles(EgoBody::Exclude) as u32;
         let batch =
             SensorBatch::new(&problem, &placement.lidars, None).map_err(BackendError::from)?;
@@ -98,10 +106,6 @@ impl HandoverRig {
         };
         let own = (0..placement.lidars.len()).map(is_own).collect();
         let poses = batch.ego_from_sensors(0);
-        let near = near_field(scene, request.frame as usize, &mut evaluator, &placement)?;
-        if let Err(why) = &near {
-            computing.watcher.note(&format!("the drawing has no blind zone: {why}"));
-        }
         let mounts = scene.vehicle().mount_names(&placement.lidars);
         let mounts = mounts.into_iter().map(|name| name.map(str::to_owned)).collect();
         let body = scene.body_in(request.frame as usize);
@@ -116,6 +120,7 @@ impl HandoverRig {
             sensors,
             poses,
             own,
+            guards,
             body,
             near,
             about,

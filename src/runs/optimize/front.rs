@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::request::{Begun, NewRun, command};
+use super::request::{Begun, NewRun, command, in_full};
 use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
 use crate::files::{FileError, RunDir, Session, command_of as command_in, read_own};
 use crate::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
-use crate::report::words::word;
+use crate::report::words::{from_here, word};
 use crate::report::{FrontContext, FrontRecord, front_html};
 use crate::runs::inputs::{note_repeated, note_unpriced};
 use crate::runs::{Computing, GRACE, RunError, Watcher, opening, outputs};
@@ -114,6 +114,7 @@ pub fn front(
     job.check_front(&saved.objectives)?;
     if folder.is_none() {
         note_unpriced(job.scene().vehicle(), saved.counts_prices(), watcher);
+        opening::note_mounts(&job.scenes()[0], watcher)?;
     }
     job.check_room()?;
     watcher.listen(GRACE);
@@ -137,12 +138,15 @@ pub fn front(
     let context = FrontContext {
         scene: job.scene().name().to_owned(),
         settings: settings_json(begun, &job, objectives, limit),
-        command: command_of(begun, &job, objectives, limit),
+        command: command_of(begun, &job, objectives, limit, in_full),
         conditions: begun.files.conditions.clone(),
         seconds,
     };
     let record = FrontRecord::new(&found, context);
-    write(&folder, &job, &found, &record)?;
+    // The page is read where the run was made.
+    let here = command_of(begun, &job, objectives, limit, from_here);
+    let page = front_html(&found, &FrontRecord { command: here, ..record.clone() });
+    write(&folder, &job, (&found, &record), &page)?;
     outputs::write_figures(figures, vec![("front".to_owned(), front_plot(&found).svg())])?;
     Ok(Some(Fronted { front: found, record, folder: folder.path().to_owned() }))
 }
@@ -220,9 +224,10 @@ fn command_of(
     job: &Job,
     objectives: &FrontObjectives,
     max_seconds: Option<f64>,
+    name: fn(&Path) -> String,
 ) -> String {
     let names = objectives.names().join(",");
-    format!("{} --front {}", command(begun, job.settings(), max_seconds), word(&names))
+    format!("{} --front {}", command(begun, job.settings(), max_seconds, name), word(&names))
 }
 
 /// Every setting that decides about the front.
@@ -251,13 +256,13 @@ fn settings_json(
 fn write(
     folder: &RunDir<SavedFront>,
     job: &Job,
-    found: &Front,
-    record: &FrontRecord,
+    (found, record): (&Front, &FrontRecord),
+    page: &str,
 ) -> Result<(), RunError> {
     let placements = found.points.iter().map(|point| priced(job, &point.placement));
     let placements: Vec<Value> = placements.collect();
     folder.write_json("placements.json", &json!({ "placements": placements }))?;
     folder.write_text("front.svg", &front_plot(found).svg())?;
-    folder.write_text("report.html", &front_html(found, record))?;
+    folder.write_text("report.html", page)?;
     Ok(folder.write_json("result.json", &record.json())?)
 }

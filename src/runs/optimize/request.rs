@@ -1,6 +1,6 @@
 //! Request of a run, its checkpoint, and the command that repeats it.
 
-use std::path::PathBuf;
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ use crate::files::holds_run;
 use crate::job::{JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
-use crate::report::words::{from_here, word};
+use crate::report::words::word;
 use crate::runs::inputs::{Given, RESULT, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
@@ -118,7 +118,7 @@ fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
 impl NewRun {
     /// Files and options that the checkpoint keeps.
     pub(super) fn begun(&self) -> Result<Begun, RunError> {
-        let absolute = |path: &PathBuf| std::path::absolute(path).map_err(RunError::io(path));
+        let absolute = |path: &PathBuf| whole_path(path).map_err(RunError::io(path));
         let files = &self.files;
         if files.scene.as_os_str().is_empty() {
             return Err(RunError::Usage("give a scene to search in".into()));
@@ -195,16 +195,38 @@ fn note_target(settings: &Settings, watcher: &dyn Watcher) {
     }
 }
 
-/// The command line of a run's files and settings, for a shell in the same folder; with `max_seconds` where time ended
-/// the run.
-pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f64>) -> String {
+/// An absolute path that is the same from every folder: without `..`, unless a link makes that another file.
+fn whole_path(path: &Path) -> std::io::Result<PathBuf> {
+    let (given, mut plain) = (std::path::absolute(path)?, PathBuf::new());
+    for part in given.components() {
+        match part {
+            Component::ParentDir => _ = plain.pop(),
+            part => plain.push(part),
+        }
+    }
+    let leads_to = |path: &Path| path.canonicalize().ok();
+    Ok(if leads_to(&plain) == leads_to(&given) { plain } else { given })
+}
+
+/// A file as `result.json` names it in the command: the same from every folder.
+pub(super) fn in_full(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+/// The command line of a run's files and settings, each file as `name` has it; with `max_seconds` where time ended the run.
+pub(super) fn command(
+    begun: &Begun,
+    settings: &Settings,
+    max_seconds: Option<f64>,
+    name: fn(&Path) -> String,
+) -> String {
     let mut words = vec!["sightline".to_owned(), "optimize".to_owned()];
-    words.extend(begun.files.scenes().map(|scene| word(&from_here(scene))));
+    words.extend(begun.files.scenes().map(|scene| word(&name(scene))));
     let mut give = |option: &str, value: Option<String>| {
         words.extend(value.map(|value| format!("--{option} {}", word(&value))));
     };
     let number = |value: Option<f64>| value.map(|value| value.to_string());
-    give("vehicle", begun.files.vehicle.as_deref().map(from_here));
+    give("vehicle", begun.files.vehicle.as_deref().map(name));
     give("budget", number(begun.files.budget));
     give("tolerance", begun.files.tolerance.map(|tolerance| tolerance.to_string()));
     give("objective", Some(settings.objective.to_string()));
@@ -227,8 +249,8 @@ pub(super) fn command(begun: &Begun, settings: &Settings, max_seconds: Option<f6
     for (field, value) in fixed {
         give("fix", Some(format!("{field}={value}")));
     }
-    give("baselines", begun.baselines.as_deref().map(from_here));
-    give("inject", begun.inject.as_deref().map(from_here));
+    give("baselines", begun.baselines.as_deref().map(name));
+    give("inject", begun.inject.as_deref().map(name));
     let flags = [
         ("mirror", begun.files.mirror),
         ("fewest", begun.files.fewest),

@@ -23,7 +23,7 @@ use crate::vehicle::{
 pub(super) const FRAMES: u32 = 4;
 /// Most poses of the grid, over all models and mounts, but where both ends of every field are more.
 const POSES: u32 = 1200;
-/// Metres between poses of the widest grid.
+/// Metres between poses from which on the grid is widened no more: all mounts are shorter.
 const WIDEST: f64 = 100.0;
 /// Spacing of the grid to begin with; widened until the poses are few enough.
 const SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
@@ -154,6 +154,32 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
     (constraints, kinds)
 }
 
+/// The grid of a choice, widened until its poses are few enough; with a note where both ends of every pose field are more.
+fn grid_of_choice(constraints: &Constraints, watch: &mut Watch) -> Result<PoseGrid, SearchError> {
+    // The mirror image of a pose is on the grid where pairs are wanted.
+    let ties = Ties { equal_height: false, ..constraints.ties };
+    let (constraints, mut spacing) = (Constraints { ties, ..constraints.clone() }, SPACING);
+    loop {
+        let is_widest = spacing.metres > WIDEST;
+        match PoseGrid::with_both_ends(&constraints, spacing) {
+            Ok(grid) if grid.len() <= POSES => return Ok(grid),
+            Ok(grid) if is_widest => {
+                watch.note(&format!(
+                    "sensors are chosen among {} poses, both ends of every pose field alone: mounts and models are too many \
+                     for a finer grid of {POSES} poses",
+                    grid.len()
+                ));
+                return Ok(grid);
+            }
+            Err(error) if is_widest => return Err(error.into()),
+            _ => {
+                spacing.metres *= WIDER;
+                spacing.radians *= WIDER;
+            }
+        }
+    }
+}
+
 /// Requirements that no rig on the grid meets, all of whose poses are held, in words.
 fn out_of_reach(
     vehicle: &Vehicle,
@@ -184,20 +210,7 @@ impl Equip {
             .over(&suite.spread(Some(FRAMES)))
             .for_search()
             .with_equipment(&constraints.untied());
-        let mut spacing = SPACING;
-        let grid = loop {
-            // The mirror image of a pose is on the grid where pairs are wanted.
-            let ties = Ties { equal_height: false, ..constraints.ties };
-            let constraints = Constraints { ties, ..constraints.clone() };
-            match PoseGrid::with_both_ends(&constraints, spacing) {
-                Ok(grid) if grid.len() <= POSES || spacing.metres > WIDEST => break grid,
-                Err(error) if spacing.metres > WIDEST => return Err(error.into()),
-                _ => {
-                    spacing.metres *= WIDER;
-                    spacing.radians *= WIDER;
-                }
-            }
-        };
+        let grid = grid_of_choice(&constraints, watch)?;
         let memory = engine.memory_budget();
         let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2).watching_cars(objective);
         let all: Vec<u32> = (0..grid.len()).collect();

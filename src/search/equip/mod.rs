@@ -18,7 +18,7 @@ use std::time::Instant;
 
 use super::error::SearchError;
 use super::evaluator::Evaluator;
-use super::observer::{Event, Observer, Watch};
+use super::observer::{Event, Observer, Watch, Work};
 use super::suite::Suite;
 use crate::engine::EngineChoice;
 use crate::score::{Objective, Scores, reference_layout};
@@ -50,6 +50,22 @@ struct Spare {
 }
 
 impl Spare {
+    /// Scores of given placements over the few frames; `None` once the watch is over.
+    fn scores(
+        &self,
+        placements: &[Placement],
+        watch: &mut Watch,
+    ) -> Result<Option<Vec<Scores>>, SearchError> {
+        let mut evaluator = Evaluator::suite_on_cpu(&self.suite, self.memory);
+        let (mut done, total) = (0, evaluator.looks(placements.len()) as u64);
+        let mut go_on = || {
+            let goes_on = watch.tell(&Event::Progress { work: Work::Given, done, total });
+            done = total.min(done + 1);
+            goes_on
+        };
+        Ok(evaluator.scores_while(placements, &mut go_on)?)
+    }
+
     /// The rig with its scores; no sensors where the limits do not allow it.
     fn equipped(&self, found: Equipped) -> Result<Equipped, SearchError> {
         let (equipment, placement) = self.rig.clone();
@@ -171,7 +187,8 @@ impl Equipping {
 
     /// A given placement in place of the rig chosen, and its name, where it is better over the few frames of the choice. It is
     /// so if it misses less of the requirements. Where money decides alone, it is so too if it misses as much and has more of
-    /// the objective. Placements that break a rule or the limits are passed over.
+    /// the objective. Placements that break a rule or the limits are passed over. `None` where the observer stops the look;
+    /// where the time ends it, the rig chosen. A single one is looked at whatever the time.
     ///
     /// # Errors
     /// An engine that failed.
@@ -180,8 +197,9 @@ impl Equipping {
         vehicle: &Vehicle,
         given: &[Placement],
         found: Equipped,
-    ) -> Result<(Equipped, Option<String>), SearchError> {
-        let Spare { suite, objective, limits, memory, .. } = &self.spare;
+        observer: &mut dyn Observer,
+    ) -> Result<Option<(Equipped, Option<String>)>, SearchError> {
+        let Spare { objective, limits, .. } = &self.spare;
         let allowed = given.iter().filter_map(|one| {
             let (equipment, lidars) = vehicle.equipment_of(one)?;
             let cost = vehicle.cost(&equipment);
@@ -193,13 +211,15 @@ impl Equipping {
         });
         let mut allowed: Vec<(&String, Equipped)> = allowed.collect();
         if allowed.is_empty() {
-            return Ok((found, None));
+            return Ok(Some((found, None)));
         }
         // The rig chosen is scored as they are: the choice itself looks at other draws, and wants a margin.
         let chosen = (!found.equipment.is_empty()).then_some(&found.placement);
         let all = chosen.into_iter().chain(allowed.iter().map(|(_, of)| &of.placement));
-        let mut evaluator = Evaluator::suite_on_cpu(suite, *memory);
-        let scores = evaluator.scores(&all.cloned().collect::<Vec<_>>())?;
+        let mut watch = Watch::until(observer, self.deadline.filter(|_| given.len() > 1));
+        let Some(scores) = self.spare.scores(&all.cloned().collect::<Vec<_>>(), &mut watch)? else {
+            return Ok((!watch.is_interrupted()).then_some((found, None)));
+        };
         let worth = |scores: &Scores| {
             (-scores.missing(), objective.value(scores).unwrap_or(f64::NEG_INFINITY))
         };
@@ -213,9 +233,9 @@ impl Equipping {
                 best = (worth(scores), Some(number));
             }
         }
-        let ((missing, value), Some(number)) = best else { return Ok((found, None)) };
+        let ((missing, value), Some(number)) = best else { return Ok(Some((found, None))) };
         let (name, given) = allowed.swap_remove(number);
-        Ok((Equipped { missing: 0.0 - missing, value, ..given }, Some(name.clone())))
+        Ok(Some((Equipped { missing: 0.0 - missing, value, ..given }, Some(name.clone()))))
     }
 
     /// Exchanges one sensor, or begins or ends a climb. Where no rig of the coarse grid keeps all rules, the end is a rig

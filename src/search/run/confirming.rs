@@ -28,6 +28,12 @@ fn left_out(part: &str, watch: &mut Watch) {
     watch.note(&format!("{why}: {part} is left out"));
 }
 
+/// A layout that no method of this sitting found.
+fn of_layout(method: &'static str, layout: &Scored) -> MethodRecord {
+    let (objective, requirements) = (layout.objective, layout.scores.met());
+    MethodRecord { method, objective, requirements, evaluations: 0, poses_cast: 0, won: false }
+}
+
 /// The result of each method, and the best of all that was found and given.
 type ConfirmedResults = (Vec<MethodRecord>, Option<Scored>);
 
@@ -120,19 +126,17 @@ impl Run {
         let Some(found) = self.found(watch)? else { return Ok(None) };
         let (mut methods, mut finalists): (Vec<_>, Vec<_>) = found.into_iter().unzip();
         let Some(given) = self.best_given(baselines, watch)? else { return Ok(None) };
+        let kept: Vec<Placement> = self.sitting.kept.iter().cloned().collect();
+        let Some(judged) = self.judged_over_all(&kept, watch)? else { return Ok(None) };
+        let kept = self.scored(&kept, judged).pop();
         let mut standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
         standings.extend(given.iter().map(Scored::standing));
         // The first of equal ones: a layout that was given is the result only where it is better than all that was found.
-        let Some(best) = Standing::best(&standings) else { return Ok(Some((methods, None))) };
+        let Some(best) = Standing::best(&standings) else {
+            return Ok(Some(self.or_kept((methods, None), kept, watch)));
+        };
         if let Some(given) = given.filter(|_| best == finalists.len()) {
-            methods.push(MethodRecord {
-                method: "layout given",
-                objective: given.objective,
-                requirements: given.scores.met(),
-                evaluations: 0,
-                poses_cast: 0,
-                won: false,
-            });
+            methods.push(of_layout("layout given", &given));
             finalists.push(given);
         }
         let mut result = finalists.swap_remove(best);
@@ -140,7 +144,33 @@ impl Run {
         methods[best].evaluations += self.secure(&mut result, watch)?;
         methods[best].objective = result.objective;
         methods[best].requirements = result.scores.met();
-        Ok(Some((methods, Some(result))))
+        Ok(Some(self.or_kept((methods, Some(result)), kept, watch)))
+    }
+
+    /// The result of an earlier sitting where this one is cut short and has found none that is better. Moves that more copies
+    /// hold after may be what is missing: a rig that meets all requirements then stays.
+    fn or_kept(
+        &self,
+        (mut methods, result): ConfirmedResults,
+        kept: Option<Scored>,
+        watch: &Watch,
+    ) -> ConfirmedResults {
+        let is_cut = self.before_cut.is_some() || watch.is_over();
+        let is_better = |kept: &Scored| {
+            let Some(result) = &result else { return true };
+            let is_to_hold =
+                self.state.settings.tolerance.is_some() && !kept.scores.required.is_empty();
+            let is_other = kept.placement.lidars != result.placement.lidars;
+            let [kept, found] = [kept, result].map(Scored::standing);
+            let is_insecure = watch.is_over() && is_to_hold;
+            is_other && (!found.beats(&kept) || (is_insecure && kept.violation <= 0.0))
+        };
+        let Some(kept) = kept.filter(|kept| is_cut && is_better(kept)) else {
+            return (methods, result);
+        };
+        methods.iter_mut().for_each(|method| method.won = false);
+        methods.push(MethodRecord { won: true, ..of_layout("earlier sitting", &kept) });
+        (methods, Some(kept))
     }
 
     /// Placements that each method found; `None` where the run is to end before they are scored.

@@ -139,6 +139,8 @@ pub(super) struct Sitting {
     pub hurried: Option<Vec<usize>>,
     /// Placements whose tallies over all frames of each scene are known.
     pub known: Known,
+    /// The result of an earlier sitting, which that of a sitting cut short is no worse than.
+    pub kept: Option<Placement>,
     /// The baselines over all frames.
     pub baselines: Option<Vec<Scored>>,
     /// Generations of this sitting.
@@ -208,6 +210,13 @@ impl Run {
     ) {
         let settings = &mut self.state.settings;
         (settings.engine, settings.time, settings.tolerance) = (engine, time, tolerance);
+    }
+
+    /// Keeps the result of an earlier sitting: where this one is cut short, its result is no worse. One that does not fit the
+    /// rules is passed over. A run that comes to its own end gives the bits of one that never stopped.
+    pub fn keep(&mut self, earlier: Placement) {
+        let fits = why_left_out(self.suite.constraints(), &earlier).is_empty();
+        self.sitting.kept = fits.then_some(earlier);
     }
 
     /// The state to save. If time or an interruption cut a phase short, it is the state before that phase.

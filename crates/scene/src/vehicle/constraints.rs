@@ -373,9 +373,16 @@ pub enum Violation {
     /// The LiDARs stand at different heights against the rule, from the lowest to the highest.
     UnequalHeight { by: f64 },
     /// A LiDAR has no mirror image among the others, and does not lie in the plane of symmetry. The image of `partner` is
-    /// nearest to it, which may be the LiDAR itself; `field` is farthest off, by `off`. `by` sums up the differences of all
+    /// nearest to it, which may be the LiDAR itself; `models` are those of both where they differ; `field` is farthest off, by `off`. `by` sums up the differences of all
     /// fields, over both LiDARs where each is nearest to the other's image.
-    NotMirrored { lidar: usize, partner: usize, field: &'static str, off: f64, by: f64 },
+    NotMirrored {
+        lidar: usize,
+        partner: usize,
+        models: Option<[SensorName; 2]>,
+        field: &'static str,
+        off: f64,
+        by: f64,
+    },
 }
 
 impl Violation {
@@ -446,6 +453,15 @@ impl std::fmt::Display for Violation {
             }
             Self::UnequalHeight { by } => {
                 write!(f, "heights differ by {by:.3} m, and are to be equal")
+            }
+            Self::NotMirrored { lidar, partner, models: Some([own, other]), .. } => {
+                let mut two = [(lidar, own), (partner, other)];
+                two.sort_unstable();
+                let [(a, first), (b, second)] = two;
+                write!(
+                    f,
+                    "LiDARs {a} and {b}: a mirrored pair at the plane y = 0 has one model, not `{first}` and `{second}`"
+                )
             }
             Self::NotMirrored { lidar, partner, field, off, .. } => {
                 match lidar == partner {

@@ -197,6 +197,14 @@ pub(super) fn not_mirrored(lidars: &[SensorPose]) -> Vec<Violation> {
         let nearest = alone.iter().copied().min_by(|&a, &b| by(a).total_cmp(&by(b)));
         let partner = nearest.unwrap_or(lidar);
         let by = by(partner);
+        // A LiDAR of another model that stands nearer to the image.
+        let model = |of: usize| lidars[of].sensor;
+        let place = |other: usize| image.differences(&lidars[other]).into_iter().sum::<f64>();
+        let others = alone.iter().copied().filter(|&other| model(other) != model(lidar));
+        let other = others.min_by(|&a, &b| place(a).total_cmp(&place(b)));
+        let other = other.filter(|&other| place(other) < by);
+        let models = other.map(|other| [model(lidar), model(other)]);
+        let partner = other.unwrap_or(partner);
         let known = found.iter_mut().find_map(|known| match known {
             Violation::NotMirrored { lidar: a, partner: b, by, .. } => {
                 ([*a, *b] == [partner, lidar]).then_some(by)
@@ -210,7 +218,7 @@ pub(super) fn not_mirrored(lidars: &[SensorPose]) -> Vec<Violation> {
                 let largest =
                     (0..off.len()).max_by(|&a, &b| off[a].total_cmp(&off[b])).unwrap_or(0);
                 let (field, off) = (SensorPose::FIELDS[largest], off[largest]);
-                found.push(Violation::NotMirrored { lidar, partner, field, off, by });
+                found.push(Violation::NotMirrored { lidar, partner, models, field, off, by });
             }
             None => {}
         }
@@ -293,6 +301,24 @@ mod tests {
     fn rules() -> Constraints {
         let ties = Ties { equal_height: false, symmetric: true };
         Constraints { slots: Slot::in_pairs(slots()), ties, ..Constraints::default() }
+    }
+
+    #[test]
+    fn two_models_that_stand_as_a_pair_are_named() {
+        let [wide, narrow] = ["wide", "narrow"].map(|name| SensorName::new(name).unwrap());
+        let at = |y: f64, sensor| SensorPose { sensor, ..SensorPose::at(0.5, y, 1.5) };
+        let told = |lidars: &[SensorPose]| -> Vec<String> {
+            not_mirrored(lidars).iter().map(ToString::to_string).collect()
+        };
+        let mixed = [at(0.3, wide), at(-0.3, narrow)];
+        let words = "LiDARs 0 and 1: a mirrored pair at the plane y = 0 has one model, not `wide` and `narrow`";
+        assert_eq!(told(&mixed), [words]);
+        // Each is 0.6 m off its own image, the nearest of its model.
+        assert!((not_mirrored(&mixed)[0].amount() - 1.2).abs() < 1e-12);
+        // A partner of the model that stands nearer is told by its distance.
+        let off = told(&[at(0.3, wide), at(-0.2, wide), at(-0.45, narrow)]);
+        assert!(off[0].starts_with("LiDARs 0 and 1: y is off by 0.100 m"), "{off:?}");
+        assert_eq!(told(&[at(0.3, wide), at(-0.3, wide)]), [""; 0]);
     }
 
     #[test]

@@ -1,0 +1,89 @@
+//! The drawing of `rig handover`: its views, and words that lie apart.
+
+use std::fs;
+
+use serde_json::json;
+
+use crate::cli_handover::{folder, handed_over, read};
+
+#[test]
+fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
+    let dir = folder();
+    let out = handed_over(&dir, &[]);
+    let svg = read(&out, "drawing.svg");
+    for words in ["From above", "From the right", "From the front", "4000", "1800", "1750", "front"]
+    {
+        assert!(svg.contains(&format!(">{words}</text>")), "{words}");
+    }
+    // The number of each LiDAR stands once in each view and once in the table; from the right 1 and 2, a mirrored pair,
+    // lie behind one another and are one sign.
+    let labels = |words: &str| svg.matches(&format!("font-weight=\"bold\">{words}</text>")).count();
+    assert_eq!(["0", "1", "2", "1, 2"].map(labels), [4, 3, 3, 1]);
+    // The datum has its two axes in each view.
+    assert_eq!(["x", "y", "z"].map(labels), [2, 2, 2]);
+    for words in ["mm from the datum", "Positive yaw turns left", "±5 mm", "drawn by sightline"] {
+        assert!(svg.contains(words), "{words}");
+    }
+    assert!(svg.contains("requirements were not looked at: "), "its area lies beyond level ground");
+    let pdf = fs::read(out.path().join("out/drawing.pdf")).unwrap();
+    assert!(pdf.starts_with(b"%PDF-1.4\n") && pdf.ends_with(b"%%EOF\n"));
+}
+
+/// Boxes around all words of a drawing, millimetres, with the words: left, upper, right, lower.
+fn boxes_of_words(svg: &str) -> Vec<([f64; 4], String)> {
+    let of_text = |text: &str| {
+        let (attributes, rest) = text.split_once('>').unwrap();
+        let words = rest.split_once('<').unwrap().0.to_owned();
+        let number = |key: &str| -> f64 {
+            let (_, value) = attributes.split_once(&format!("{key}=\"")).unwrap();
+            value.split_once('"').unwrap().0.parse().unwrap()
+        };
+        let (x, y, size) = (number(" x"), number(" y"), number("font-size"));
+        let wide = 0.56 * size * words.chars().count() as f64;
+        let left = match attributes {
+            of if of.contains("\"middle\"") => x - 0.5 * wide,
+            of if of.contains("\"end\"") => x - wide,
+            _ => x,
+        };
+        ([left, y - 0.8 * size, left + wide, y + 0.25 * size], words)
+    };
+    svg.split("<text").skip(1).map(of_text).collect()
+}
+
+#[test]
+fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
+    let dir = folder();
+    let lines = |svg: &str| svg.matches("stroke-width=\"0.12\"").count();
+    assert_eq!(lines(&read(&handed_over(&dir, &[]), "drawing.svg")), 0);
+    let path = dir.path().join("cart.json");
+    let mut vehicle: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let corners = [("low-left", 1.95, 0.85), ("low-right", 1.95, 0.9), ("upper-left", 2.0, 0.85)];
+    let corners = [corners[0], corners[1], corners[2], ("upper-right", 2.0, 0.9)];
+    let mounts = corners.map(|(name, x, y)| {
+        json!({ "name": name, "sensors": ["side, narrow"], "count": [0, 1], "min": [x, y, 0.7],
+                "max": [x + 0.04, y + 0.04, 0.8], "yaw": [-3.2, 3.2] })
+    });
+    vehicle["mounts"] = json!(mounts);
+    fs::write(&path, vehicle.to_string()).unwrap();
+    let lidars = corners.map(|(_, x, y)| {
+        json!({ "x": x + 0.02, "y": y + 0.02, "z": 0.75, "yaw": 1.0, "sensor": "side, narrow" })
+    });
+    let rigs = json!({ "placements": [{ "name": "rig", "lidars": lidars }] });
+    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    let svg = read(&handed_over(&dir, &[]), "drawing.svg");
+    // Before the title of the next view there is only the one from above.
+    let from_above = svg.split(">From the right<").next().unwrap().rsplit_once("<text").unwrap().0;
+    let boxes = boxes_of_words(from_above);
+    for name in corners.map(|(name, ..)| name).iter().chain(&["0", "1", "2", "3"]) {
+        assert!(boxes.iter().any(|(_, words)| words == name), "{name}: {boxes:?}");
+    }
+    for (k, (a, words)) in boxes.iter().enumerate() {
+        for (b, others) in &boxes[..k] {
+            let is_apart = a[0] >= b[2] || b[0] >= a[2] || a[1] >= b[3] || b[1] >= a[3];
+            assert!(is_apart, "{words} lies over {others}: {a:?} {b:?}");
+        }
+    }
+    // The signs of the four LiDARs lie on the four boxes, so that each name is moved and has a line.
+    assert_eq!(lines(&svg), 4, "{from_above}");
+}
