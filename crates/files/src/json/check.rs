@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::{FileKind, ForeignJson};
+use super::{FileKind, ForeignJson, nearest};
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub const MAX_METRES: f64 = 1.0e9;
@@ -27,6 +27,55 @@ pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> De
         value = format!("{number:e}");
     }
     DescriptionError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
+}
+
+/// Result of a reader: a checked value, or the first fault of the description.
+pub type Checked<T> = Result<T, DescriptionError>;
+
+/// Error of a key that the object at `at` lacks; `mend` says what to write.
+pub fn missing(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
+    DescriptionError::Missing { at: Box::new(at.clone()), key, mend: mend.into() }
+}
+
+/// Error of a key that has no meaning in the object at `at`.
+pub fn misplaced(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
+    DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.into() }
+}
+
+/// Error of none or several of the keys `of` in the object at `at`, of which it has `found`.
+pub fn choice(
+    at: &Location,
+    found: Vec<&'static str>,
+    of: &'static [&'static str],
+) -> DescriptionError {
+    DescriptionError::Choice { at: Box::new(at.clone()), found, of }
+}
+
+/// Error of a name that is none of the `known` ones, each of which is a `kind`.
+pub fn unknown_name<'a>(
+    at: &Location,
+    kind: &'static str,
+    name: &str,
+    known: impl Iterator<Item = &'a str> + Clone,
+) -> DescriptionError {
+    DescriptionError::UnknownName {
+        at: Box::new(at.clone()),
+        kind,
+        name: name.to_owned(),
+        nearest: nearest(name, known.clone()),
+        known: known.map(str::to_owned).collect(),
+    }
+}
+
+/// Error of more things of a kind than a place holds.
+pub fn too_many(
+    at: &Location,
+    what: &'static str,
+    count: u64,
+    limit: u64,
+    mend: &'static str,
+) -> DescriptionError {
+    DescriptionError::TooMany { at: Box::new(at.clone()), what, count, limit, mend }
 }
 
 /// A text for tables and drawings, without control characters.
@@ -100,6 +149,17 @@ pub fn point(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionErro
     Ok(value)
 }
 
+/// Lower and upper corner of a box, in metres; `empty` ends the error of one without an extent.
+pub fn corners(at: &Location, min: [f64; 3], max: [f64; 3], empty: &str) -> Checked<[[f64; 3]; 2]> {
+    let (min, max) = (point(&at.key("min"), min)?, point(&at.key("max"), max)?);
+    match (0..3).find(|&i| min[i] >= max[i]) {
+        Some(i) => {
+            Err(bad(&at.key("max").item(i), max[i], format!("above min ({}){empty}", min[i])))
+        }
+        None => Ok([min, max]),
+    }
+}
+
 /// A size `[x, y, z]` in metres, each above 0.
 pub fn size(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
@@ -130,6 +190,22 @@ pub fn count(at: &Location, value: u64, lo: u64, hi: u64) -> Result<u32, Descrip
         return Ok(value as u32);
     }
     Err(bad(at, value, format!("a whole number from {lo} to {hi}")))
+}
+
+/// A number from `lo` to `hi`, if one is given under `key` of the object at `at`.
+pub fn within(
+    at: &Location,
+    key: &str,
+    value: Option<f64>,
+    lo: f64,
+    hi: f64,
+) -> Checked<Option<f64>> {
+    match value {
+        Some(value) if !(lo..=hi).contains(&value) => {
+            Err(bad(&at.key(key), value, format!("a number from {lo} to {hi}")))
+        }
+        other => Ok(other),
+    }
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.

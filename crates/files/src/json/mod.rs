@@ -8,7 +8,7 @@ mod parse;
 mod xml;
 mod yaml;
 
-pub use check::{DescriptionError, Location, did_you_mean};
+pub use check::{Checked, DescriptionError, Location, did_you_mean};
 pub use foreign::{is_utf_16, kind_of_bytes, leading_comment, not_json};
 pub use lidar_cast::sensor::nearest;
 pub use numbers::{Quantity, counted, fixed, shortened, spoken, written};
