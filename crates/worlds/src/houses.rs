@@ -2,29 +2,17 @@
 
 use glam::DVec2;
 use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
 
-use crate::network::{GroundRect, Model, Network, Street, class, left_of};
-use crate::style::Style;
-use crate::surfaces::{HOUSE, Mask, ROAD, THING, Terrain, WALK};
+use crate::network::{GroundRect, Model, Street, class, left_of};
+use crate::surfaces::{HOUSE, ROAD, THING, WALK, WorldDraft};
 
 /// Metres of a storey.
 const STOREY: f64 = 3.0;
 
-/// Draws the houses of one network into a model.
-pub struct Houses<'a> {
-    pub style: &'a Style,
-    pub terrain: &'a Terrain,
-    pub mask: &'a mut Mask,
-    pub model: &'a mut Model,
-    pub rng: ChaCha8Rng,
-    /// Ground plans, one a house.
-    pub plots: Vec<GroundRect>,
-}
-
-impl Houses<'_> {
-    /// Builds along both edges of every street.
-    pub fn line(&mut self, network: &Network) {
+impl WorldDraft<'_> {
+    /// Builds houses along both edges of every street.
+    pub(crate) fn build(&mut self) {
+        let network = self.network;
         for street in &network.streets {
             self.side(street, 0);
             self.side(street, 1);
@@ -49,20 +37,17 @@ impl Houses<'_> {
             let ahead = edge.heading(middle);
             let outward = if side == 0 { left_of(ahead) } else { -left_of(ahead) };
             let foot = edge.at(middle).truncate();
-            let plot = GroundRect {
-                middle: foot + outward * (setback + 0.5 * depth),
-                // Its left is away from the street, so that y = -1 is the front.
-                ahead: -left_of(outward),
-                half: DVec2::new(0.5 * width, 0.5 * depth),
-            };
-            let room = plot.half + DVec2::new(0.0, 0.5);
-            if self.mask.touches(plot.middle, plot.ahead, room, ROAD | WALK | HOUSE) {
+            let middle = foot + outward * (setback + 0.5 * depth);
+            // Its left is away from the street, so that y = -1 is the front.
+            let plot = GroundRect::new(middle, -left_of(outward), [0.5 * width, 0.5 * depth]);
+            let room = GroundRect { half: plot.half + DVec2::new(0.0, 0.5), ..plot };
+            if self.mask.touches(&room, ROAD | WALK | HOUSE) {
                 continue;
             }
-            self.mask.block(plot.middle, plot.ahead, plot.half, HOUSE);
+            self.mask.block(&plot, HOUSE);
             self.house(&plot);
             self.front(&plot, setback);
-            self.plots.push(plot);
+            self.houses.push(plot.corners());
         }
     }
 
@@ -94,11 +79,8 @@ impl Houses<'_> {
             let roof = GroundRect { half: part.half * 1.05, ..part };
             self.model.roof(&roof, [eaves, ridge], hip, class::BUILDING);
         } else {
-            self.model.block(
-                &part.part([-0.5, -0.1], [-0.3, 0.3]),
-                [eaves, eaves + 1.6],
-                class::BUILDING,
-            );
+            let shed = part.part([-0.5, -0.1], [-0.3, 0.3]);
+            self.model.block(&shed, [eaves, eaves + 1.6], class::BUILDING);
         }
         self.relief(&part, level, storeys);
     }
@@ -146,7 +128,7 @@ impl Houses<'_> {
     }
 
     fn over_road(&self, plot: &GroundRect) -> bool {
-        self.mask.touches(plot.middle, plot.ahead, plot.half, ROAD)
+        self.mask.touches(plot, ROAD)
     }
 
     /// A hedge, a fence or a wall at the edge of a front garden.
@@ -156,7 +138,7 @@ impl Houses<'_> {
         }
         let out = -1.0 - (setback - 0.6) / plot.half.y;
         let line = plot.part([-1.1, 0.6], [out, out + 0.5 / plot.half.y]);
-        if self.mask.touches(line.middle, line.ahead, line.half, ROAD | WALK | HOUSE) {
+        if self.mask.touches(&line, ROAD | WALK | HOUSE) {
             return;
         }
         let z = self.terrain.height(line.middle);
@@ -166,14 +148,14 @@ impl Houses<'_> {
                 let height = self.rng.random_range(0.9..2.0);
                 self.model.block(&line, [z - 0.2, z + height], class::VEGETATION);
             }
-            r if r < hedges + fences => fence(self.model, &line, z, 1.1),
+            r if r < hedges + fences => fence(&mut self.model, &line, z, 1.1),
             r if r < hedges + 1.4 * fences => {
                 let thin = line.part([-1.0, 1.0], [-0.3, 0.3]);
                 self.model.block(&thin, [z - 0.2, z + 1.0], class::WALL);
             }
             _ => return,
         }
-        self.mask.block(line.middle, line.ahead, line.half, THING);
+        self.mask.block(&line, THING);
     }
 }
 

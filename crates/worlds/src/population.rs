@@ -20,14 +20,14 @@ const SLOWEST: f64 = 0.5;
 
 /// An actor: the model that it has, and its track's number in the scene.
 #[derive(Debug, Clone, Copy)]
-pub struct RoadUser {
+pub(crate) struct RoadUser {
     pub model: usize,
     pub track: usize,
 }
 
 /// Everyone in a world.
 #[derive(Debug, Default)]
-pub struct Population {
+pub(crate) struct Population {
     pub models: Vec<ActorModel>,
     pub actors: Vec<RoadUser>,
     pub ego: usize,
@@ -47,7 +47,7 @@ const MODELS: [(&str, usize); 8] = [
 ];
 
 /// How a population is made.
-pub struct PopulationSettings<'a> {
+pub(crate) struct PopulationSettings<'a> {
     pub network: &'a Network,
     pub style: &'a Style,
     pub frames: usize,
@@ -57,7 +57,7 @@ pub struct PopulationSettings<'a> {
 
 /// The longest way that was found where none was long enough, in metres.
 #[derive(Debug)]
-pub struct NoWay {
+pub(crate) struct NoWay {
     pub wanted: f64,
     pub longest: f64,
 }

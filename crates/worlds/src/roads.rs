@@ -10,7 +10,7 @@ use crate::network::{
 
 /// Cross section of a road, the same to both sides, in metres.
 #[derive(Debug, Clone, Copy)]
-pub struct CrossSection {
+pub(crate) struct CrossSection {
     /// Lanes in each direction.
     pub lanes: usize,
     pub lane_width: f64,
@@ -31,7 +31,7 @@ impl CrossSection {
 
 /// A road from node to node.
 #[derive(Debug, Clone)]
-pub struct Road {
+pub(crate) struct Road {
     pub from: usize,
     pub to: usize,
     pub line: Line,
@@ -40,7 +40,7 @@ pub struct Road {
 
 /// Where roads lead.
 #[derive(Debug, Clone, Default)]
-pub struct RoadPlan {
+pub(crate) struct RoadPlan {
     pub nodes: Vec<DVec2>,
     pub roads: Vec<Road>,
 }
@@ -65,18 +65,18 @@ impl Arm {
 
 impl RoadPlan {
     /// Adds a node.
-    pub fn node(&mut self, at: DVec2) -> usize {
+    pub(crate) fn node(&mut self, at: DVec2) -> usize {
         self.nodes.push(at);
         self.nodes.len() - 1
     }
 
     /// Adds a road.
-    pub fn road(&mut self, from: usize, to: usize, line: Line, profile: CrossSection) {
+    pub(crate) fn road(&mut self, from: usize, to: usize, line: Line, profile: CrossSection) {
         self.roads.push(Road { from, to, line, profile });
     }
 
     /// The network of the plan, on level ground at z = 0.
-    pub fn network(&self) -> Network {
+    pub(crate) fn network(&self) -> Network {
         let mut network = Network::default();
         let mut arms: Vec<Vec<Arm>> = self.nodes.iter().map(|_| Vec::new()).collect();
         for road in &self.roads {

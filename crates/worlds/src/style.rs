@@ -70,7 +70,7 @@ impl WorldKind {
 
 /// Numbers by which a network is furnished; lengths in metres, shares from 0 to 1.
 #[derive(Debug, Clone, Copy)]
-pub struct Style {
+pub(crate) struct Style {
     pub house: House,
     /// Metres between trees, and between lamps, along a kerb; 0 for none.
     pub trees: f64,
@@ -92,7 +92,7 @@ pub struct Style {
 
 /// How houses are built.
 #[derive(Debug, Clone, Copy)]
-pub struct House {
+pub(crate) struct House {
     pub width: [f64; 2],
     pub depth: [f64; 2],
     pub storeys: [u32; 2],

@@ -3,37 +3,19 @@
 use glam::{DVec2, DVec3};
 use lidar_cast::maths;
 use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
 
 use crate::houses::fence;
-use crate::network::{
-    GroundRect, KERB, Line, Model, Network, Post, Street, StripUse, class, left_of,
-};
-use crate::style::Style;
-use crate::surfaces::{HOUSE, MapObjects, Mask, ROAD, THING, Terrain, WALK};
-
-/// Draws the roadside objects of one network into a model.
-pub struct StreetFurniture<'a> {
-    pub style: &'a Style,
-    pub terrain: &'a Terrain,
-    pub mask: &'a mut Mask,
-    pub model: &'a mut Model,
-    pub rng: ChaCha8Rng,
-    /// Feet of the trees.
-    pub trees: Vec<DVec2>,
-    /// Where the map itself has things.
-    pub of_map: MapObjects,
-    /// Signals of the map that would stand on the road.
-    pub left_out: usize,
-}
+use crate::network::{GroundRect, KERB, Lane, Line, Post, Street, StripUse, class, left_of};
+use crate::surfaces::{HOUSE, ROAD, THING, WALK, WorldDraft};
 
 /// Metres above a road from which a plate hangs over it.
 const OVER_ROAD: f64 = 3.0;
 
-impl StreetFurniture<'_> {
+impl WorldDraft<'_> {
     /// Furnishes every street, junction and garden.
-    pub(crate) fn furnish(&mut self, network: &Network) {
-        self.posts(network);
+    pub(crate) fn furnish(&mut self) {
+        let network = self.network;
+        self.posts();
         for street in &network.streets {
             for side in 0..2 {
                 self.kerb(street, side);
@@ -51,11 +33,11 @@ impl StreetFurniture<'_> {
     }
 
     fn clear(&self, p: DVec2, radius: f64, bits: u8) -> bool {
-        !self.mask.touches(p, DVec2::X, DVec2::splat(radius), bits)
+        !self.mask.touches(&GroundRect::new(p, DVec2::X, [radius; 2]), bits)
     }
 
     fn take(&mut self, p: DVec2, radius: f64) {
-        self.mask.block(p, DVec2::X, DVec2::splat(radius), THING);
+        self.mask.block(&GroundRect::new(p, DVec2::X, [radius; 2]), THING);
     }
 
     /// Height of the walk or the ground.
@@ -152,11 +134,7 @@ impl StreetFurniture<'_> {
 
     fn lamp(&mut self, foot: DVec3, over_road: DVec2, height: f64) {
         self.model.pole(foot, 0.08, height, 6, class::POLE);
-        let arm = GroundRect {
-            middle: foot.truncate() + over_road * 0.8,
-            ahead: over_road,
-            half: DVec2::new(0.9, 0.08),
-        };
+        let arm = GroundRect::new(foot.truncate() + over_road * 0.8, over_road, [0.9, 0.08]);
         let z = foot.z + height;
         self.model.block(&arm, [z - 0.12, z], class::POLE);
         self.take(foot.truncate(), 0.2);
@@ -171,11 +149,7 @@ impl StreetFurniture<'_> {
 
     fn sign(&mut self, foot: DVec3, faces: DVec2, (height, half, round): (f64, f64, bool)) {
         self.model.pole(foot, 0.035, height + 0.6, 5, class::POLE);
-        let board = GroundRect {
-            middle: foot.truncate() - faces * 0.06,
-            ahead: faces,
-            half: DVec2::new(0.015, half),
-        };
+        let board = GroundRect::new(foot.truncate() - faces * 0.06, faces, [0.015, half]);
         let (low, high) = (foot.z + height, foot.z + height + 2.0 * half);
         if round {
             // A round board is an octagon.
@@ -195,11 +169,7 @@ impl StreetFurniture<'_> {
 
     fn light(&mut self, foot: DVec3, faces: DVec2) {
         self.model.pole(foot, 0.07, 3.6, 6, class::POLE);
-        let board = GroundRect {
-            middle: foot.truncate() + faces * 0.2,
-            ahead: faces,
-            half: DVec2::new(0.14, 0.16),
-        };
+        let board = GroundRect::new(foot.truncate() + faces * 0.2, faces, [0.14, 0.16]);
         self.model.block(&board, [foot.z + 2.5, foot.z + 3.45], class::TRAFFIC_LIGHT);
         let button = GroundRect { half: DVec2::splat(0.1), ..board };
         self.model.block(&button, [foot.z + 1.9, foot.z + 2.3], class::TRAFFIC_LIGHT);
@@ -207,12 +177,13 @@ impl StreetFurniture<'_> {
     }
 
     /// Signs and lights of the network, or at the lanes that lead into a junction.
-    fn posts(&mut self, network: &Network) {
+    fn posts(&mut self) {
+        let network = self.network;
         if !network.posts.is_empty() {
             return network.posts.iter().for_each(|post| self.brought_post(post));
         }
         let mut taken: Vec<DVec2> = Vec::new();
-        for (foot, faces, light) in self.approaches(network) {
+        for (foot, faces, light) in self.approaches() {
             let p = foot.truncate();
             if taken.iter().any(|t| t.distance(p) < 2.5) || !self.clear(p, 0.05, ROAD | HOUSE) {
                 continue;
@@ -247,11 +218,8 @@ impl StreetFurniture<'_> {
             return;
         }
         let thick = if post.light { 0.14 } else { 0.015 };
-        let board = GroundRect {
-            middle: foot.truncate() + faces * 0.2,
-            ahead: faces,
-            half: DVec2::new(thick, 0.5 * plate.width),
-        };
+        let half = [thick, 0.5 * plate.width];
+        let board = GroundRect::new(foot.truncate() + faces * 0.2, faces, half);
         let class = if post.light { class::TRAFFIC_LIGHT } else { class::TRAFFIC_SIGN };
         self.model.block(&board, [plate.low, plate.low + plate.height], class);
         if !on_road {
@@ -261,12 +229,11 @@ impl StreetFurniture<'_> {
         }
     }
 
-    fn approaches(&mut self, network: &Network) -> Vec<(DVec3, DVec2, bool)> {
-        let leads = |lane: &&super::network::Lane| {
-            !lane.junction && lane.next.iter().any(|n| network.lanes[*n].junction)
-        };
+    fn approaches(&self) -> Vec<(DVec3, DVec2, bool)> {
+        let lanes = &self.network.lanes;
+        let leads = |lane: &&Lane| !lane.junction && lane.next.iter().any(|n| lanes[*n].junction);
         let lights = self.style.vehicles > 10;
-        let lanes = network.lanes.iter().filter(leads);
+        let lanes = lanes.iter().filter(leads);
         let found = lanes.filter_map(|lane| {
             let end = (lane.centre.length() - 1.0).max(0.0);
             let (at, heading) = (lane.centre.at(end), lane.centre.heading(end));
@@ -282,20 +249,13 @@ impl StreetFurniture<'_> {
 
     /// A bench, a bin, a box, a shelter.
     fn small(&mut self, foot: DVec3, ahead: DVec2) {
-        let plot = |x: f64, y: f64| GroundRect {
-            middle: foot.truncate(),
-            ahead,
-            half: DVec2::new(0.5 * x, 0.5 * y),
-        };
+        let plot = |x: f64, y: f64| GroundRect::new(foot.truncate(), ahead, [0.5 * x, 0.5 * y]);
         let (z, class) = (foot.z, class::STATIC);
         match self.rng.random_range(0..4) {
             0 => {
                 self.model.block(&plot(1.6, 0.4), [z + 0.4, z + 0.46], class);
-                self.model.block(
-                    &plot(1.6, 0.06).part([-1.0, 1.0], [3.0, 5.0]),
-                    [z + 0.5, z + 0.9],
-                    class,
-                );
+                let back = plot(1.6, 0.06).part([-1.0, 1.0], [3.0, 5.0]);
+                self.model.block(&back, [z + 0.5, z + 0.9], class);
                 self.model.block(&plot(0.1, 0.4), [z, z + 0.4], class);
             }
             1 => self.model.pole(foot, 0.22, 0.9, 8, class),
@@ -313,13 +273,9 @@ impl StreetFurniture<'_> {
             1 => [12.2, 2.44],
             _ => [1.2, 0.8],
         };
-        let plot = GroundRect {
-            middle: foot.truncate(),
-            ahead: turned,
-            half: DVec2::new(0.5 * x, 0.5 * y),
-        };
-        let room = plot.half + 0.5;
-        if self.mask.touches(plot.middle, plot.ahead, room, ROAD | WALK | HOUSE | THING) {
+        let plot = GroundRect::new(foot.truncate(), turned, [0.5 * x, 0.5 * y]);
+        let room = GroundRect { half: plot.half + 0.5, ..plot };
+        if self.mask.touches(&room, ROAD | WALK | HOUSE | THING) {
             return;
         }
         if x < 2.0 {
@@ -329,7 +285,7 @@ impl StreetFurniture<'_> {
             let stacked = f64::from(self.rng.random_range(1..=3_u32));
             self.model.block(&plot, [foot.z, foot.z + 2.6 * stacked], class::STATIC);
         }
-        self.mask.block(plot.middle, plot.ahead, plot.half, THING);
+        self.mask.block(&plot, THING);
     }
 
     /// A guard rail along an edge, with posts.
@@ -339,13 +295,9 @@ impl StreetFurniture<'_> {
             let fence_line = Line::new(edge.offset(out * 9.0));
             for s in (0..(fence_line.length() / 12.0) as u32).map(|k| 12.0 * f64::from(k)) {
                 let middle = fence_line.at(s + 6.0).truncate();
-                let line = GroundRect {
-                    middle,
-                    ahead: fence_line.heading(s + 6.0),
-                    half: DVec2::new(6.0, 0.4),
-                };
-                if !self.mask.touches(middle, line.ahead, line.half, ROAD | HOUSE) {
-                    fence(self.model, &line, self.terrain.height(middle), 2.0);
+                let line = GroundRect::new(middle, fence_line.heading(s + 6.0), [6.0, 0.4]);
+                if !self.mask.touches(&line, ROAD | HOUSE) {
+                    fence(&mut self.model, &line, self.terrain.height(middle), 2.0);
                 }
             }
         }
@@ -361,15 +313,13 @@ impl StreetFurniture<'_> {
                 continue;
             }
             let side = (left_of(line.heading(s + 2.0)) * 0.06).extend(0.0);
-            for [low, high] in [[0.45, 0.78]] {
-                let up = |p: DVec3, z: f64| p + DVec3::Z * z;
-                for side in [side, -side] {
-                    let [a, b] = [a + side, b + side];
-                    self.model.quad([up(a, low), up(b, low), up(b, high), up(a, high)], class);
-                }
-                let top = [a - side, b - side, b + side, a + side].map(|p| up(p, high));
-                self.model.quad(top, class);
+            let [low, high] = [0.45, 0.78].map(|z| DVec3::Z * z);
+            for side in [side, -side] {
+                let [a, b] = [a + side, b + side];
+                self.model.quad([a + low, b + low, b + high, a + high], class);
             }
+            let top = [a - side, b - side, b + side, a + side].map(|p| p + high);
+            self.model.quad(top, class);
             self.model.pole(a - DVec3::Z * 0.2, 0.06, 0.8, 4, class);
             s += 4.0;
         }

@@ -20,7 +20,7 @@ const SIDEWAYS: f64 = 2.2;
 
 /// Where something stands in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ActorPose {
+pub(crate) struct ActorPose {
     pub at: DVec3,
     pub yaw: f64,
     pub pitch: f64,
@@ -28,7 +28,7 @@ pub struct ActorPose {
 
 /// Something planned: a stand a frame, or one for all.
 #[derive(Debug, Clone)]
-pub struct Trajectory {
+pub(crate) struct Trajectory {
     /// Length, width, height.
     pub size: [f64; 3],
     pub stands: Vec<ActorPose>,
@@ -38,7 +38,7 @@ pub struct Trajectory {
 
 impl Trajectory {
     /// Something at rest.
-    pub fn parked(size: [f64; 3], stand: ActorPose) -> Self {
+    pub(crate) fn parked(size: [f64; 3], stand: ActorPose) -> Self {
         Self { size, stands: vec![stand], ahead: vec![0.0] }
     }
 
@@ -48,7 +48,7 @@ impl Trajectory {
     }
 
     /// The stand in frame `t`.
-    pub fn stand(&self, t: usize) -> &ActorPose {
+    pub(crate) fn stand(&self, t: usize) -> &ActorPose {
         &self.stands[t.min(self.stands.len() - 1)]
     }
 
@@ -95,14 +95,14 @@ impl Rect {
 
 /// All that has been planned.
 #[derive(Debug, Default)]
-pub struct Traffic {
+pub(crate) struct Traffic {
     pub tracks: Vec<Trajectory>,
     pub frames: usize,
 }
 
 impl Traffic {
     /// True if `track` keeps clear of all others in every frame, and they keep their distance from it.
-    pub fn fits(&self, track: &Trajectory) -> bool {
+    pub(crate) fn fits(&self, track: &Trajectory) -> bool {
         let near = |other: &&Trajectory| {
             let apart = other.stand(0).at - track.stand(0).at;
             apart.length() < 60.0 + 6.0 * (self.frames as f64)
@@ -120,7 +120,7 @@ impl Traffic {
     }
 
     /// Adds a track that fits.
-    pub fn add(&mut self, track: Trajectory) -> bool {
+    pub(crate) fn add(&mut self, track: Trajectory) -> bool {
         let fits = self.fits(&track);
         if fits {
             self.tracks.push(track);
@@ -129,7 +129,7 @@ impl Traffic {
     }
 
     /// Drives along `way` from `start` metres at `speed`, slower in bends and behind obstacles.
-    pub fn drive(
+    pub(crate) fn drive(
         &self,
         way: &Line,
         start: f64,
@@ -225,7 +225,7 @@ pub(crate) fn way(network: &Network, first: usize, length: f64, rng: &mut ChaCha
 
 /// One primitive in the keys of a scene file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct BodyPart {
+pub(crate) struct BodyPart {
     class: &'static str,
     #[serde(flatten)]
     solid: Primitive,
@@ -243,7 +243,7 @@ enum Primitive {
 
 /// A shape that several actors share.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ActorModel {
+pub(crate) struct ActorModel {
     /// Name among the shapes of the scene.
     pub name: String,
     /// `kind` of the actors that have it.

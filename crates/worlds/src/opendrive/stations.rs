@@ -224,7 +224,7 @@ pub(super) struct Profile {
 
 impl Profile {
     /// The profile of a road that has one that can bend across a lane.
-    pub fn of(road: Node<'_, '_>) -> Option<Self> {
+    pub(super) fn of(road: Node<'_, '_>) -> Option<Self> {
         let parts = |name| inside(road, "lateralProfile").flat_map(move |n| inside(n, name));
         let record = |n| (number(n, "s"), cubic(n, "t"));
         let mut records: Vec<(f64, Cubic)> = parts("shape").map(record).collect();
@@ -238,7 +238,7 @@ impl Profile {
     }
 
     /// Largest height in metres between the surface at `s` and the chord between two places across the road, `t` in metres.
-    pub fn gap(&self, s: f64, [right, left]: [f64; 2]) -> f64 {
+    pub(super) fn gap(&self, s: f64, [right, left]: [f64; 2]) -> f64 {
         let [low, high] = [right, left].map(|t| self.height(s, t));
         let off = |t: f64| {
             let chord = low + (high - low) * (t - right) / (left - right);
