@@ -6,8 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::network::{Line, Network, Street, left_of};
 use crate::style::Style;
-use crate::traffic;
-use crate::traffic::{ActorModel, ActorPose, Traffic, Trajectory, stand_on, way};
+use crate::traffic::{self, ActorModel, ActorPose, Traffic, Trajectory, stand_on, way};
 
 /// Metres from the ego's way within which things move.
 const NEAR: f64 = 95.0;
@@ -55,16 +54,12 @@ pub(crate) struct PopulationSettings<'a> {
     pub rate: f64,
 }
 
-/// The longest way that was found where none was long enough, in metres.
-#[derive(Debug)]
-pub(crate) struct NoWay {
-    pub wanted: f64,
-    pub longest: f64,
-}
-
 impl PopulationSettings<'_> {
     /// Populates the surroundings of a way for the ego.
-    pub(crate) fn populate(&self, rng: &mut ChaCha8Rng) -> Result<Population, NoWay> {
+    ///
+    /// # Errors
+    /// No way is long enough: the wanted length and the longest found, in metres.
+    pub(crate) fn populate(&self, rng: &mut ChaCha8Rng) -> Result<Population, [f64; 2]> {
         let seconds = self.frames as f64 / self.rate;
         let mut longest = 0.0_f64;
         let open = self.open_ends();
@@ -100,7 +95,7 @@ impl PopulationSettings<'_> {
             return Ok(people);
         }
         let wanted = WAY.max(12.0 + SLOWEST * self.style.speed[0] * seconds + 15.0);
-        Err(NoWay { wanted, longest })
+        Err([wanted, longest])
     }
 
     /// Where roads end: ends of lanes that lead nowhere, and starts that nothing leads to.
@@ -170,16 +165,12 @@ impl PopulationSettings<'_> {
         let mut s = 9.0;
         while s < edge.length() - 9.0 {
             let wide = strip > 2.7 && rng.random_bool(self.style.heavy.min(1.0));
-            let model = people.any(
-                if wide {
-                    "truck"
-                } else if rng.random_bool(0.15) {
-                    "van"
-                } else {
-                    "car"
-                },
-                rng,
-            );
+            let kind = match wide {
+                true => "truck",
+                false if rng.random_bool(0.15) => "van",
+                false => "car",
+            };
+            let model = people.any(kind, rng);
             let size = people.models[model].size;
             let (middle, taken) = (s + 0.5 * size[0], rng.random_bool(self.style.parked));
             s += size[0] + rng.random_range(0.6..2.0);
@@ -192,10 +183,8 @@ impl PopulationSettings<'_> {
             let reverse = ((side == 0) != street.left_hand) != rng.random_bool(0.1);
             let yaw =
                 (if reverse { -ahead } else { ahead }).to_angle() + rng.random_range(-0.02..0.02);
-            people.add(
-                model,
-                Trajectory::parked(size, ActorPose { at: at + shift.extend(0.0), yaw, pitch: 0.0 }),
-            );
+            let stand = ActorPose { at: at + shift.extend(0.0), yaw, pitch: 0.0 };
+            people.add(model, Trajectory::parked(size, stand));
         }
     }
 
@@ -276,10 +265,8 @@ impl PopulationSettings<'_> {
         let aside = (left_of(over) * rng.random_range(-1.5..1.5)).extend(0.0);
         let at = (kerb - (over * 0.5).extend(0.0) + aside).truncate().extend(outer.z);
         let yaw = over.to_angle() + rng.random_range(-0.4..0.4);
-        people.add(
-            model,
-            Trajectory::parked(people.models[model].size, ActorPose { at, yaw, pitch: 0.0 }),
-        );
+        let size = people.models[model].size;
+        people.add(model, Trajectory::parked(size, ActorPose { at, yaw, pitch: 0.0 }));
     }
 
     /// Vehicles and bicycles on the lanes near the ego's way.
@@ -366,9 +353,8 @@ impl PopulationSettings<'_> {
 
 impl Population {
     fn any(&self, kind: &str, rng: &mut ChaCha8Rng) -> usize {
-        let of_kind = |m: &&(usize, &ActorModel)| m.1.kind == kind;
-        let all: Vec<(usize, &ActorModel)> = self.models.iter().enumerate().collect();
-        let all: Vec<usize> = all.iter().filter(of_kind).map(|m| m.0).collect();
+        let all: Vec<usize> =
+            (0..self.models.len()).filter(|&m| self.models[m].kind == kind).collect();
         all[rng.random_range(0..all.len())]
     }
 

@@ -295,14 +295,8 @@ fn residential(rng: &mut ChaCha8Rng) -> RoadPlan {
 }
 
 fn yard(rng: &mut ChaCha8Rng) -> RoadPlan {
-    let profile = CrossSection {
-        lanes: 1,
-        lane_width: 4.0,
-        median: 0.0,
-        parking: 3.2,
-        shoulder: 0.5,
-        walk: 0.0,
-    };
+    let profile =
+        CrossSection { lane_width: 4.0, parking: 3.2, shoulder: 0.5, walk: 0.0, ..STREET_SECTION };
     let mut plan = RoadPlan::default();
     let line = winding(120.0, 2, 8.0, rng);
     let at = places(line.length(), [60.0, 90.0], 50.0, rng);

@@ -124,11 +124,9 @@ fn furnished(
 ) -> Result<GeneratedWorld, WorldError> {
     let settings =
         PopulationSettings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
-    let people = settings.populate(&mut lot(seed, 20)).map_err(|no| WorldError::NoWay {
-        file: file.to_owned(),
-        wanted: no.wanted,
-        longest: no.longest,
-    })?;
+    let no_way =
+        |[wanted, longest]: [f64; 2]| WorldError::NoWay { file: file.to_owned(), wanted, longest };
+    let people = settings.populate(&mut lot(seed, 20)).map_err(no_way)?;
     let mut draft = WorldDraft::new(&network, &style, lot(seed, 23));
     special(&mut draft);
     draft.rng = lot(seed, 21);
@@ -279,6 +277,12 @@ pub enum WorldError {
     /// A file larger than any map.
     #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
     FileTooLarge { file: String, most: u64 },
+}
+
+impl WorldError {
+    pub(crate) fn too_large(file: &str, what: &'static str, value: f64, most: f64) -> Self {
+        Self::TooLarge { file: file.to_owned(), what, value, most }
+    }
 }
 
 impl GeneratedWorld {

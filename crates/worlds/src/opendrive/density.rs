@@ -55,12 +55,7 @@ pub(super) fn check(
     }
     if points > MAX_POINTS as f64 {
         let (what, most) = ("points of its lanes", MAX_POINTS as f64);
-        return Err(WorldError::TooLarge {
-            file: file.to_owned(),
-            what,
-            value: points.round(),
-            most,
-        });
+        return Err(WorldError::too_large(file, what, points.round(), most));
     }
     match cells.into_iter().find(|(_, count)| *count > MOST_IN_CELL) {
         Some((cell, count)) => Err(WorldError::TooDense {

@@ -104,9 +104,8 @@ pub(super) fn add(
         let faces = faces(&mesh, &mesh.indices[range], lift);
         area += faces.iter().map(around).sum::<f64>();
         if !area.is_finite() || area > MAX_AREA {
-            let name = file.to_owned();
             let what = "square metres of its objects";
-            return Err(WorldError::TooLarge { file: name, what, value: area, most: MAX_AREA });
+            return Err(WorldError::too_large(file, what, area, MAX_AREA));
         }
         network.shapes.push(MapShape {
             class: class_of(object),
