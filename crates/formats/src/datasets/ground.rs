@@ -41,7 +41,7 @@ pub(super) struct NearRoad {
 
 impl NearRoad {
     /// The road among depths below the LiDAR; `None` of no depth.
-    pub fn of(mut depths: Vec<f64>) -> Option<Self> {
+    pub(super) fn of(mut depths: Vec<f64>) -> Option<Self> {
         depths.sort_by(f64::total_cmp);
         let share = |share: usize| {
             depths.get((depths.len() * share / 10).min(depths.len().saturating_sub(1)))
@@ -54,7 +54,7 @@ impl NearRoad {
     }
 
     /// True if it has enough points to contradict a stated height.
-    pub(crate) fn is_sure(&self) -> bool {
+    pub(super) fn is_sure(&self) -> bool {
         self.points >= LEAST_POINTS
     }
 }
@@ -271,8 +271,8 @@ type CellIndex = [i32; 3];
 /// A block of cells from `low` up to and without `high`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Block {
-    pub low: CellIndex,
-    pub high: CellIndex,
+    low: CellIndex,
+    high: CellIndex,
 }
 
 /// Blocks that hold every cell once and nothing else: from the least cell on, each grows along `axes` in

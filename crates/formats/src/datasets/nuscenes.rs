@@ -149,7 +149,7 @@ pub(super) struct ScanBox {
 
 impl ScanBox {
     /// True if a point lies in the box or on its surface.
-    pub fn holds(&self, point: DVec3) -> bool {
+    pub(super) fn holds(&self, point: DVec3) -> bool {
         self.holds_within(point, 0.0)
     }
 
@@ -207,7 +207,7 @@ const NUSCENES: [(&str, &str, ActorKind); 32] = [
 ];
 
 /// Names of nuScenes' categories; the index is the label of lidarseg.
-pub const NUSCENES_CATEGORIES: [&str; NUSCENES.len()] = {
+pub(crate) const NUSCENES_CATEGORIES: [&str; NUSCENES.len()] = {
     let mut names = [""; NUSCENES.len()];
     let mut k = 0;
     while k < names.len() {

@@ -68,12 +68,12 @@ impl BoxTrack {
     const NOISE: [f64; 2] = [0.05, 0.02];
 
     /// True if the box stays within 0.5 m of where it was first seen: its points are merged over frames.
-    pub fn at_rest(&self) -> bool {
+    pub(super) fn at_rest(&self) -> bool {
         self.stays_within([Self::AT_REST, f64::INFINITY])
     }
 
     /// True if the box stays where it was first seen, but for noise of 5 cm and 0.02 rad.
-    pub(crate) fn is_fixed(&self) -> bool {
+    pub(super) fn is_fixed(&self) -> bool {
         self.stays_within(Self::NOISE)
     }
 

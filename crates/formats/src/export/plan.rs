@@ -64,12 +64,8 @@ impl Split {
     pub(super) const ALL: [Self; 3] = [Self::Train, Self::Val, Self::Test];
 
     /// Name in data sets.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Val => "val",
-            Self::Test => "test",
-        }
+    pub(super) fn name(self) -> &'static str {
+        ["train", "val", "test"][self as usize]
     }
 }
 
@@ -435,7 +431,7 @@ pub(super) struct ScanLabels<'a> {
 }
 
 impl<'a> ScanLabels<'a> {
-    pub fn new(classes: &'a [Label], boxes: &[TrackedBox]) -> Self {
+    pub(super) fn new(classes: &'a [Label], boxes: &[TrackedBox]) -> Self {
         let most = boxes.iter().map(|tracked| usize::from(tracked.instance)).max();
         let mut actors = vec![None; most.map_or(0, |most| most + 1)];
         for tracked in boxes {
@@ -459,7 +455,7 @@ impl<'a> ScanLabels<'a> {
     }
 
     /// The `u32` of a SemanticKITTI label: id below, instance above.
-    pub fn kitti(&self, point: &Return) -> u32 {
+    pub(super) fn kitti(&self, point: &Return) -> u32 {
         let (label, moves) = self.of(point);
         let id = if moves { label.kitti_moving } else { label.kitti };
         let is_noise = usize::from(point.class) >= self.classes.len();
@@ -468,7 +464,7 @@ impl<'a> ScanLabels<'a> {
     }
 
     /// Index of the category of nuScenes lidarseg.
-    pub fn nuscenes(&self, point: &Return) -> u8 {
+    pub(super) fn nuscenes(&self, point: &Return) -> u8 {
         self.of(point).0.nuscenes
     }
 }

@@ -29,7 +29,7 @@ impl From<&Pose> for Transform {
 }
 
 impl Transform {
-    pub fn pose(&self) -> Pose {
+    pub(super) fn pose(&self) -> Pose {
         let [x0, x1, x2, y0, y1, y2, z0, z1, z2, t @ ..] = self.0;
         let rotation = DMat3::from_cols_array(&[x0, x1, x2, y0, y1, y2, z0, z1, z2]);
         Pose { rotation, translation: DVec3::from_array(t) }
@@ -90,7 +90,7 @@ pub(super) struct FrameRecord {
 
 impl FrameRecord {
     /// A record without files. `boxes` holds category and points of each box, in order.
-    pub fn new(scan: &Scan, boxes: Vec<(u8, u32)>) -> Self {
+    pub(super) fn new(scan: &Scan, boxes: Vec<(u8, u32)>) -> Self {
         let lidars = scan.lidars.iter().map(|lidar| LidarRecord {
             model: lidar.model.clone(),
             ego_from_mount: (&lidar.ego_from_mount).into(),
@@ -170,12 +170,12 @@ pub(super) enum CloudOrigin {
 
 impl CloudOrigin {
     /// All sources of a rig: merged first.
-    pub fn all(lidars: usize, each: bool) -> impl Iterator<Item = Self> {
+    pub(super) fn all(lidars: usize, each: bool) -> impl Iterator<Item = Self> {
         let each = if each { lidars } else { 0 };
         std::iter::once(Self::Merged).chain((0..each).map(Self::Lidar))
     }
 
-    pub fn takes(self, point: &Return) -> bool {
+    pub(super) fn takes(self, point: &Return) -> bool {
         match self {
             Self::Merged => true,
             Self::Lidar(lidar) => usize::from(point.lidar) == lidar,
@@ -183,7 +183,7 @@ impl CloudOrigin {
     }
 
     /// The frame that its points are given in; merged ones in the middle of the LiDARs, turned as `turn`.
-    pub fn ego_from_sensor(self, lidars: &[Pose], turn: DMat3) -> Pose {
+    pub(super) fn ego_from_sensor(self, lidars: &[Pose], turn: DMat3) -> Pose {
         match self {
             Self::Lidar(lidar) => lidars.get(lidar).copied().unwrap_or(Pose::IDENTITY),
             Self::Merged => {
@@ -203,11 +203,11 @@ pub(super) fn mounts(scan: &Scan) -> Vec<Pose> {
 pub(super) struct Mover(Pose);
 
 impl Mover {
-    pub fn new(ego_from_sensor: &Pose) -> Self {
+    pub(super) fn new(ego_from_sensor: &Pose) -> Self {
         Self(ego_from_sensor.inverse())
     }
 
-    pub fn position(&self, point: &Return) -> [f32; 3] {
+    pub(super) fn position(&self, point: &Return) -> [f32; 3] {
         self.0.apply(DVec3::from(point.position.map(f64::from))).as_vec3().to_array()
     }
 }

@@ -189,7 +189,7 @@ const KNOWN: [KnownSensor; 2] = [
 
 /// Channels over a vertical field of view, which turn: all that CARLA and Gazebo can be told of a LiDAR.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fan {
+pub(super) struct Fan {
     /// Number of channels.
     pub channels: u32,
     /// Lowest elevation in degrees.
@@ -213,7 +213,7 @@ impl Fan {
     pub(super) const USUAL_RATE: f64 = TURNS_A_SECOND;
 
     /// The fan of a sensor at the usual ten turns a second; `None` of one whose beams are a list of directions.
-    pub fn of(lidar: &Lidar) -> Option<Self> {
+    pub(super) fn of(lidar: &Lidar) -> Option<Self> {
         let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } = lidar
         else {
             return None;
@@ -237,13 +237,13 @@ impl Fan {
     }
 
     /// Beams a second.
-    pub(crate) fn points_a_second(&self) -> u64 {
+    pub(super) fn points_a_second(&self) -> u64 {
         let beams = u64::from(self.channels) * u64::from(self.azimuth_steps);
         (beams as f64 * self.rate).round() as u64
     }
 
     /// Horizontal field of view in degrees.
-    pub fn horizontal(&self) -> f64 {
+    pub(super) fn horizontal(&self) -> f64 {
         self.azimuth.map_or(360.0, |[from, to]| to - from)
     }
 

@@ -18,7 +18,7 @@ const LIDAR: &str = "sensor.lidar.ray_cast";
 const HORIZONTAL: &str = "horizontal_fov";
 
 /// CARLA's six numbers of a pose of ours, angles in degrees; and ours of CARLA's.
-pub fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
+pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
     SensorPose {
         x: pose.x,
         y: 0.0 - pose.y,

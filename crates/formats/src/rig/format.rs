@@ -192,7 +192,7 @@ impl RigSource {
     ///
     /// # Errors
     /// The file cannot be read, is too large, or is no UTF-8.
-    pub fn read(path: &Path) -> Result<Self, RigError> {
+    pub(super) fn read(path: &Path) -> Result<Self, RigError> {
         let file = path.display().to_string();
         let bytes = read_limited(path, MAX_FILE)?;
         refuse_utf_16(&bytes, path)?;
@@ -230,7 +230,7 @@ fn quantity(parent: &str, key: &str) -> Option<Quantity> {
 ///
 /// # Errors
 /// A file or folder that cannot be read.
-pub fn sources(paths: &[PathBuf]) -> Result<Vec<RigSource>, RigError> {
+pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<RigSource>, RigError> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {

@@ -232,7 +232,7 @@ pub struct Mounting {
 
 impl Mounting {
     /// Height of the optical centre above the foot as given for the frame, for its sensor, or as known.
-    pub fn height(&self, frame: &str, sensor: Option<&str>) -> Option<f64> {
+    pub(super) fn height(&self, frame: &str, sensor: Option<&str>) -> Option<f64> {
         let known = || sensor.and_then(beams::optical_height);
         self.given_height(frame, sensor).or_else(known)
     }

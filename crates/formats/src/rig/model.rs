@@ -17,7 +17,7 @@ use sightline_scene::vehicle::{
 };
 
 /// Name that ROS gives the frame of a vehicle.
-pub const BASE_LINK: &str = "base_link";
+pub(super) const BASE_LINK: &str = "base_link";
 /// Longest name of a frame or sensor, in bytes.
 const MAX_FRAME: usize = 128;
 

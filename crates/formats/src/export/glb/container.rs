@@ -29,7 +29,12 @@ pub(super) enum PrimitiveMode {
 
 impl PrimitiveMode {
     /// A primitive of accessors.
-    pub fn primitive(self, positions: usize, indices: Option<usize>, material: usize) -> Value {
+    pub(super) fn primitive(
+        self,
+        positions: usize,
+        indices: Option<usize>,
+        material: usize,
+    ) -> Value {
         let mut primitive = json!({
             "attributes": { "POSITION": positions }, "material": material, "mode": self as u32,
         });
@@ -59,16 +64,16 @@ fn add(list: &mut Vec<Value>, value: Value) -> usize {
 }
 
 impl Container {
-    pub fn node(&mut self, node: Value) -> usize {
+    pub(super) fn node(&mut self, node: Value) -> usize {
         add(&mut self.nodes, node)
     }
 
-    pub fn mesh(&mut self, name: &str, primitives: Vec<Value>) -> usize {
+    pub(super) fn mesh(&mut self, name: &str, primitives: Vec<Value>) -> usize {
         add(&mut self.meshes, json!({ "name": name, "primitives": primitives }))
     }
 
     /// Material of a name, made on first use; colour in linear light.
-    pub fn material(&mut self, name: &str, colour: [f64; 4]) -> usize {
+    pub(super) fn material(&mut self, name: &str, colour: [f64; 4]) -> usize {
         if let Some(&known) = self.named.get(name) {
             return known;
         }
@@ -90,7 +95,7 @@ impl Container {
     ///
     /// # Errors
     /// The file would be too large.
-    pub fn positions(&mut self, positions: &[[f32; 3]]) -> Result<usize, ExportError> {
+    pub(super) fn positions(&mut self, positions: &[[f32; 3]]) -> Result<usize, ExportError> {
         let view = self.view(bytemuck::cast_slice(positions), ARRAY_BUFFER)?;
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for position in positions {
@@ -112,7 +117,7 @@ impl Container {
     ///
     /// # Errors
     /// The file would be too large.
-    pub fn indices(&mut self, indices: &[u32]) -> Result<usize, ExportError> {
+    pub(super) fn indices(&mut self, indices: &[u32]) -> Result<usize, ExportError> {
         let view = self.view(bytemuck::cast_slice(indices), ELEMENT_ARRAY_BUFFER)?;
         Ok(add(
             &mut self.accessors,
@@ -136,7 +141,7 @@ impl Container {
     }
 
     /// Closes the document: one scene with one root.
-    pub fn finish(&mut self, scene: &str, root: usize) {
+    pub(super) fn finish(&mut self, scene: &str, root: usize) {
         let mut document = json!({
             "asset": { "version": "2.0",
                        "generator": concat!("sightline ", env!("CARGO_PKG_VERSION")),
@@ -167,7 +172,7 @@ impl Container {
     }
 
     /// Header, JSON, buffer: all little-endian, all lengths multiples of 4.
-    pub fn write(&self, mut out: impl Write) -> std::io::Result<()> {
+    pub(super) fn write(&self, mut out: impl Write) -> std::io::Result<()> {
         let chunk = |bytes: &[u8]| if bytes.is_empty() { 0 } else { 8 + bytes.len() };
         let length = 12 + chunk(&self.json) + chunk(&self.binary);
         let length = u32::try_from(length).map_err(std::io::Error::other)?;
@@ -207,7 +212,7 @@ pub(super) struct Frustum {
 }
 
 impl Frustum {
-    pub fn of(table: &BeamTable) -> Self {
+    pub(super) fn of(table: &BeamTable) -> Self {
         let directions = || table.directions().iter().map(|d| d.map(f64::from));
         let rise = |[x, y, z]: [f64; 3]| maths::atan2(z, maths::hypot(x, y));
         let low = directions().map(rise).fold(f64::INFINITY, f64::min);
@@ -219,7 +224,7 @@ impl Frustum {
     }
 
     /// Ends of line after line.
-    pub fn lines(&self) -> Vec<[f32; 3]> {
+    pub(super) fn lines(&self) -> Vec<[f32; 3]> {
         let ([from, to], [low, high]) = (self.azimuth, self.elevation);
         let mut ends = Vec::new();
         for ray in steps(from, to, RAY_STEP) {
