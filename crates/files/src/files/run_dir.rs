@@ -126,19 +126,9 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
             Ok(state) => state,
             Err(error) => return refuse(format!("its state cannot be read: {error}")),
         };
-        let (path, made) = (path.to_owned(), MissingFolders::none());
-        Ok((
-            Self {
-                path,
-                command,
-                inputs: saved.inputs,
-                written: None,
-                _made: made,
-                _lock: lock,
-                state: PhantomData,
-            },
-            state,
-        ))
+        let (path, inputs, _made) = (path.to_owned(), saved.inputs, MissingFolders::of(path));
+        let (written, _lock) = (None, lock);
+        Ok((Self { path, command, inputs, written, _made, _lock, state: PhantomData }, state))
     }
 
     /// Saves the state, to go on from there.

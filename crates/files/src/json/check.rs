@@ -47,49 +47,39 @@ pub fn name(at: &Location, value: String) -> Result<String, DescriptionError> {
     text(at, value)
 }
 
+/// A value where it `fits`; else the error that it is not `wanted`.
+fn fitting(at: &Location, value: f64, fits: bool, wanted: &str) -> Result<f64, DescriptionError> {
+    if fits { Ok(value) } else { Err(bad(at, value, wanted)) }
+}
+
 /// A coordinate in metres.
 pub fn metres(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value.abs() <= MAX_METRES {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a coordinate within 1e9 m of the origin"))
+    fitting(at, value, value.abs() <= MAX_METRES, "a coordinate within 1e9 m of the origin")
 }
 
 /// A length in metres above 0.
 pub fn length(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value > 0.0 && value <= MAX_METRES {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a positive length"))
+    fitting(at, value, value > 0.0 && value <= MAX_METRES, "a positive length")
 }
 
 /// So many a second, above 0.
 pub fn rate(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if (1e-3..=1e4).contains(&value) {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a number a second from 0.001 to 10000"))
+    fitting(at, value, (1e-3..=1e4).contains(&value), "a number a second from 0.001 to 10000")
 }
 
 /// A heading in radians; logs add up turns.
 pub fn heading(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.
-    if value.abs() <= MAX_METRES {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a heading in radians within ±1e9"))
+    fitting(at, value, value.abs() <= MAX_METRES, "a heading in radians within ±1e9")
 }
 
 /// An angle in radians.
 pub fn radians(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value.abs() <= MAX_RADIANS {
-        return Ok(value);
-    }
     let radians = value.to_radians();
     let wanted = format!(
         "an angle in radians within one turn (-6.2832 to 6.2832); {value}° are {radians:.4} rad"
     );
-    Err(bad(at, value, wanted))
+    fitting(at, value, value.abs() <= MAX_RADIANS, &wanted)
 }
 
 /// A point `[x, y, z]` in metres.
@@ -114,11 +104,8 @@ pub fn point_2_or_3(at: &Location, value: &[f64]) -> Result<[f64; 3], Descriptio
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
         _ => {
-            return Err(bad(
-                at,
-                format!("a list of {} numbers", value.len()),
-                "[x, y] or [x, y, z]",
-            ));
+            let numbers = format!("a list of {} numbers", value.len());
+            return Err(bad(at, numbers, "[x, y] or [x, y, z]"));
         }
     };
     point(at, xyz)
@@ -150,10 +137,7 @@ pub fn fov(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError>
 
 /// An elevation in degrees.
 pub fn elevation(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value.abs() <= 90.0 {
-        return Ok(value);
-    }
-    Err(bad(at, value, "an elevation from -90 to 90 degrees"))
+    fitting(at, value, value.abs() <= 90.0, "an elevation from -90 to 90 degrees")
 }
 
 fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
@@ -165,10 +149,7 @@ fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError>
 
 /// Range of a LiDAR in metres.
 pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value > 0.0 && value <= 1.0e5 {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a range above 0 and at most 100000 m"))
+    fitting(at, value, value > 0.0 && value <= 1.0e5, "a range above 0 and at most 100000 m")
 }
 
 /// Why a scene file, or a sensor or mesh file that it names, could not be read.
@@ -201,7 +182,7 @@ pub enum DescriptionError {
     #[error("{file}: line {line} is a comment, and JSON has no comments; remove it")]
     Comment { file: String, line: usize },
     /// A text that is no JSON.
-    #[error("{file}: {told}; a {} file begins with {{", .wanted.word())]
+    #[error("{file}: {told}; a {} file begins with {{", .wanted.words()[0])]
     NotJson { file: String, told: String, wanted: FileKind },
     /// A key that no scene has at this place.
     #[error(
@@ -308,10 +289,12 @@ impl DescriptionError {
 }
 
 fn listed(keys: &[&str], none: &str) -> String {
-    if keys.is_empty() {
-        return none.to_owned();
-    }
-    keys.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ")
+    if keys.is_empty() { none.to_owned() } else { quoted(keys) }
+}
+
+/// Names in backquotes, with commas between them.
+pub fn quoted<T: fmt::Display>(names: impl IntoIterator<Item = T>) -> String {
+    names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
 /// End of an error about an unknown name: the nearest known name, or the list of known ones.
@@ -319,10 +302,7 @@ pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
     match nearest {
         Some(name) => format!("; did you mean `{name}`?"),
         None if known.is_empty() => "; nothing is known here".to_owned(),
-        None => {
-            let known: Vec<_> = known.iter().map(|k| format!("`{k}`")).collect();
-            format!("; known are {}", known.join(", "))
-        }
+        None => format!("; known are {}", quoted(known)),
     }
 }
 

@@ -2,6 +2,8 @@
 
 use serde_json::{Number, Value};
 
+use super::quoted;
+
 /// Decimals of metres and radians: nanometres, and nanoradians.
 const DECIMALS: usize = 9;
 /// Smallest metres or radians that are written: half of the last decimal.
@@ -154,7 +156,7 @@ pub(super) fn check_collection(tag: &str, kind: &str) -> Result<(), String> {
 
 fn unknown_tag(tag: &str) -> String {
     let tag = tag.strip_prefix(CORE).map_or_else(|| tag.to_owned(), |name| format!("!!{name}"));
-    let units = UNITS.map(|(name, ..)| format!("`{name}`")).join(", ");
+    let units = quoted(UNITS.map(|(name, ..)| name));
     format!("the tag {} is not known; units are {units}", shown(&tag))
 }
 

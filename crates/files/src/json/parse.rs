@@ -173,7 +173,7 @@ pub fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, DescriptionError
 }
 
 /// Line and column, both from 1, of the place behind a text.
-pub fn line_and_column(before: &str) -> (usize, usize) {
+fn line_and_column(before: &str) -> (usize, usize) {
     let last = before.rsplit('\n').next().unwrap_or_default();
     (1 + before.matches('\n').count(), 1 + last.chars().count())
 }
@@ -184,31 +184,20 @@ pub fn line_and_column(before: &str) -> (usize, usize) {
 /// Like [`read_limited`], and a text that is no UTF-8.
 pub fn read_text(file: &Path, limit: u64) -> Result<String, DescriptionError> {
     let bytes = read_limited(file, limit)?;
-    refuse_utf_16(&bytes, file)?;
+    if is_utf_16(&bytes) {
+        return Err(DescriptionError::Utf16 { file: file.to_owned() });
+    }
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let (line, column) = line_and_column(&String::from_utf8_lossy(before));
         let at = Box::new(Location::top(&file.display().to_string()));
         let other = kind_of_bytes(error.as_bytes(), file);
         let other = other.map(|kind| format!("is no text, it looks like {kind}; give a text file"));
-        let problem = other.unwrap_or_else(|| NO_UTF_8.to_owned());
+        // Latin-1, for example.
+        let problem = other.unwrap_or_else(|| "is not UTF-8 text; save it as UTF-8".to_owned());
         DescriptionError::Json { at, problem, line, column }
     })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
-}
-
-/// Fault of a text in another encoding, Latin-1 for example.
-const NO_UTF_8: &str = "is not UTF-8 text; save it as UTF-8";
-
-/// Refuses the bytes of a text in UTF-16, as some editors save it.
-///
-/// # Errors
-/// [`DescriptionError::Utf16`].
-pub fn refuse_utf_16(bytes: &[u8], file: &Path) -> Result<(), DescriptionError> {
-    match is_utf_16(bytes) {
-        true => Err(DescriptionError::Utf16 { file: file.to_owned() }),
-        false => Ok(()),
-    }
 }
 
 /// Error for a file with the keys of another kind.
@@ -264,7 +253,7 @@ impl ForeignJson {
             asset: Option<serde_json::Value>,
         }
         let ForeignKeys { settings, stopped, asset } = from_text(text).ok()?;
-        if (ResultKeys { settings, stopped }).are_there() {
+        if settings.is_some() && stopped.is_some() {
             return Some(Self::RunResult);
         }
         // Every glTF file has an asset with its version.
@@ -284,22 +273,7 @@ impl ForeignJson {
 
 impl fmt::Display for ForeignJson {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::RunResult => "the result of a run",
-            Self::Gltf => "a glTF mesh",
-        })
-    }
-}
-
-/// Keys that results alone have together.
-struct ResultKeys {
-    settings: Option<IgnoredAny>,
-    stopped: Option<IgnoredAny>,
-}
-
-impl ResultKeys {
-    fn are_there(&self) -> bool {
-        self.settings.is_some() && self.stopped.is_some()
+        f.write_str(if *self == Self::Gltf { "a glTF mesh" } else { "the result of a run" })
     }
 }
 
@@ -334,7 +308,7 @@ impl FileKind {
         }
         let keys: FileKeys = from_text(text).ok()?;
         // A result has mounts and is no vehicle.
-        if (ResultKeys { settings: keys.settings, stopped: keys.stopped }).are_there() {
+        if keys.settings.is_some() && keys.stopped.is_some() {
             return None;
         }
         let vehicle = keys.mounts.or(keys.sensors);
@@ -347,35 +321,26 @@ impl FileKind {
 
     /// How such a file is given to the program.
     pub fn place(self) -> &'static str {
+        self.words()[1]
+    }
+
+    /// The word before `file`, and the place.
+    pub(super) fn words(self) -> [&'static str; 2] {
         match self {
-            Self::Scene => "as SCENE",
-            Self::Vehicle => "by --vehicle",
-            Self::Placements => "behind the scenes, or by --placement, --baselines or --inject",
-            Self::Target => "by --target",
+            Self::Scene => ["scene", "as SCENE"],
+            Self::Vehicle => ["vehicle", "by --vehicle"],
+            Self::Placements => {
+                ["placements", "behind the scenes, or by --placement, --baselines or --inject"]
+            }
+            Self::Target => ["target", "by --target"],
         }
     }
 }
 
 impl fmt::Display for FileKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Scene => "a scene",
-            Self::Vehicle => "a vehicle",
-            Self::Placements => "a file of placements",
-            Self::Target => "a target",
-        })
-    }
-}
-
-impl FileKind {
-    /// The kind as the word before `file`.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Scene => "scene",
-            Self::Vehicle => "vehicle",
-            Self::Placements => "placements",
-            Self::Target => "target",
-        }
+        let of = if *self == Self::Placements { "file of " } else { "" };
+        write!(f, "a {of}{}", self.words()[0])
     }
 }
 

@@ -18,7 +18,7 @@ const REPEATS: (usize, usize) = (4, 1 << 16);
 const NODE: usize = 16;
 
 /// Quantity under a key, by the key of the object that holds it and the key itself.
-pub type Quantities = fn(&str, &str) -> Option<Quantity>;
+type Quantities = fn(&str, &str) -> Option<Quantity>;
 
 /// A YAML document as JSON: numbers that are not finite stay texts, as do keys that are none.
 #[derive(Debug)]
@@ -239,6 +239,9 @@ impl YamlBuilder<'_> {
         let tag = |tag: &Option<std::borrow::Cow<saphyr_parser::Tag>>| {
             tag.as_ref().map(|tag| format!("{}{}", tag.handle, tag.suffix))
         };
+        let check = |its_tag, kind| {
+            tag(its_tag).map_or(Ok(()), |tag| numbers::check_collection(&tag, kind))
+        };
         match event {
             Event::Alias(anchor) => self.repeated(*anchor, &deeper, *mark),
             Event::Scalar(text, style, _, its_tag) => {
@@ -249,9 +252,7 @@ impl YamlBuilder<'_> {
                 numbers::value(text, is_plain, tag(its_tag).as_deref(), quantity).map_err(fault)
             }
             Event::SequenceStart(_, its_tag) => {
-                tag(its_tag)
-                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "seq"))
-                    .map_err(fault)?;
+                check(its_tag, "seq").map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
                 let mut list = Vec::new();
@@ -262,9 +263,7 @@ impl YamlBuilder<'_> {
                 Ok(Value::Array(list))
             }
             Event::MappingStart(_, its_tag) => {
-                tag(its_tag)
-                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "map"))
-                    .map_err(fault)?;
+                check(its_tag, "map").map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
                 let mut map = Map::new();

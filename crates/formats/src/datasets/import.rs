@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use glam::{DVec3, Vec3};
 use lidar_cast::geom::{Glide, Pose};
 use serde_json::{Map, Value, json};
+use sightline_files::json::quoted;
 use sightline_scene::psog::PsogError;
 use sightline_scene::scene::DEFAULT_CLASSES;
 use sightline_scene::vehicle::SensorPose;
@@ -284,7 +285,7 @@ pub enum DatasetError {
     #[error("{}: has no row for {token:?}, which {wanted} names; take all tables from one version of the set", path.display())]
     NoRow { path: PathBuf, token: String, wanted: String },
     /// A scene that the set does not have.
-    #[error("{}: no scene is called {name:?}; it has {}", path.display(), listed(known))]
+    #[error("{}: no scene is called {name:?}; it has {}", path.display(), quoted(known))]
     NoScene { path: PathBuf, name: String, known: Vec<String> },
     /// A set without scenes.
     #[error("{}: lists no scene; give a set of at least one", path.display())]
@@ -292,7 +293,7 @@ pub enum DatasetError {
     #[error("the scene {name:?} is named twice; its scans count once, so name it once")]
     SceneTwice { name: String },
     /// Tables of several versions, or of none.
-    #[error("{} holds {}; name the version, as --version v1.0-mini", path.display(), if found.is_empty() { "no folder with a scene.json".to_owned() } else { listed(found) })]
+    #[error("{} holds {}; name the version, as --version v1.0-mini", path.display(), if found.is_empty() { "no folder with a scene.json".to_owned() } else { quoted(found) })]
     Version { path: PathBuf, found: Vec<String> },
     /// A row with a number that is of no use.
     #[error("{}: the row {token:?}: {fault}", path.display())]
@@ -304,7 +305,7 @@ pub enum DatasetError {
     #[error("{}: {fault}", path.display())]
     Outside { path: PathBuf, fault: String },
     /// A category that has no class here.
-    #[error("{}: category {name:?} is unknown; known are {}", path.display(), listed(known))]
+    #[error("{}: category {name:?} is unknown; known are {}", path.display(), quoted(known))]
     Category { path: PathBuf, name: String, known: Vec<String> },
     /// A label that names no category.
     #[error("{}: point {point} has label {label}, and category.json has no category with that index", path.display())]
@@ -344,8 +345,4 @@ pub enum DatasetError {
     /// The grid or the vote refused.
     #[error(transparent)]
     Grid(#[from] PsogError),
-}
-
-fn listed(names: &[String]) -> String {
-    names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }

@@ -18,6 +18,7 @@ use lidar_cast::geom::Pose;
 use serde::de::{Deserialize, DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
 use serde::forward_to_deserialize_any;
 use sightline_files::Note;
+use sightline_files::json::quoted;
 use sightline_scene::scene::{ActorKind, DEFAULT_CLASSES};
 
 use super::carla::{class_of_name, tag_names};
@@ -255,8 +256,7 @@ impl Unknown {
     /// The names in words; `None` where every field is known.
     fn in_words(self) -> Option<String> {
         let names = self.names.into_inner();
-        let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-        (!quoted.is_empty()).then(|| quoted.join(", "))
+        (!names.is_empty()).then(|| quoted(names))
     }
 }
 

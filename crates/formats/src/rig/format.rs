@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use serde_json::Value;
 use sightline_files::json::{
-    DescriptionError, FileKind, Location, Quantity, YamlDocument, parse_documents, parse_yaml,
-    plain_names, read_limited, refuse_comment, refuse_foreign, refuse_own_kinds, refuse_utf_16,
+    DescriptionError, FileKind, Quantity, YamlDocument, parse_documents, parse_yaml, plain_names,
+    quoted, read_text, refuse_comment, refuse_foreign, refuse_own_kinds,
 };
 
 use super::beams::{Models, RigBeams};
@@ -193,16 +193,7 @@ impl RigSource {
     /// # Errors
     /// The file cannot be read, is too large, or is no UTF-8.
     pub(super) fn read(path: &Path) -> Result<Self, RigError> {
-        let file = path.display().to_string();
-        let bytes = read_limited(path, MAX_FILE)?;
-        refuse_utf_16(&bytes, path)?;
-        let text = String::from_utf8(bytes).map_err(|error| RigError::Syntax {
-            at: Box::new(Location::top(&file)),
-            what: "UTF-8 text",
-            problem: format!("byte {} is of another encoding", error.utf8_error().valid_up_to()),
-        })?;
-        let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
-        Ok(Self { file, text })
+        Ok(Self { file: path.display().to_string(), text: read_text(path, MAX_FILE)? })
     }
 
     /// The text as one YAML document; JSON is YAML, too.
@@ -409,13 +400,11 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
 fn usual_rates(rig: &Rig, models: &Models) -> Option<String> {
     let usual =
         |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == Fan::USUAL_RATE);
-    let frames: Vec<String> =
-        rig.lidars.iter().filter(usual).map(|lidar| format!("`{}`", lidar.frame)).collect();
+    let frames = quoted(rig.lidars.iter().filter(usual).map(|lidar| &lidar.frame));
     (!frames.is_empty()).then(|| {
         format!(
-            "{} turns a second are written for {}: no other `rate` is given in the vehicle or its sensor files",
-            Fan::USUAL_RATE,
-            frames.join(", ")
+            "{} turns a second are written for {frames}: no other `rate` is given in the vehicle or its sensor files",
+            Fan::USUAL_RATE
         )
     })
 }
