@@ -7,7 +7,7 @@ use lidar_cast::geom::Pose;
 use sightline_files::Note;
 
 use super::import::HEIGHT_LIMIT;
-use super::sequence::{check_count, read_points, read_text, read_units};
+use super::sequence::{check_count, entries, read_points, read_text, read_units};
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
 
 /// Height of the KITTI car's LiDAR above the ground, in metres.
@@ -197,10 +197,8 @@ pub(super) fn above_ground(height: f64) -> Result<Pose, DatasetError> {
 }
 
 fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
-    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
     let mut scans = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(to_read)? {
-        let path = entry.map_err(to_read)?.path();
+    for path in entries(folder)? {
         if path.extension().is_none_or(|e| e != "bin") {
             continue;
         }

@@ -250,6 +250,16 @@ pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
     sightline_files::files::open(path).map_err(to_read)
 }
 
+/// Paths of all that lies in a folder.
+pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(to_read)? {
+        paths.push(entry.map_err(to_read)?.path());
+    }
+    Ok(paths)
+}
+
 /// The bytes of a file of at most [`LARGEST`].
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     let mut bytes = Vec::new();

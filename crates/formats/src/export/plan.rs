@@ -171,8 +171,7 @@ pub(super) fn plan(
         Layout::Nuscenes => limited(settings, names, scene_names(names))?,
     };
     let mut names = names.map(Vec::into_iter);
-    let next = |split: Split| names[split as usize].next().unwrap_or_default();
-    let mut next = next;
+    let mut next = |split: Split| names[split as usize].next().unwrap_or_default();
     Ok(splits.into_iter().map(|split| Planned { split, name: next(split) }).collect())
 }
 
@@ -204,16 +203,11 @@ fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), Export
                 false => ExportError::SameFolder { scene, other, folder },
             });
         }
-        if let Some(unfit) = unfit(&folder).filter(|_| settings.layout == Layout::Npz) {
-            return Err(ExportError::FolderName { scene, unfit });
+        if settings.layout == Layout::Npz && [ABOUT, INCOMPLETE].contains(&folder.as_str()) {
+            return Err(ExportError::FolderName { scene, unfit: "a file of the set has it" });
         }
     }
     Ok(())
-}
-
-/// Why a folder of a data set cannot have a name.
-fn unfit(name: &str) -> Option<&'static str> {
-    [ABOUT, INCOMPLETE].contains(&name).then_some("a file of the set has it")
 }
 
 fn own_names(scenes: &[SceneFacts], splits: &[Split]) -> Vec<Planned> {

@@ -56,16 +56,14 @@ pub(super) struct BoxRecord {
     /// Index of its nuScenes category.
     pub category: u8,
     pub ego_from_box: Transform,
-    pub size: DVec3List,
-    pub velocity: DVec3List,
+    pub size: [f64; 3],
+    pub velocity: [f64; 3],
     /// Points in it, as the layout counts them.
     pub points: u32,
     /// Share of its hull that the rig sees, where the layout says it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visible: Option<f32>,
 }
-
-type DVec3List = [f64; 3];
 
 /// A file that belongs to a frame, and how long it must be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,7 +1,7 @@
 //! From tables to scenes: only rows of the wanted scenes are kept.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::tables::{
@@ -9,6 +9,7 @@ use super::tables::{
     LidarsegRow, SampleDataRow, SampleRow, SceneRow, SensorRow, SourceTables,
 };
 use super::{Category, Keyframe, NuscenesScene, category, known};
+use crate::datasets::sequence::entries;
 use crate::datasets::{BoxTrack, DatasetError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
@@ -58,15 +59,12 @@ pub fn read_nuscenes(
 }
 
 fn only_version(folder: &Path) -> Result<String, DatasetError> {
-    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(to_read)? {
-        let entry = entry.map_err(to_read)?;
-        if entry.path().join("scene.json").is_file() {
-            found.push(entry.file_name().to_string_lossy().into_owned());
-        }
-    }
+    let mut found = entries(folder)?;
+    found.retain(|entry| entry.join("scene.json").is_file());
     found.sort();
+    let name =
+        |entry: PathBuf| entry.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let found: Vec<String> = found.into_iter().map(name).collect();
     match <[String; 1]>::try_from(found) {
         Ok([only]) => Ok(only),
         Err(found) => Err(DatasetError::Version { path: folder.to_owned(), found }),
@@ -169,7 +167,7 @@ fn categories(tables: &SourceTables) -> Result<(LabelCategories, ByToken), Datas
     let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
     for table in ["category"].into_iter().chain(apart) {
         let mut here: HashSet<u8> = HashSet::new();
-        tables.rows(table, |CategoryRow { token, name, index }| {
+        tables.rows(table, |CategoryRow { token, name, index, .. }| {
             let Some(found) = category(&name) else {
                 let path = tables.path(table);
                 return Err(DatasetError::Category { path, name, known: known() });
