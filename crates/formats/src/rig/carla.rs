@@ -37,19 +37,11 @@ const READ: [&str; 13] = [
     "upper_fov", "spawn_point",
 ];
 /// Keys passed over: they say how CARLA casts, not where the LiDAR stands.
+#[rustfmt::skip]
 const PASSED_OVER: [&str; 12] = [
-    "range",
-    "points_per_second",
-    "rotation_frequency",
-    "sensor_tick",
-    "atmosphere_attenuation_rate",
-    "dropoff_general_rate",
-    "dropoff_intensity_limit",
-    "dropoff_zero_intensity",
-    "noise_stddev",
-    "noise_seed",
-    "role_name",
-    "attached_objects",
+    "range", "points_per_second", "rotation_frequency", "sensor_tick", "atmosphere_attenuation_rate",
+    "dropoff_general_rate", "dropoff_intensity_limit", "dropoff_zero_intensity", "noise_stddev", "noise_seed",
+    "role_name", "attached_objects",
 ];
 
 /// Reads the text of a list.
@@ -171,12 +163,9 @@ fn attributes(fan: Option<Fan>) -> Map<String, Value> {
         attributes.insert("rotation_frequency".to_owned(), written(fan.rate).into());
     }
     // CARLA's defaults lose 45 % of the points by chance, and more by intensity.
-    for key in [
-        "dropoff_general_rate",
-        "dropoff_intensity_limit",
-        "dropoff_zero_intensity",
-        "noise_stddev",
-    ] {
+    let lossy =
+        PASSED_OVER.iter().filter(|key| key.starts_with("dropoff") || **key == "noise_stddev");
+    for &key in lossy {
         attributes.insert(key.to_owned(), 0.0.into());
     }
     attributes
@@ -185,7 +174,7 @@ fn attributes(fan: Option<Fan>) -> Map<String, Value> {
 /// Vehicle of the bridge's own example.
 const VEHICLE: &str = "vehicle.tesla.model3";
 
-fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
+pub(super) fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
     let [roll, pitch, yaw] = [pose.roll, pose.pitch, pose.yaw].map(&angle);
     SensorPose { roll, pitch, yaw, phase: pose.phase.map(angle), ..pose }
 }
@@ -206,11 +195,8 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result
                 continue;
             }
             if *vehicle.get_or_insert_with(|| object.at.clone()) != object.at {
-                return Err(wrong(
-                    &sensor.at,
-                    "a LiDAR of another vehicle",
-                    "one of the first one",
-                ));
+                let other = "a LiDAR of another vehicle";
+                return Err(wrong(&sensor.at, other, "one of the first one"));
             }
             let pose = turned(sensor.inner("spawn_point")?.six_or_level()?, f64::to_radians);
             add(frames, &sensor, pose, holds)?;

@@ -37,6 +37,10 @@ pub enum RigFormat {
     Json,
 }
 
+/// Names on the command line, in the order of [`RigFormat::ALL`].
+const NAMES: [&str; RigFormat::ALL.len()] =
+    ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "tf", "pandaset", "json"];
+
 impl RigFormat {
     /// Every format.
     pub const ALL: [Self; 9] = [
@@ -53,17 +57,7 @@ impl RigFormat {
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Autoware => "autoware",
-            Self::Urdf => "urdf",
-            Self::Sdf => "sdf",
-            Self::Ros2Launch => "ros2-launch",
-            Self::Carla => "carla",
-            Self::CarlaObjects => "carla-objects",
-            Self::Tf => "tf",
-            Self::Pandaset => "pandaset",
-            Self::Json => "json",
-        }
+        NAMES[self as usize]
     }
 
     /// True if rigs are written in it; else they are only read.

@@ -149,15 +149,11 @@ fn sole_origin<'a, 'i>(
     if origins.next().is_some() {
         return Err(wrong(&at, "a second <origin>", "one <origin>"));
     }
-    let known = |name: &str| ["xyz", "rpy", QUATERNION].contains(&name);
-    let own = |a: &roxmltree::Attribute| a.namespace().is_none() && has_no_prefix(a.name());
-    let odd = origin.and_then(|origin| origin.attributes().find(|a| own(a) && !known(a.name())));
-    match odd {
-        Some(odd) => {
-            Err(wrong(&at.key(odd.name()), odd.value(), "no attribute but xyz, rpy or quat_xyzw"))
-        }
-        None => Ok(origin),
+    if let Some(origin) = origin {
+        let wanted = "no attribute but xyz, rpy or quat_xyzw";
+        yaml::refuse_attributes(origin, &at, &["xyz", "rpy", QUATERNION], wanted)?;
     }
+    Ok(origin)
 }
 
 /// The pose of an `<origin>`; without one, that which changes nothing.

@@ -7,7 +7,7 @@
 use roxmltree::{Document, Node, ParsingOptions};
 use serde_json::{Map, Value};
 use sightline_files::Note;
-use sightline_files::json::{Location, check_xml, nearest, written};
+use sightline_files::json::{Location, check_xml, has_no_prefix, nearest, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
@@ -67,7 +67,7 @@ pub(super) fn write_autoware(rig: &Rig, mounting: &Mounting) -> Vec<NamedText> {
         let numbers: String = named(pose).map(number).collect();
         format!("  {}:\n{numbers}", key(name))
     };
-    let kit = format!("{BASE_LINK}:\n{}", frame(KIT, &super::frames::IDENTITY));
+    let kit = format!("{BASE_LINK}:\n{}", frame(KIT, &IDENTITY));
     let mut sensors = format!("{KIT}:\n");
     for lidar in &rig.lidars {
         let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
@@ -159,8 +159,7 @@ fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
     fields.refuse_others(&["header", CHILD, "transform"], &[])?;
     let (header, transform) = (fields.inner("header")?, fields.inner("transform")?);
     header.refuse_others(&["frame_id"], &PASSED_HEADER)?;
-    transform.refuse_others(&["translation", "rotation"], &[])?;
-    let pose = pose(&transform.inner("translation")?, &transform.inner("rotation")?)?;
+    let pose = pose(&transform)?;
     // Names of ROS 1 may begin with a slash.
     let name = |fields: &Fields, key: &str| {
         fields.text(key).map(|name| name.strip_prefix('/').unwrap_or(name).to_owned())
@@ -169,7 +168,10 @@ fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
     Ok(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
 }
 
-fn pose(translation: &Fields, rotation: &Fields) -> Result<SensorPose, RigError> {
+/// Pose of a `translation` and a quaternion `rotation`.
+fn pose(transform: &Fields) -> Result<SensorPose, RigError> {
+    transform.refuse_others(&["translation", "rotation"], &[])?;
+    let (translation, rotation) = (transform.inner("translation")?, transform.inner("rotation")?);
     translation.refuse_others(&["x", "y", "z"], &[])?;
     rotation.refuse_others(&["x", "y", "z", "w"], &[])?;
     let [x, y, z] = ["x", "y", "z"].map(|key| translation.number(key));
@@ -209,23 +211,16 @@ fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Resu
     for (name, sensor, at) in top.inner("sensors")?.each() {
         let fields = Fields::of(sensor, at.clone())?;
         fields.refuse_others(&["transform"], &PASSED_SENSOR)?;
-        let transform = fields.inner("transform")?;
-        transform.refuse_others(&["translation", "rotation"], &[])?;
-        let (position, rotation) = (transform.inner("translation")?, transform.inner("rotation")?);
-        position.refuse_others(&["x", "y", "z"], &[])?;
-        rotation.refuse_others(&["x", "y", "z", "w"], &[])?;
-        let [x, y, z] = ["x", "y", "z"].map(|key| position.number(key));
-        let [qx, qy, qz, qw] = ["x", "y", "z", "w"].map(|key| rotation.number(key));
-        let pose = of_quaternion([x?, y?, z?], [qx?, qy?, qz?, qw?], &rotation.at)?;
+        let pose = pose(&fields.inner("transform")?)?;
         let holds = if name.contains("camera") {
             FrameContent::Other
         } else {
             FrameContent::Lidar { sensor: None, optical: None }
         };
         // A base in itself would be a loop.
-        let parent =
-            if name == PANDASET_BASE { "vehicle".to_owned() } else { PANDASET_BASE.to_owned() };
-        frames.add(RigFrame { name: name.clone(), parent, pose, holds, at })?;
+        let parent = if name == PANDASET_BASE { "vehicle" } else { PANDASET_BASE };
+        let (name, parent) = (name.clone(), parent.to_owned());
+        frames.add(RigFrame { name, parent, pose, holds, at })?;
     }
     Ok(())
 }
@@ -326,24 +321,22 @@ impl<'a> Fields<'a> {
 
     /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, all of them, and a `phase` if there is one.
     pub(super) fn six(&self) -> Result<SensorPose, RigError> {
-        let mut values = [0.0; 6];
-        for (value, key) in values.iter_mut().zip(SensorPose::FIELDS) {
-            *value = self.number(key)?;
-        }
-        Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
+        self.pose(6)
     }
 
     /// Like [`Self::six`]; angles that are missing are 0.
     pub(super) fn six_or_level(&self) -> Result<SensorPose, RigError> {
-        let mut values = [0.0; 6];
-        for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
-            *value = if k < 3 || self.has(key) { self.number(key)? } else { 0.0 };
-        }
-        Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
+        self.pose(3)
     }
 
-    fn phase(&self) -> Result<Option<f64>, RigError> {
-        self.has(PHASE).then(|| self.number(PHASE)).transpose()
+    /// The pose whose first `needed` numbers must be there.
+    fn pose(&self, needed: usize) -> Result<SensorPose, RigError> {
+        let mut values = [0.0; 6];
+        for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
+            *value = if k < needed || self.has(key) { self.number(key)? } else { 0.0 };
+        }
+        let phase = self.has(PHASE).then(|| self.number(PHASE)).transpose()?;
+        Ok(SensorPose { phase, ..SensorPose::from_values(values) })
     }
 }
 
@@ -368,6 +361,20 @@ pub(super) fn parse<'a>(text: &'a str, file: &str) -> Result<Document<'a>, RigEr
 pub(super) fn place(node: Node, file: &str) -> Location {
     let name = node.attribute("name").map(|name| format!(" `{name}`")).unwrap_or_default();
     Location::top(file).key(&format!("<{}>{name}", node.tag_name().name()))
+}
+
+/// Refuses an attribute of the element at `at` that is none of `known`; those with a prefix are passed over.
+pub(super) fn refuse_attributes(
+    node: Node,
+    at: &Location,
+    known: &[&str],
+    wanted: &'static str,
+) -> Result<(), RigError> {
+    let is_odd = |odd: &roxmltree::Attribute| {
+        odd.namespace().is_none() && has_no_prefix(odd.name()) && !known.contains(&odd.name())
+    };
+    let odd = node.attributes().find(is_odd);
+    odd.map_or(Ok(()), |odd| Err(wrong(&at.key(odd.name()), odd.value(), wanted)))
 }
 
 /// First child element of a name.
