@@ -244,36 +244,22 @@ pub enum WorldError {
     /// No lane in which a vehicle may drive.
     #[error("{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on")]
     NoLane { file: String },
-    /// No way long enough for the ego.
+    /// No way long enough for the ego: metres that it drives, and metres of the longest way tried.
     #[error("{file}: {}; ask for fewer frames or give a larger network", no_way(*wanted, *longest))]
-    NoWay {
-        file: String,
-        /// Metres that the ego drives.
-        wanted: f64,
-        /// Metres of the longest way tried.
-        longest: f64,
-    },
+    NoWay { file: String, wanted: f64, longest: f64 },
     /// More than a world can hold.
     #[error(
         "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, \
          and move it to the origin"
     )]
     TooLarge { file: String, what: &'static str, value: f64, most: f64 },
-    /// Lanes whose points lie on one another.
+    /// Lanes whose points lie on one another; `place` is the middle of the cell that holds them, in metres.
     #[error(
         "{file}: {count} points of its lanes lie within 4 m of x = {}, y = {}, at most {most} are read; correct the \
          curvature of the road that turns there, or take roads out that lie on one another",
         place[0], place[1]
     )]
-    TooDense {
-        file: String,
-        /// Number of points.
-        count: f64,
-        /// Middle of the cell that holds them, in metres.
-        place: [f64; 2],
-        /// The limit.
-        most: f64,
-    },
+    TooDense { file: String, count: f64, place: [f64; 2], most: f64 },
     /// A file larger than any map.
     #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
     FileTooLarge { file: String, most: u64 },

@@ -167,11 +167,7 @@ pub enum DescriptionError {
     InFile { at: Box<Location>, source: Box<DescriptionError> },
     /// A file is larger than this program reads.
     #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
-    TooLarge {
-        file: PathBuf,
-        /// Largest size in bytes.
-        limit: u64,
-    },
+    TooLarge { file: PathBuf, limit: u64 },
     /// A text in another encoding than UTF-8.
     #[error("{file}: is UTF-16 text; save it as UTF-8")]
     Utf16 { file: PathBuf },
@@ -230,26 +226,19 @@ pub enum DescriptionError {
     /// A number of things above its limit.
     #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
     TooMany { at: Box<Location>, what: &'static str, count: u64, limit: u64, mend: &'static str },
-    /// The mount leaves the ROI sideways, or lies below it or more than 10 m above.
+    /// The mount leaves the ROI of `scene` sideways, or lies below it or more than 10 m above; corners in metres.
     #[error(
         "{at}: the mount runs from {min:?} to {max:?}, outside of the region of {scene} ({roi_min:?} to \
          {roi_max:?}) in {axis}; {}",
         in_metres(min, max)
     )]
     MountOutside {
-        /// Place of the fault.
         at: Box<Location>,
-        /// The scene file with the ROI.
         scene: String,
-        /// `x`, `y` or `z`.
         axis: char,
-        /// Lower corner of the mount in metres.
         min: [f64; 3],
-        /// Upper corner of the mount in metres.
         max: [f64; 3],
-        /// Lower corner of the ROI in metres.
         roi_min: [f64; 3],
-        /// Upper corner of the ROI in metres.
         roi_max: [f64; 3],
     },
     /// A mesh file that cannot be used.

@@ -91,20 +91,12 @@ pub enum RigError {
     TooManyLidars { file: String, count: usize, most: usize },
     /// A frame whose name cannot be written.
     #[error("`{frame}` is not a name of a frame: use 1 to {most} bytes without spaces")]
-    BadFrame {
-        frame: String,
-        /// Longest name in bytes.
-        most: usize,
-    },
+    BadFrame { frame: String, most: usize },
     /// A sensor whose name cannot be written.
     #[error(
         "{sensor:?} is not a name of a sensor: use 1 to {most} bytes without control characters"
     )]
-    BadSensor {
-        sensor: String,
-        /// Longest name in bytes.
-        most: usize,
-    },
+    BadSensor { sensor: String, most: usize },
     /// Two LiDARs in one frame.
     #[error("the frame `{frame}` is used twice, or is that of the vehicle; names must differ")]
     SharedFrame { frame: String },
