@@ -14,9 +14,8 @@ pub use lidar_cast::sensor::nearest;
 pub use numbers::{Quantity, counted, fixed, shortened, spoken, written};
 pub use objects::{Objects, from_text};
 pub use parse::{
-    FileKind, ForeignJson, check_version, check_xml, comma_too_many, parse, plain_words,
-    read_limited, read_text, refuse_comment, refuse_foreign, refuse_own_kinds, unknown_key,
-    version_1,
+    FileKind, ForeignJson, check_version, comma_too_many, parse, plain_words, read_limited,
+    read_text, refuse_comment, refuse_foreign, refuse_own_kinds, unknown_key, version_1,
 };
-pub use xml::{has_no_prefix, plain_names};
+pub use xml::{check_xml, has_no_prefix, plain_names};
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};
