@@ -184,7 +184,7 @@ impl PopulationSettings<'_> {
             let yaw =
                 (if reverse { -ahead } else { ahead }).to_angle() + rng.random_range(-0.02..0.02);
             let stand = ActorPose { at: at + shift.extend(0.0), yaw, pitch: 0.0 };
-            people.add(model, Trajectory::parked(size, stand));
+            people.add(model, Trajectory::walking(size, vec![stand]));
         }
     }
 
@@ -266,7 +266,7 @@ impl PopulationSettings<'_> {
         let at = (kerb - (over * 0.5).extend(0.0) + aside).truncate().extend(outer.z);
         let yaw = over.to_angle() + rng.random_range(-0.4..0.4);
         let size = people.models[model].size;
-        people.add(model, Trajectory::parked(size, ActorPose { at, yaw, pitch: 0.0 }));
+        people.add(model, Trajectory::walking(size, vec![ActorPose { at, yaw, pitch: 0.0 }]));
     }
 
     /// Vehicles and bicycles on the lanes near the ego's way.

@@ -335,7 +335,9 @@ impl Mask {
     /// Marks the cells whose middle lies in a quad that is convex in plan.
     pub(crate) fn fill(&mut self, quad: [DVec3; 4], bits: u8) {
         let q = quad.map(|p| p.truncate());
-        for cell in cells_between(q) {
+        let low = Self::cell(q.iter().fold(q[0], |a, b| a.min(*b)));
+        let high = Self::cell(q.iter().fold(q[0], |a, b| a.max(*b)));
+        for cell in (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| [x, y])) {
             let p = Self::middle(cell);
             if in_triangle(p, q[0], q[1], q[2]) || in_triangle(p, q[0], q[2], q[3]) {
                 self.set(cell, bits);
@@ -406,12 +408,6 @@ impl Mask {
 
 fn around([x, y]: [i32; 2]) -> [[i32; 2]; 4] {
     [[x + 1, y], [x - 1, y], [x, y + 1], [x, y - 1]]
-}
-
-fn cells_between(q: [DVec2; 4]) -> impl Iterator<Item = [i32; 2]> {
-    let low = Mask::cell(q.iter().fold(q[0], |a, b| a.min(*b)));
-    let high = Mask::cell(q.iter().fold(q[0], |a, b| a.max(*b)));
-    (low[0]..=high[0]).flat_map(move |x| (low[1]..=high[1]).map(move |y| [x, y]))
 }
 
 fn in_triangle(p: DVec2, a: DVec2, b: DVec2, c: DVec2) -> bool {

@@ -37,12 +37,7 @@ pub(crate) struct Trajectory {
 }
 
 impl Trajectory {
-    /// Something at rest.
-    pub(crate) fn parked(size: [f64; 3], stand: ActorPose) -> Self {
-        Self { size, stands: vec![stand], ahead: vec![0.0] }
-    }
-
-    /// Something that walks at its own speed and keeps nothing free.
+    /// Something at rest, or that walks at its own speed: it keeps nothing free.
     pub(crate) fn walking(size: [f64; 3], stands: Vec<ActorPose>) -> Self {
         Self { size, ahead: vec![0.0; stands.len()], stands }
     }

@@ -42,15 +42,9 @@ pub(super) struct NearRoad {
 impl NearRoad {
     /// The road among depths below the LiDAR; `None` of no depth.
     pub(super) fn of(mut depths: Vec<f64>) -> Option<Self> {
-        depths.sort_by(f64::total_cmp);
-        let share = |share: usize| {
-            depths.get((depths.len() * share / 10).min(depths.len().saturating_sub(1)))
-        };
-        Some(Self {
-            points: depths.len(),
-            depth: *depths.get(depths.len() / 2)?,
-            spread: share(9)? - share(1)?,
-        })
+        let depth = median(&mut depths)?;
+        let share = |share: usize| depths[depths.len() * share / 10];
+        Some(Self { points: depths.len(), depth, spread: share(9) - share(1) })
     }
 
     /// True if it has enough points to contradict a stated height.
@@ -128,6 +122,12 @@ pub(super) fn doubts(
     Ok(notes)
 }
 
+/// The middle of values, which are sorted for it; `None` without one.
+fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 /// A doubt where the median step of a vehicle from one frame number to the next is longer than any vehicle drives.
 fn leaps(name: &str, frames: &[u32], egos: &[Pose]) -> Option<Note> {
     let pairs = egos.windows(2).zip(frames.windows(2));
@@ -137,8 +137,7 @@ fn leaps(name: &str, frames: &[u32], egos: &[Pose]) -> Option<Note> {
             way / f64::from(frame[1].abs_diff(frame[0]).max(1))
         })
         .collect();
-    steps.sort_by(f64::total_cmp);
-    let step = *steps.get(steps.len() / 2)?;
+    let step = median(&mut steps)?;
     let text = format!(
         "{name}: the vehicle moves {step:.0} m from frame to frame; positions are in metres: centimetres, or millimetres?"
     );
@@ -154,8 +153,7 @@ fn sideways(name: &str, egos: &[Pose]) -> Option<Note> {
         .filter(|(_, way)| way.truncate().length() > STEP)
         .map(|(ahead, way)| ahead.truncate().angle_to(way.truncate()).to_degrees().abs())
         .collect();
-    angles.sort_by(f64::total_cmp);
-    let angle = *angles.get(angles.len() / 2)?;
+    let angle = median(&mut angles)?;
     let text = format!(
         "{name}: the vehicle moves {angle:.0} degrees off its own heading over {} steps; check the unit of the angles and \
          the axes of the poses.",

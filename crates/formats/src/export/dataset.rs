@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use sightline_files::files::FileError;
 use sightline_scan::Scan;
 
 use super::folder::{ABOUT, About, Folder, INCOMPLETE};
@@ -56,7 +57,7 @@ impl PreparedDataset {
         check_map(scenes, &settings.map)?;
         let mut labels = Vec::new();
         if settings.layout == Layout::SemanticKitti {
-            let path = std::path::absolute(dir).map_err(ExportError::io(dir))?;
+            let path = std::path::absolute(dir).map_err(FileError::io(dir))?;
             if path.to_string_lossy().contains("velodyne") {
                 return Err(ExportError::Velodyne { path });
             }

@@ -1,6 +1,6 @@
 //! Why a data set cannot be written.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use sightline_files::files::FileError;
 use sightline_files::json::did_you_mean;
@@ -135,21 +135,4 @@ pub enum ExportError {
     UnknownSensor(#[from] UnknownSensor),
     /// A file that cannot be written or read.
     File(#[from] FileError),
-}
-
-impl ExportError {
-    /// Names the file in an error of the operating system.
-    pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| Self::File(FileError::io(path)(source))
-    }
-
-    /// Names the place that could not be written.
-    pub(super) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| Self::File(FileError::write(path)(source))
-    }
-
-    /// Names the file in an error of its JSON.
-    pub(super) fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
-        move |source| Self::File(FileError::json(path)(source))
-    }
 }

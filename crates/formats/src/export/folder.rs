@@ -63,7 +63,7 @@ impl Folder {
     pub(super) fn open(root: &Path) -> Result<Self, ExportError> {
         let folder = Self::at(root)?;
         let hidden = root.join(HIDDEN);
-        std::fs::create_dir_all(&hidden).map_err(ExportError::write(root))?;
+        std::fs::create_dir_all(&hidden).map_err(FileError::write(root))?;
         files::sweep(&hidden);
         Ok(folder)
     }
@@ -85,7 +85,7 @@ impl Folder {
     pub(super) fn begin(&self, name: &str) -> Result<StagedFile, ExportError> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
-        let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::write(&place))?;
+        let (file, temporary) = files::begin_in(&hidden).map_err(FileError::write(&place))?;
         let out = BufWriter::with_capacity(BUFFER, file);
         Ok(StagedFile { out, _temporary: temporary, place, name: name.to_owned() })
     }
@@ -100,7 +100,7 @@ impl Folder {
     /// Writes a value as JSON.
     pub(crate) fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
         let mut text =
-            serde_json::to_vec_pretty(value).map_err(ExportError::json(&self.root.join(name)))?;
+            serde_json::to_vec_pretty(value).map_err(FileError::json(&self.root.join(name)))?;
         text.push(b'\n');
         self.put(name, &text).map(drop)
     }
@@ -109,7 +109,9 @@ impl Folder {
     pub(super) fn remove(&self, name: &str) -> Result<(), ExportError> {
         let path = self.root.join(name);
         match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(ExportError::io(&path)(error)),
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(FileError::io(&path)(error).into())
+            }
             _ => Ok(()),
         }
     }
@@ -135,14 +137,14 @@ impl Folder {
     /// Keeps the record of a frame whose files are all in place.
     pub(super) fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), ExportError> {
         let name = Self::record_name(scene, record.frame);
-        let text = serde_json::to_vec(record).map_err(ExportError::json(&self.root.join(&name)))?;
+        let text = serde_json::to_vec(record).map_err(FileError::json(&self.root.join(&name)))?;
         self.put(&name, &text).map(drop)
     }
 
     pub(super) fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
         let path = self.root.join(Self::record_name(scene, frame));
-        let text = files::read_own(&path, MOST_BYTES).map_err(ExportError::io(&path))?;
-        serde_json::from_slice(&text).map_err(ExportError::json(&path))
+        let text = files::read_own(&path, MOST_BYTES).map_err(FileError::io(&path))?;
+        Ok(serde_json::from_slice(&text).map_err(FileError::json(&path))?)
     }
 
     /// Checks that the disk holds `need` more bytes, where the system reports its free space.
@@ -166,22 +168,22 @@ impl StagedFile {
         &mut self,
         write: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<T>,
     ) -> Result<T, ExportError> {
-        write(&mut self.out).map_err(ExportError::write(&self.place))
+        Ok(write(&mut self.out).map_err(FileError::write(&self.place))?)
     }
 
     /// Moves the file to its place.
     pub(super) fn end(self) -> Result<Written, ExportError> {
         let Self { out, place, name, _temporary } = self;
-        let io = |error| ExportError::write(&place)(error);
+        let io = |error| FileError::write(&place)(error);
         files::is_no_input(&place)?;
         let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
         let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
         if let Err(error) = file.persist(&place) {
             // Most files come into a folder that is there: it is made where it is not.
             let (Some(folder), ErrorKind::NotFound) = (place.parent(), error.error.kind()) else {
-                return Err(io(error.error));
+                return Err(io(error.error).into());
             };
-            std::fs::create_dir_all(folder).map_err(ExportError::write(folder))?;
+            std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
             error.file.persist(&place).map_err(|error| io(error.error))?;
         }
         Ok(Written { path: name, bytes })
@@ -246,7 +248,7 @@ impl About {
                 // For a place below a file, that file is in the way.
                 return Err(match dir.ancestors().find(|place| place.is_file()) {
                     Some(file) => ExportError::NoFolder { path: file.to_owned() },
-                    None => ExportError::io(dir)(error),
+                    None => FileError::io(dir)(error).into(),
                 });
             }
             Ok(entries) => entries,

@@ -163,7 +163,13 @@ pub(super) fn plan(
     let splits = assign(settings, scenes);
     let names = Split::ALL.map(|split| splits.iter().filter(|at| **at == split).count());
     let names = match settings.layout {
-        Layout::Npz => return Ok(own_names(scenes, &splits)),
+        Layout::Npz => {
+            let own = |(scene, split): (&SceneFacts, Split)| Planned {
+                split,
+                name: safe_name(&scene.name),
+            };
+            return Ok(scenes.iter().zip(splits).map(own).collect());
+        }
         Layout::SemanticKitti => {
             let named = |list: &[usize]| list.iter().map(|n| format!("{n:02}")).collect();
             limited(settings, names, SEQUENCES.map(named))?
@@ -208,11 +214,6 @@ fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), Export
         }
     }
     Ok(())
-}
-
-fn own_names(scenes: &[SceneFacts], splits: &[Split]) -> Vec<Planned> {
-    let named = scenes.iter().zip(splits);
-    named.map(|(scene, &split)| Planned { split, name: safe_name(&scene.name) }).collect()
 }
 
 fn limited(

@@ -67,10 +67,9 @@ impl Models {
             (None, [only]) => Some(only),
             (None, _) => None,
         };
-        match (found, lidar.sensor.as_deref().and_then(fan)) {
+        match (found, lidar.sensor.as_deref().and_then(find)) {
             (Some(model), _) => RigBeams::Given(&model.lidar, model.min_range, model.rate),
-            (None, Some(Some(fan))) => RigBeams::Known(fan),
-            (None, Some(None)) => RigBeams::Uneven,
+            (None, Some(known)) => known.fan.map_or(RigBeams::Uneven, RigBeams::Known),
             (None, None) => RigBeams::Unknown,
         }
     }
@@ -158,7 +157,7 @@ fn described(lidar: &Lidar) -> Value {
 /// Largest difference of two elevations that are told apart, in degrees.
 const SAME_DEGREES: f64 = 1e-3;
 /// Turns a second of a LiDAR that says nothing else.
-const TURNS_A_SECOND: f64 = 10.0;
+pub(super) const TURNS_A_SECOND: f64 = 10.0;
 
 /// Facts known of a sensor by its name.
 struct KnownSensor {
@@ -209,9 +208,6 @@ pub(super) struct Fan {
 }
 
 impl Fan {
-    /// Turns a second of a sensor that says nothing else.
-    pub(super) const USUAL_RATE: f64 = TURNS_A_SECOND;
-
     /// The fan of a sensor at the usual ten turns a second; `None` of one whose beams are a list of directions.
     pub(super) fn of(lidar: &Lidar) -> Option<Self> {
         let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } = lidar
@@ -269,11 +265,6 @@ fn find(name: &str) -> Option<&'static KnownSensor> {
 /// Optical centre of a sensor above its foot, in metres.
 pub(super) fn optical_height(name: &str) -> Option<f64> {
     find(name).map(|known| known.optical_height)
-}
-
-/// Fan of a sensor that is known, `Some(None)` where its channels are uneven.
-fn fan(name: &str) -> Option<Option<Fan>> {
-    find(name).map(|known| known.fan)
 }
 
 /// A sensor's name as this program writes it, and any other name as it is.

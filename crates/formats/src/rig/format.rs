@@ -9,7 +9,7 @@ use sightline_files::json::{
     quoted, read_text, refuse_comment, refuse_foreign, refuse_own_kinds,
 };
 
-use super::beams::{Models, RigBeams};
+use super::beams::{Models, RigBeams, TURNS_A_SECOND};
 use super::yaml::PHASE;
 use super::{Fan, Mounting, Rig, RigError, RigLidar, carla, launch, model, sdf, urdf, yaml};
 
@@ -392,13 +392,12 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
 
 /// Warning about LiDARs that are written with the usual turns a second, since nothing says another number.
 fn usual_rates(rig: &Rig, models: &Models) -> Option<String> {
-    let usual =
-        |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == Fan::USUAL_RATE);
+    let usual = |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == TURNS_A_SECOND);
     let frames = quoted(rig.lidars.iter().filter(usual).map(|lidar| &lidar.frame));
     (!frames.is_empty()).then(|| {
         format!(
             "{} turns a second are written for {frames}: no other `rate` is given in the vehicle or its sensor files",
-            Fan::USUAL_RATE
+            TURNS_A_SECOND
         )
     })
 }
