@@ -56,7 +56,6 @@ impl Line {
         &self.along
     }
 
-    /// Whole length.
     pub(crate) fn length(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0)
     }
@@ -82,7 +81,6 @@ impl Line {
         Self::new(self.points.iter().rev().copied())
     }
 
-    /// The part from `from` to `to`.
     pub(crate) fn part(&self, from: f64, to: f64) -> Self {
         let inner = self.points.iter().zip(&self.along);
         let inner = inner.filter(|(_, a)| **a > from && **a < to).map(|(p, _)| *p);
@@ -125,9 +123,7 @@ pub(crate) enum StripUse {
     Road,
     /// A side walk, a kerb above the road.
     Walk,
-    /// A strip of green between lanes.
     Green,
-    /// A track of rails.
     Rail,
 }
 
@@ -212,7 +208,6 @@ pub(crate) struct Post {
     pub plate: Option<Plate>,
 }
 
-/// Roads of a world.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Network {
     pub strips: Vec<Strip>,

@@ -24,7 +24,6 @@ pub(crate) struct RoadUser {
     pub track: usize,
 }
 
-/// Everyone in a world.
 #[derive(Debug, Default)]
 pub(crate) struct Population {
     pub models: Vec<ActorModel>,
@@ -45,7 +44,6 @@ const MODELS: [(&str, usize); 8] = [
     ("pedestrian", 6),
 ];
 
-/// How a population is made.
 pub(crate) struct PopulationSettings<'a> {
     pub network: &'a Network,
     pub style: &'a Style,

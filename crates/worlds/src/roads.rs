@@ -29,7 +29,6 @@ impl CrossSection {
     }
 }
 
-/// A road from node to node.
 #[derive(Debug, Clone)]
 pub(crate) struct Road {
     pub from: usize,
@@ -38,7 +37,6 @@ pub(crate) struct Road {
     pub profile: CrossSection,
 }
 
-/// Where roads lead.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RoadPlan {
     pub nodes: Vec<DVec2>,
@@ -64,13 +62,11 @@ impl Arm {
 }
 
 impl RoadPlan {
-    /// Adds a node.
     pub(crate) fn node(&mut self, at: DVec2) -> usize {
         self.nodes.push(at);
         self.nodes.len() - 1
     }
 
-    /// Adds a road.
     pub(crate) fn road(&mut self, from: usize, to: usize, line: Line, profile: CrossSection) {
         self.roads.push(Road { from, to, line, profile });
     }

@@ -90,7 +90,6 @@ pub(crate) struct Style {
     pub goods: bool,
 }
 
-/// How houses are built.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct House {
     pub width: [f64; 2],

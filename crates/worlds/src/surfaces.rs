@@ -301,12 +301,10 @@ pub(crate) struct Mask {
 }
 
 impl Mask {
-    /// The cell of a point.
     pub(crate) fn cell(p: DVec2) -> [i32; 2] {
         [(p.x / CELL).floor() as i32, (p.y / CELL).floor() as i32]
     }
 
-    /// Middle of a cell.
     pub(crate) fn middle([x, y]: [i32; 2]) -> DVec2 {
         DVec2::new((f64::from(x) + 0.5) * CELL, (f64::from(y) + 0.5) * CELL)
     }
@@ -317,7 +315,6 @@ impl Mask {
         tile.map_or(0, |t| t[(x.rem_euclid(TILE) * TILE + y.rem_euclid(TILE)) as usize])
     }
 
-    /// Adds bits to a cell.
     pub(crate) fn set(&mut self, [x, y]: [i32; 2], bits: u8) {
         let tile = self.tiles.entry([x.div_euclid(TILE), y.div_euclid(TILE)]);
         let tile = tile.or_insert_with(|| vec![0; (TILE * TILE) as usize]);
@@ -370,7 +367,6 @@ impl Mask {
         })
     }
 
-    /// Marks a rectangle.
     pub(crate) fn block(&mut self, rect: &GroundRect, bits: u8) {
         self.fill(rect.corners().map(|p| p.extend(0.0)), bits);
         self.set(Self::cell(rect.middle), bits);

@@ -42,7 +42,6 @@ impl Trajectory {
         Self { size, ahead: vec![0.0; stands.len()], stands }
     }
 
-    /// The stand in frame `t`.
     pub(crate) fn stand(&self, t: usize) -> &ActorPose {
         &self.stands[t.min(self.stands.len() - 1)]
     }
@@ -88,7 +87,6 @@ impl Rect {
     }
 }
 
-/// All that has been planned.
 #[derive(Debug, Default)]
 pub(crate) struct Traffic {
     pub tracks: Vec<Trajectory>,

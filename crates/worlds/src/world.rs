@@ -25,7 +25,6 @@ pub(crate) const RATE: f64 = 10.0;
 /// A world: its static triangles, and who moves through it.
 #[derive(Debug)]
 pub struct GeneratedWorld {
-    /// Everything that stands still.
     model: TriangleSoup,
     pub(crate) people: Population,
     pub(crate) frames: usize,

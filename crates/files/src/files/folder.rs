@@ -110,7 +110,6 @@ pub fn shared_folder(path: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Bytes that are read at once.
 const AT_ONCE: usize = 1 << 16;
 
 /// A file and the SHA-256 of its bytes.

@@ -24,7 +24,6 @@ struct FileGuard {
     read: BTreeMap<PathBuf, Option<(u64, u64)>>,
     /// Outputs that were announced.
     outputs: BTreeSet<PathBuf>,
-    /// Files that are being written now.
     temporaries: BTreeSet<PathBuf>,
 }
 

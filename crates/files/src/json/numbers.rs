@@ -178,7 +178,6 @@ fn plain(text: &str) -> Value {
     }
 }
 
-/// A finite number.
 fn number(text: &str) -> Option<Number> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     if let Some(hex) = digits.strip_prefix("0x") {

@@ -9,7 +9,6 @@ use serde::de::{
 
 use super::quoted;
 
-/// Most keys that an error names.
 const MOST_NAMED: usize = 6;
 /// Words that such an error begins with.
 pub(super) const IS_A_LIST: &str = "is a list; ";

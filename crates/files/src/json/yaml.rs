@@ -142,7 +142,6 @@ pub fn parse_documents(
     Ok(documents)
 }
 
-/// A fault and its place.
 #[derive(Debug)]
 struct YamlFault {
     problem: String,
@@ -204,7 +203,6 @@ fn too_deep(mark: (u32, u32)) -> YamlFault {
     YamlFault { problem, mark }
 }
 
-/// Where a value stands.
 #[derive(Clone, Copy)]
 struct Spot<'a> {
     /// Key of the object that holds `key`.
@@ -278,7 +276,6 @@ impl YamlBuilder<'_> {
         }
     }
 
-    /// One key and its value.
     fn entry(
         &mut self,
         next: &mut usize,

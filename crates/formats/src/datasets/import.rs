@@ -17,7 +17,6 @@ use sightline_scene::vehicle::SensorPose;
 use super::ground::PointCells;
 use super::{BoxTrack, LabelledSequence, ground};
 
-/// Most plates and boxes.
 const MOST_SHAPES: usize = 500_000;
 const MOST_FRAMES: usize = 10_000;
 /// Farthest point from the start, metres.

@@ -66,7 +66,6 @@ impl NuscenesScene {
         self.tracks.iter().enumerate().filter_map(in_scan).collect()
     }
 
-    /// Meaning of a label.
     fn category(&self, path: &Path, point: usize, label: u8) -> Result<Category, DatasetError> {
         let known = self.categories.get(usize::from(label)).copied().flatten();
         let label = u32::from(label);
@@ -222,7 +221,6 @@ fn category(name: &str) -> Option<Category> {
     Some(Category { class: class.map(|class| class as u16), boxed, kind })
 }
 
-/// Names that are known.
 fn known() -> Vec<String> {
     NUSCENES.iter().map(|(name, ..)| *name).chain(tag_names()).map(str::to_owned).collect()
 }

@@ -175,7 +175,6 @@ pub fn build_psog<S: LabelledSequence>(
     Ok(builder.finish()?)
 }
 
-/// Adds the frames of a sequence.
 fn add(
     sequence: &impl LabelledSequence,
     options: &PsogOptions,

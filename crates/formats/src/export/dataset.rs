@@ -260,7 +260,6 @@ fn all_frames(scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
     all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)))
 }
 
-/// Files that are not there.
 fn missing(folder: &Folder, scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
     all_frames(scenes).filter(|&(scene, frame)| !folder.has(scene, frame))
 }

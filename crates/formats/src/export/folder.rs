@@ -30,7 +30,6 @@ const MOST_BYTES: u64 = 1 << 28;
 /// Bytes that are put together before they are written: arrays of clouds are longer, and are not copied.
 const BUFFER: usize = 1 << 14;
 
-/// Folder of a data set.
 pub(super) struct Folder {
     pub(super) root: PathBuf,
 }
@@ -97,7 +96,6 @@ impl Folder {
         staged.end()
     }
 
-    /// Writes a value as JSON.
     pub(crate) fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
         let mut text =
             serde_json::to_vec_pretty(value).map_err(FileError::json(&self.root.join(name)))?;
@@ -171,7 +169,6 @@ impl StagedFile {
         Ok(write(&mut self.out).map_err(FileError::write(&self.place))?)
     }
 
-    /// Moves the file to its place.
     pub(super) fn end(self) -> Result<Written, ExportError> {
         let Self { out, place, name, _temporary } = self;
         let io = |error| FileError::write(&place)(error);

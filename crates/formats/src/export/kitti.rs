@@ -132,7 +132,6 @@ impl Sequence {
         })
     }
 
-    /// Adds the frame that is next.
     fn add(&mut self, record: &FrameRecord) -> Result<(), ExportError> {
         let here = self.first_from_world.compose(&world_from_source(record, self.source));
         self.poses.write(|out| writeln!(out, "{}", line(&here)))?;
@@ -206,11 +205,9 @@ fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> io::Result<()
     })
 }
 
-/// A pickle that is being written.
 struct Pickle<W: Write>(W);
 
 impl<W: Write> Pickle<W> {
-    /// Begins with the version.
     fn new(mut out: W) -> io::Result<Self> {
         out.write_all(b"\x80\x02")?;
         Ok(Self(out))

@@ -63,7 +63,6 @@ pub enum Split {
 impl Split {
     pub(super) const ALL: [Self; 3] = [Self::Train, Self::Val, Self::Test];
 
-    /// Name in data sets.
     pub(super) fn name(self) -> &'static str {
         ["train", "val", "test"][self as usize]
     }

@@ -36,7 +36,6 @@ impl Transform {
     }
 }
 
-/// A LiDAR of the rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LidarRecord {
     pub model: String,
@@ -47,7 +46,6 @@ pub(super) struct LidarRecord {
     pub range: f32,
 }
 
-/// An actor's box.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct BoxRecord {
     pub instance: u16,
@@ -157,10 +155,8 @@ pub fn record(
     }
 }
 
-/// Whose points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CloudOrigin {
-    /// All LiDARs as one.
     Merged,
     /// One LiDAR, by its number in the rig.
     Lidar(usize),

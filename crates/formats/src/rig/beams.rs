@@ -33,7 +33,6 @@ pub(super) enum RigBeams<'a> {
     Known(Fan),
     /// A sensor known by name, whose channels are uneven.
     Uneven,
-    /// Nothing says them.
     Unknown,
 }
 
@@ -55,7 +54,6 @@ impl Models {
         self.0.iter().filter_map(|model| model.name.clone()).collect()
     }
 
-    /// Number of models.
     pub(super) fn count(&self) -> usize {
         self.0.len()
     }
@@ -232,7 +230,6 @@ impl Fan {
         })
     }
 
-    /// Beams a second.
     pub(super) fn points_a_second(&self) -> u64 {
         let beams = u64::from(self.channels) * u64::from(self.azimuth_steps);
         (beams as f64 * self.rate).round() as u64

@@ -44,7 +44,6 @@ const PASSED_OVER: [&str; 12] = [
     "role_name", "attached_objects",
 ];
 
-/// Reads the text of a list.
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     let document: Value = json::parse(&source.text, &source.file)?;
     read_list(&document, &Location::top(&source.file), frames)
@@ -131,7 +130,6 @@ fn add(
     frames.add(RigFrame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
 }
 
-/// The list as JSON.
 pub(super) fn write(
     rig: &Rig,
     mounting: &Mounting,
@@ -212,7 +210,6 @@ fn items<'a>(fields: &Fields<'a>, key: &str) -> Result<Vec<Fields<'a>>, RigError
     list.iter().enumerate().map(|(index, item)| Fields::of(item, at.item(index))).collect()
 }
 
-/// One vehicle with its LiDARs.
 pub(super) fn write_objects(
     rig: &Rig,
     mounting: &Mounting,

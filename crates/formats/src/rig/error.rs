@@ -4,7 +4,6 @@ use super::RigFormat;
 use sightline_files::json::{DescriptionError, Location, YamlDocument, did_you_mean};
 use sightline_scene::vehicle::SensorError;
 
-/// Most names that a message lists.
 const MOST_LISTED: usize = 24;
 
 /// Why a rig cannot be read or written; each message is one sentence with the file, the place and the mend.

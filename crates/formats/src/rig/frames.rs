@@ -22,13 +22,11 @@ pub(super) enum FrameContent {
         /// Where its beams start in the frame, where the file says so.
         optical: Option<SensorPose>,
     },
-    /// Something else.
     Other,
     /// Nothing: the name must tell.
     Unsaid,
 }
 
-/// A frame and where it hangs.
 #[derive(Debug, Clone)]
 pub(super) struct RigFrame {
     pub(super) name: String,

@@ -192,7 +192,6 @@ fn doubts(frames: &FrameTree, lidar: &RigFrame, base: &str, given: bool, notes: 
     }
 }
 
-/// Doubts of LiDARs below the ground.
 fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
     let low =
         rig.lidars.iter().filter_map(|lidar| Some((&lidar.frame, doubt_of_ground(&lidar.pose)?)));

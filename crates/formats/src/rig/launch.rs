@@ -91,9 +91,7 @@ struct Launch<'a> {
     values: HashMap<String, String>,
     /// Elements that are not understood.
     passed: BTreeSet<String>,
-    /// Files that are included.
     included: BTreeSet<String>,
-    /// Nodes so far.
     nodes: usize,
 }
 

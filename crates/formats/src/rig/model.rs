@@ -309,7 +309,6 @@ fn shift(pairs: &[(&RigLidar, &RigLidar)]) -> Option<[f64; 3]> {
     (is_one && first.length() > STILL).then(|| first.to_array())
 }
 
-/// Sensor models of two LiDARs.
 fn models(a: &RigLidar, b: &RigLidar) -> [Option<String>; 2] {
     [a, b].map(|lidar| lidar.sensor.clone())
 }

@@ -115,7 +115,6 @@ pub(super) fn holds_transforms(document: &Value) -> bool {
     is_one(document) || any(document) || document.get(LIST).is_some_and(any)
 }
 
-/// Reads the transforms of every document.
 pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
     for document in source.documents()? {
         let top = Location::top(&source.file);
@@ -251,13 +250,11 @@ pub(super) fn wrong(at: &Location, value: impl ToString, wanted: &'static str) -
     RigError::Value { at: Box::new(at.clone()), value: format!("`{value}`"), wanted }
 }
 
-/// A finite number of a text.
 pub(super) fn number(at: &Location, text: &str) -> Result<f64, RigError> {
     let number = text.parse().ok().filter(|v: &f64| v.is_finite());
     number.ok_or_else(|| wrong(at, text, "a finite number"))
 }
 
-/// An object and its place.
 #[derive(Clone)]
 pub(super) struct Fields<'a> {
     map: &'a Map<String, Value>,
@@ -296,7 +293,6 @@ impl<'a> Fields<'a> {
             .ok_or_else(|| RigError::Missing { at: Box::new(self.at.clone()), key: key.to_owned() })
     }
 
-    /// The object under a key.
     pub(super) fn inner(&self, key: &str) -> Result<Self, RigError> {
         Self::of(self.value(key)?, self.at.key(key))
     }
@@ -377,7 +373,6 @@ pub(super) fn refuse_attributes(
     odd.map_or(Ok(()), |odd| Err(wrong(&at.key(odd.name()), odd.value(), wanted)))
 }
 
-/// First child element of a name.
 pub(super) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     node.children().find(|child| child.has_tag_name(name))
 }

@@ -82,7 +82,6 @@ fn in_degrees(plan: Node) -> Option<String> {
     ))
 }
 
-/// How a warning is taken.
 enum Severity {
     /// Part of the map would be missing.
     Error,

@@ -326,7 +326,6 @@ pub(super) struct ActorPoints {
 }
 
 impl ActorPoints {
-    /// The track through its frames.
     pub(super) fn track(&self) -> Option<BoxTrack> {
         let (name, (class, _, kind)) = self.tag?;
         let middles: Vec<DVec2> = self.frames.values().map(|points| middle(points)).collect();

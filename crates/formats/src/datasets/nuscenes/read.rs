@@ -117,7 +117,6 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Result<Vec<(String, String
     Ok(if names.is_empty() { all } else { wanted? })
 }
 
-/// A keyframe's row.
 struct Sample {
     token: String,
     /// Position of its scene.

@@ -62,7 +62,6 @@ fn passed_over(table: &str) -> &'static [&'static str] {
     PASSED.iter().find(|(name, _)| *name == table).map_or(&[], |(_, fields)| fields)
 }
 
-/// A row of a table.
 pub(super) trait TableRow: for<'de> Deserialize<'de> {
     /// Its fields that are not read.
     fn others(&mut self) -> &mut BTreeMap<String, IgnoredAny>;
@@ -260,7 +259,6 @@ struct EachRow<'a, R, F> {
     refused: &'a mut Option<DatasetError>,
     keep: &'a mut F,
     left: &'a Cell<usize>,
-    /// Fields that are passed over.
     passed: &'static [&'static str],
     /// Names of fields that are neither read nor passed over.
     unknown: &'a mut BTreeSet<String>,

@@ -28,7 +28,6 @@ pub(super) enum PrimitiveMode {
 }
 
 impl PrimitiveMode {
-    /// A primitive of accessors.
     pub(super) fn primitive(
         self,
         positions: usize,
@@ -270,7 +269,6 @@ fn sector(azimuths: &[f64]) -> [f64; 2] {
     if best.0 < GAP { [0.0, TAU] } else { best.1 }
 }
 
-/// Colour of a frustum's lines.
 pub(super) const FRUSTUM: [f64; 4] = [0.9, 0.35, 0.02, 0.7];
 
 /// Names and colours (sRGB) of classes that scenes usually have, near the colours of Cityscapes and CARLA.

@@ -325,7 +325,6 @@ fn fixed_tables<'a>(
     whole(folder, version, "map", [map])
 }
 
-/// A table that is being written.
 struct OutputTable {
     staged: StagedFile,
     empty: bool,
@@ -360,12 +359,10 @@ macro_rules! tables {
         }
 
         impl OutputTables {
-            /// Begins all of them.
             fn begin(folder: &Folder, version: &str) -> Result<Self, ExportError> {
                 Ok(Self { $($name: OutputTable::begin(folder, version, stringify!($name))?,)* })
             }
 
-            /// Ends all of them.
             fn end(self) -> Result<(), ExportError> {
                 $(self.$name.end()?;)*
                 Ok(())
