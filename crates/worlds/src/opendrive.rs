@@ -3,7 +3,6 @@
 //! The crate `xodr` evaluates reference lines, widths, elevations, superelevations and links in `f64`
 //! and hands them over as lanes of `f32` points; here they become strips and lanes.
 
-mod density;
 mod document;
 mod doubts;
 mod objects;

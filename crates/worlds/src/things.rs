@@ -1,17 +1,164 @@
-//! Roadside objects: trees, lamps, signs, lights, rails, benches, bins and goods.
+//! Houses along the edges of streets, and roadside objects: trees, lamps, signs, lights, rails, benches, bins and goods.
 
 use glam::{DVec2, DVec3};
 use lidar_cast::maths;
 use rand::RngExt;
 
-use crate::houses::fence;
-use crate::network::{GroundRect, KERB, Lane, Line, Post, Street, StripUse, class, left_of};
+use crate::network::{GroundRect, KERB, Lane, Line, Model, Post, Street, StripUse, class, left_of};
 use crate::surfaces::{HOUSE, ROAD, THING, WALK, WorldDraft};
 
+/// Metres of a storey.
+const STOREY: f64 = 3.0;
 /// Metres above a road from which a plate hangs over it.
 const OVER_ROAD: f64 = 3.0;
 
 impl WorldDraft<'_> {
+    /// Builds houses along both edges of every street.
+    pub(crate) fn build(&mut self) {
+        let network = self.network;
+        for street in &network.streets {
+            [0, 1].into_iter().for_each(|side| self.side(street, side));
+        }
+    }
+
+    fn side(&mut self, street: &Street, side: usize) {
+        let (house, edge) = (self.style.house, &street.edges[side]);
+        // A road without a walk is no street: houses keep away from it.
+        let back = if street.walks[side] > 0.0 || self.style.goods { 0.0 } else { 12.0 };
+        let mut s = self.rng.random_range(0.0..6.0);
+        while s < edge.length() - 4.0 {
+            let width = self.between(house.width).min(edge.length() - s);
+            let depth = self.between(house.depth);
+            let setback = self.between(house.setback).max(back);
+            let gap = self.between(house.gap);
+            let middle = s + 0.5 * width;
+            s += width + gap;
+            if width < 6.0 || !self.rng.random_bool(house.built) {
+                continue;
+            }
+            let ahead = edge.heading(middle);
+            let outward = if side == 0 { left_of(ahead) } else { -left_of(ahead) };
+            let middle = edge.at(middle).truncate() + outward * (setback + 0.5 * depth);
+            // Its left is away from the street, so that y = -1 is the front.
+            let plot = GroundRect::new(middle, -left_of(outward), [0.5 * width, 0.5 * depth]);
+            let room = GroundRect { half: plot.half + DVec2::new(0.0, 0.5), ..plot };
+            if self.mask.touches(&room, ROAD | WALK | HOUSE) {
+                continue;
+            }
+            self.mask.block(&plot, HOUSE);
+            self.house(&plot);
+            self.front(&plot, setback);
+            self.houses.push(plot.corners());
+        }
+    }
+
+    fn between(&mut self, [low, high]: [f64; 2]) -> f64 {
+        if high > low { self.rng.random_range(low..high) } else { low }
+    }
+
+    fn house(&mut self, plot: &GroundRect) {
+        let [low, high] = self.style.house.storeys;
+        let storeys = f64::from(self.rng.random_range(low..=high));
+        let ground = plot.corners().map(|p| self.terrain.height(p));
+        let foot = ground.iter().copied().fold(f64::INFINITY, f64::min) - 0.2;
+        let level = self.terrain.height(plot.middle);
+        let eaves = level + STOREY * storeys + self.rng.random_range(0.0..1.5);
+        let part = match self.rng.random_range(0..3) {
+            // A wing is lower than the house.
+            0 => {
+                let cut = self.rng.random_range(-0.3..0.3);
+                let low = level + STOREY * (storeys - 1.0).max(1.0);
+                self.model.block(&plot.part([cut, 1.0], [-0.6, 0.9]), [foot, low], class::BUILDING);
+                plot.part([-1.0, cut], [-1.0, 1.0])
+            }
+            _ => *plot,
+        };
+        self.model.block(&part, [foot, eaves], class::BUILDING);
+        if self.rng.random_bool(self.style.house.pitched) {
+            let ridge = eaves + part.half.min_element() * self.rng.random_range(0.5..1.0);
+            let hip = if self.rng.random_bool(0.3) { 0.4 } else { 0.0 };
+            let roof = GroundRect { half: part.half * 1.05, ..part };
+            self.model.roof(&roof, [eaves, ridge], hip, class::BUILDING);
+        } else {
+            let shed = part.part([-0.5, -0.1], [-0.3, 0.3]);
+            self.model.block(&shed, [eaves, eaves + 1.6], class::BUILDING);
+        }
+        self.relief(&part, level, storeys);
+    }
+
+    /// Window recesses as bands between piers, bays and a step at the door.
+    fn relief(&mut self, plot: &GroundRect, level: f64, storeys: f64) {
+        let axes = (plot.half.x / 1.6).floor().max(1.0) as u32;
+        let pier = 0.18 / plot.half.y;
+        let style = self.rng.random_range(0..3);
+        for k in 0..axes {
+            let at = |f: f64| -1.0 + 2.0 * (f64::from(k) + f) / f64::from(axes);
+            match style {
+                // Piers in front of the wall.
+                0 => {
+                    let pier = plot.part([at(0.0), at(0.25)], [-1.0 - pier, -1.0]);
+                    self.model.block(&pier, [level, level + STOREY * storeys], class::BUILDING);
+                }
+                // Balconies.
+                1 => {
+                    for storey in 1..storeys as u32 {
+                        let z = level + STOREY * f64::from(storey);
+                        let depth = 1.1 / plot.half.y;
+                        let slab = plot.part([at(0.2), at(0.8)], [-1.0 - depth, -1.0]);
+                        if k % 2 == 0 && !self.over_road(&slab) {
+                            self.model.block(&slab, [z, z + 0.95], class::BUILDING);
+                        }
+                    }
+                }
+                // Window sills.
+                _ => {
+                    for storey in 0..storeys as u32 {
+                        let z = level + STOREY * f64::from(storey) + 0.9;
+                        let sill = plot.part([at(0.25), at(0.75)], [-1.0 - pier, -1.0]);
+                        self.model.block(&sill, [z, z + 0.15], class::BUILDING);
+                    }
+                }
+            }
+        }
+        let depth = 0.6 / plot.half.y;
+        let door = self.rng.random_range(-0.7..0.5);
+        let step = plot.part([door, door + 0.2], [-1.0 - depth, -1.0]);
+        if !self.over_road(&step) {
+            self.model.block(&step, [level - 0.1, level + 0.3], class::BUILDING);
+        }
+    }
+
+    fn over_road(&self, plot: &GroundRect) -> bool {
+        self.mask.touches(plot, ROAD)
+    }
+
+    /// A hedge, a fence or a wall at the edge of a front garden.
+    fn front(&mut self, plot: &GroundRect, setback: f64) {
+        if setback < 2.5 {
+            return;
+        }
+        let out = -1.0 - (setback - 0.6) / plot.half.y;
+        let line = plot.part([-1.1, 0.6], [out, out + 0.5 / plot.half.y]);
+        if self.mask.touches(&line, ROAD | WALK | HOUSE) {
+            return;
+        }
+        let z = self.terrain.height(line.middle);
+        let (hedges, fences) = (self.style.hedges, self.style.fences);
+        match self.rng.random_range(0.0..1.0) {
+            r if r < hedges => {
+                let height = self.rng.random_range(0.9..2.0);
+                self.model.block(&line, [z - 0.2, z + height], class::VEGETATION);
+            }
+            r if r < hedges + fences => fence(&mut self.model, &line, z, 1.1),
+            r if r < hedges + 1.4 * fences => {
+                let thin = line.part([-1.0, 1.0], [-0.3, 0.3]);
+                self.model.block(&thin, [z - 0.2, z + 1.0], class::WALL);
+            }
+            _ => return,
+        }
+        self.mask.block(&line, THING);
+    }
+
     /// Furnishes every street, junction and garden.
     pub(crate) fn furnish(&mut self) {
         let network = self.network;
@@ -57,8 +204,8 @@ impl WorldDraft<'_> {
             let (p, at) = (place(s, from_kerb), edge.at(s));
             let foot = self.ground(at, p, (walk > 0.0).then(|| street.kerb(side, s)));
             if self.clear(p, 0.0, ROAD | HOUSE | THING) {
-                let trees = if self.style.trees > 0.0 { 6.0 / self.style.trees } else { 0.0 };
-                let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
+                let [trees, lamps] = [self.style.trees, self.style.lamps]
+                    .map(|gap| if gap > 0.0 { 6.0 / gap } else { 0.0 });
                 match self.rng.random_range(0.0..1.0) {
                     r if r < trees && walk > 1.5 => self.tree(foot, 1.0),
                     // Objects of the map itself use up random numbers too, so that all others stay in place.
@@ -76,10 +223,8 @@ impl WorldDraft<'_> {
                             self.sign(foot, edge.heading(s) * side, lots);
                         }
                     }
-                    r if r < trees + lamps + 0.13 && walk > 1.5 => {
-                        self.small(foot, edge.heading(s))
-                    }
-                    _ => {}
+                    r if r >= trees + lamps + 0.13 || walk <= 1.5 => {}
+                    _ => self.small(foot, edge.heading(s)),
                 }
             }
             s += self.rng.random_range(4.0..8.0);
@@ -189,13 +334,17 @@ impl WorldDraft<'_> {
                 continue;
             }
             taken.push(p);
-            if light {
-                self.light(foot, faces);
-            } else {
-                let lots = self.sign_lots();
-                self.sign(foot, faces, lots);
-            }
+            self.post(foot, faces, light);
         }
+    }
+
+    /// A light, or a sign of usual size.
+    fn post(&mut self, foot: DVec3, faces: DVec2, light: bool) {
+        if light {
+            return self.light(foot, faces);
+        }
+        let lots = self.sign_lots();
+        self.sign(foot, faces, lots);
     }
 
     /// A signal of the map: a plate of its own size and height, on a post where it stands beside the road.
@@ -203,13 +352,9 @@ impl WorldDraft<'_> {
         let (foot, faces) = (post.foot, post.faces);
         let on_road = !self.clear(foot.truncate(), 0.05, ROAD);
         let Some(plate) = post.plate else {
-            match (on_road, post.light) {
-                (true, _) => self.left_out += 1,
-                (false, true) => self.light(foot, faces),
-                (false, false) => {
-                    let lots = self.sign_lots();
-                    self.sign(foot, faces, lots);
-                }
+            match on_road {
+                true => self.left_out += 1,
+                false => self.post(foot, faces, post.light),
             }
             return;
         };
@@ -307,12 +452,12 @@ impl WorldDraft<'_> {
     fn barrier(&mut self, line: &Line, class: u16) {
         let mut s = 0.0;
         while s + 4.0 <= line.length() {
-            let (a, b) = (line.at(s), line.at(s + 4.0));
+            let (a, b, ahead) = (line.at(s), line.at(s + 4.0), line.heading(s + 2.0));
+            s += 4.0;
             if [a, b].iter().any(|p| self.of_map.near(class::GUARD_RAIL, p.truncate())) {
-                s += 4.0;
                 continue;
             }
-            let side = (left_of(line.heading(s + 2.0)) * 0.06).extend(0.0);
+            let side = (left_of(ahead) * 0.06).extend(0.0);
             let [low, high] = [0.45, 0.78].map(|z| DVec3::Z * z);
             for side in [side, -side] {
                 let [a, b] = [a + side, b + side];
@@ -321,7 +466,6 @@ impl WorldDraft<'_> {
             let top = [a - side, b - side, b + side, a + side].map(|p| p + high);
             self.model.quad(top, class);
             self.model.pole(a - DVec3::Z * 0.2, 0.06, 0.8, 4, class);
-            s += 4.0;
         }
     }
 
@@ -335,5 +479,21 @@ impl WorldDraft<'_> {
             self.tree(line.at(s), 0.6);
             s += self.rng.random_range(8.0..20.0);
         }
+    }
+}
+
+/// Posts and two rails along the length of a plot.
+fn fence(model: &mut Model, line: &GroundRect, z: f64, height: f64) {
+    let posts = (2.0 * line.half.x / 1.5).ceil().max(1.0) as u32;
+    for k in 0..=posts {
+        let at = 2.0 * f64::from(k) / f64::from(posts) - 1.0;
+        let half = 0.05 / line.half.x;
+        let post = line.part([at - half, at + half], [-0.15, 0.15]);
+        model.block(&post, [z - 0.2, z + height], class::FENCE);
+    }
+    let slats = (height / 0.45).ceil() as u32;
+    for k in 1..=slats {
+        let top = z + height * f64::from(k) / f64::from(slats);
+        model.block(&line.part([-1.0, 1.0], [-0.05, 0.05]), [top - 0.12, top], class::FENCE);
     }
 }
