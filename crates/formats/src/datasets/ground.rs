@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
-use super::import::rounded;
+use super::import::{rounded, world_from_ego};
 use super::{DatasetError, LabelledScan, LabelledSequence};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
@@ -103,11 +103,8 @@ pub(super) fn doubts(
         }
     }
     let frames = sequence.frames();
-    let mut egos = Vec::with_capacity(frames.len());
-    for &frame in &frames {
-        let ego_from_sensor = sequence.ego_from_sensor(frame)?;
-        egos.push(sequence.world_from_sensor(frame)?.compose(&ego_from_sensor.inverse()));
-    }
+    let egos = frames.iter().map(|&frame| world_from_ego(sequence, frame));
+    let egos = egos.collect::<Result<Vec<Pose>, DatasetError>>()?;
     if let Some(k) = egos.iter().position(|ego| ego.rotation.z_axis.z < UPRIGHT) {
         let tilt = maths::acos(egos[k].rotation.z_axis.z.clamp(-1.0, 1.0)).to_degrees();
         notes.push(Note::doubt(format!(
