@@ -278,12 +278,7 @@ impl DescriptionError {
 }
 
 fn listed(keys: &[&str], none: &str) -> String {
-    if keys.is_empty() { none.to_owned() } else { quoted(keys) }
-}
-
-/// Names in backquotes, with commas between them.
-pub fn quoted<T: fmt::Display>(names: impl IntoIterator<Item = T>) -> String {
-    names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+    if keys.is_empty() { none.to_owned() } else { super::quoted(keys) }
 }
 
 /// End of an error about an unknown name: the nearest known name, or the list of known ones.
@@ -291,7 +286,7 @@ pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
     match nearest {
         Some(name) => format!("; did you mean `{name}`?"),
         None if known.is_empty() => "; nothing is known here".to_owned(),
-        None => format!("; known are {}", quoted(known)),
+        None => format!("; known are {}", super::quoted(known)),
     }
 }
 

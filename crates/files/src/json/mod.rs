@@ -8,10 +8,10 @@ mod parse;
 mod xml;
 mod yaml;
 
-pub use check::{DescriptionError, Location, did_you_mean, quoted};
+pub use check::{DescriptionError, Location, did_you_mean};
 pub use foreign::{is_utf_16, kind_of_bytes, leading_comment, not_json};
 pub use lidar_cast::sensor::nearest;
-pub use numbers::{Quantity, counted, fixed, shortened, spoken, written};
+pub use numbers::{Quantity, counted, fixed, quoted, shortened, spoken, written};
 pub use objects::{Objects, from_text};
 pub use parse::{
     FileKind, ForeignJson, check_version, comma_too_many, parse, plain_words, read_limited,

@@ -2,8 +2,6 @@
 
 use serde_json::{Number, Value};
 
-use super::quoted;
-
 /// Decimals of metres and radians: nanometres, and nanoradians.
 const DECIMALS: usize = 9;
 /// Smallest metres or radians that are written: half of the last decimal.
@@ -30,6 +28,11 @@ fn nine_digits(value: f64) -> f64 {
 /// A number of things, in words that agree: `1 frame`, `2 frames`.
 pub fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Names in backquotes, with commas between them.
+pub fn quoted<T: std::fmt::Display>(names: impl IntoIterator<Item = T>) -> String {
+    names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
 /// A number with `decimals` decimals, without the sign of a −0.
