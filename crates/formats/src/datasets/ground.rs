@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
 use super::import::{rounded, world_from_ego};
-use super::{DatasetError, LabelledScan, LabelledSequence};
+use super::{Checked, LabelledScan, LabelledSequence};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
@@ -59,9 +59,7 @@ pub(super) fn is_road(class: &str) -> bool {
 }
 
 /// The road of the first scans that have one, and its frame. `ego_from_sensor` turns points upright.
-pub(super) fn road(
-    sequence: &dyn LabelledSequence,
-) -> Result<Option<(u32, NearRoad)>, DatasetError> {
+pub(super) fn road(sequence: &dyn LabelledSequence) -> Checked<Option<(u32, NearRoad)>> {
     let classes = sequence.classes();
     for frame in sequence.frames().into_iter().take(MOST_SCANS) {
         let upright = Pose { translation: DVec3::ZERO, ..sequence.ego_from_sensor(frame)? };
@@ -84,10 +82,7 @@ pub(super) fn road(
 ///
 /// # Errors
 /// Errors of reading the first scans.
-pub(super) fn doubts(
-    sequence: &dyn LabelledSequence,
-    option: Option<&str>,
-) -> Result<Vec<Note>, DatasetError> {
+pub(super) fn doubts(sequence: &dyn LabelledSequence, option: Option<&str>) -> Checked<Vec<Note>> {
     let name = sequence.name();
     let mut notes = Vec::new();
     if let Some((frame, road)) = road(sequence)?.filter(|(_, road)| road.is_sure()) {
@@ -104,7 +99,7 @@ pub(super) fn doubts(
     }
     let frames = sequence.frames();
     let egos = frames.iter().map(|&frame| world_from_ego(sequence, frame));
-    let egos = egos.collect::<Result<Vec<Pose>, DatasetError>>()?;
+    let egos = egos.collect::<Checked<Vec<Pose>>>()?;
     if let Some(k) = egos.iter().position(|ego| ego.rotation.z_axis.z < UPRIGHT) {
         let tilt = maths::acos(egos[k].rotation.z_axis.z.clamp(-1.0, 1.0)).to_degrees();
         notes.push(Note::doubt(format!(

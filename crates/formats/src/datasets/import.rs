@@ -348,3 +348,6 @@ pub enum DatasetError {
     #[error(transparent)]
     Grid(#[from] PsogError),
 }
+
+/// Result of a step of reading a data set.
+pub(super) type Checked<T> = Result<T, DatasetError>;

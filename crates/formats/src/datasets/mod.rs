@@ -21,6 +21,7 @@ mod nuscenes;
 mod sequence;
 
 pub use carla::{CarlaSequence, CarlaTags};
+use import::Checked;
 pub use import::{DatasetError, ImportOptions, ImportedScene, to_scene};
 pub use kitti::KittiSequence;
 pub(crate) use nuscenes::NUSCENES_CATEGORIES;

@@ -8,7 +8,7 @@ use sightline_scan::Scan;
 
 use super::folder::{ABOUT, About, Folder, INCOMPLETE};
 use super::plan::{Label, Planned, check_map, of_classes, plan};
-use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, nuscenes, record};
+use super::{Checked, DatasetSettings, ExportError, Layout, SceneFacts, kitti, nuscenes, record};
 
 /// A data set folder that grows scan by scan, of one placement; several scenes are sequences of it.
 ///
@@ -48,11 +48,7 @@ pub struct Summary {
 }
 
 impl PreparedDataset {
-    fn new(
-        dir: &Path,
-        settings: &DatasetSettings,
-        scenes: &[SceneFacts],
-    ) -> Result<Self, ExportError> {
+    fn new(dir: &Path, settings: &DatasetSettings, scenes: &[SceneFacts]) -> Checked<Self> {
         let plan = plan(settings, scenes)?;
         check_map(scenes, &settings.map)?;
         let mut labels = Vec::new();

@@ -136,3 +136,6 @@ pub enum ExportError {
     /// A file that cannot be written or read.
     File(#[from] FileError),
 }
+
+/// Result of a step of writing a data set.
+pub(super) type Checked<T> = Result<T, ExportError>;

@@ -10,9 +10,9 @@ use sightline_files::json::nearest;
 use sightline_scan::{EGO_INSTANCE, Return, TrackedBox};
 use sightline_scene::scene::ActorKind;
 
-use super::ExportError;
 use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;
+use super::{Checked, ExportError};
 
 /// Format of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,7 +41,7 @@ impl Layout {
 impl FromStr for Layout {
     type Err = ExportError;
 
-    fn from_str(name: &str) -> Result<Self, ExportError> {
+    fn from_str(name: &str) -> Checked<Self> {
         let all = [Self::SemanticKitti, Self::Nuscenes, Self::Npz];
         let found = all.into_iter().find(|layout| layout.name() == name);
         found.ok_or_else(|| ExportError::UnknownLayout { name: name.to_owned() })
@@ -154,10 +154,7 @@ pub(super) struct Planned {
 }
 
 /// Gives every scene its split and its name.
-pub(super) fn plan(
-    settings: &DatasetSettings,
-    scenes: &[SceneFacts],
-) -> Result<Vec<Planned>, ExportError> {
+pub(super) fn plan(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Checked<Vec<Planned>> {
     check(settings, scenes)?;
     let splits = assign(settings, scenes);
     let names = Split::ALL.map(|split| splits.iter().filter(|at| **at == split).count());
@@ -180,7 +177,7 @@ pub(super) fn plan(
     Ok(splits.into_iter().map(|split| Planned { split, name: next(split) }).collect())
 }
 
-fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), ExportError> {
+fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Checked<()> {
     let Splits { train, val, test } = settings.splits;
     let shares = [train, val, test];
     if shares.iter().any(|s| !(0.0..1e9).contains(s)) || shares.iter().sum::<f64>() <= 0.0 {
@@ -219,7 +216,7 @@ fn limited(
     settings: &DatasetSettings,
     wanted: [usize; 3],
     names: [Vec<String>; 3],
-) -> Result<[Vec<String>; 3], ExportError> {
+) -> Checked<[Vec<String>; 3]> {
     for split in Split::ALL {
         let (scenes, limit) = (wanted[split as usize], names[split as usize].len());
         if scenes > limit {
@@ -369,10 +366,7 @@ pub(super) fn of_kind(kind: ActorKind) -> Option<Label> {
 ///
 /// # Errors
 /// A class that no scene has.
-pub(super) fn check_map(
-    scenes: &[SceneFacts],
-    map: &[(String, String)],
-) -> Result<(), ExportError> {
+pub(super) fn check_map(scenes: &[SceneFacts], map: &[(String, String)]) -> Checked<()> {
     let mut known: Vec<&str> =
         scenes.iter().flat_map(|scene| &scene.classes).map(String::as_str).collect();
     known.sort_unstable();
@@ -398,10 +392,7 @@ pub(super) fn check_map(
 ///
 /// # Errors
 /// A class without a label, a map to a class without one.
-pub(super) fn of_classes(
-    scene: &SceneFacts,
-    map: &[(String, String)],
-) -> Result<Vec<Label>, ExportError> {
+pub(super) fn of_classes(scene: &SceneFacts, map: &[(String, String)]) -> Checked<Vec<Label>> {
     let known: HashMap<&str, Label> = CLASSES.into_iter().collect();
     for (class, to) in map {
         if !known.contains_key(to.as_str()) {

@@ -13,7 +13,7 @@ use sightline_scan::{Return, Scan, ScanLidar, Scanner};
 use sightline_scene::psog::{NpzOut, write_npz};
 
 use super::folder::Folder;
-use super::{Dataset, ExportError};
+use super::{Checked, Dataset, ExportError};
 
 /// A rigid transform: rotation by columns, then translation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -207,12 +207,7 @@ impl Mover {
 }
 
 /// Writes a scan to `SCENE/NNNNNN.npz`.
-pub(super) fn write(
-    folder: &Folder,
-    scene: &str,
-    at: usize,
-    scan: &Scan,
-) -> Result<FrameRecord, ExportError> {
+pub(super) fn write(folder: &Folder, scene: &str, at: usize, scan: &Scan) -> Checked<FrameRecord> {
     let mut staged = folder.begin(&format!("{scene}/{at:06}.npz"))?;
     staged.write(|out| {
         write_npz(out, false, |npz| {

@@ -10,7 +10,7 @@ use sightline_scene::vehicle::{SensorPose, of_degrees};
 
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::yaml::{Fields, PHASE, wrong};
-use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml};
+use super::{BASE_LINK, Checked, Fan, Mounting, Rig, RigLidar, RigSource, beams, yaml};
 
 /// Type of the LiDAR that CARLA casts.
 const LIDAR: &str = "sensor.lidar.ray_cast";
@@ -44,17 +44,13 @@ const PASSED_OVER: [&str; 12] = [
     "role_name", "attached_objects",
 ];
 
-pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let document: Value = json::parse(&source.text, &source.file)?;
     read_list(&document, &Location::top(&source.file), frames)
 }
 
 /// Reads a list of objects, or the object whose `sensors` it is.
-pub(super) fn read_list(
-    document: &Value,
-    top: &Location,
-    frames: &mut FrameTree,
-) -> Result<(), RigError> {
+pub(super) fn read_list(document: &Value, top: &Location, frames: &mut FrameTree) -> Checked<()> {
     let (list, at) = match document.get("sensors") {
         Some(list) => (list, top.key("sensors")),
         None => (document, top.clone()),
@@ -77,7 +73,7 @@ pub(super) fn read_list(
 }
 
 /// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
-pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<FrameContent, RigError> {
+pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Checked<FrameContent> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
         return Ok(FrameContent::Other);
     }
@@ -113,7 +109,7 @@ pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<FrameCont
 }
 
 /// Leaves out an entry that is no LiDAR. Cameras and the like may lack a pose, and an `id`.
-fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Result<(), RigError> {
+fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Checked<()> {
     let name = fields.text("id").or_else(|_| fields.text("type"))?;
     frames.left_out.push(name.to_owned());
     Ok(())
@@ -125,7 +121,7 @@ fn add(
     fields: &Fields,
     pose: SensorPose,
     holds: FrameContent,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     let (name, at) = (fields.text("id")?.to_owned(), fields.at.clone());
     frames.add(RigFrame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
 }
@@ -178,7 +174,7 @@ pub(super) fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose
 }
 
 /// Reads the sensors of the only vehicle that has LiDARs.
-pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let document: Value = json::parse(&source.text, &source.file)?;
     let top = Fields::of(&document, Location::top(&source.file))?;
     let mut vehicle = None;
@@ -204,7 +200,7 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result
 }
 
 /// The objects of the list under a key.
-fn items<'a>(fields: &Fields<'a>, key: &str) -> Result<Vec<Fields<'a>>, RigError> {
+fn items<'a>(fields: &Fields<'a>, key: &str) -> Checked<Vec<Fields<'a>>> {
     let (value, at) = (fields.value(key)?, fields.at.key(key));
     let list = value.as_array().ok_or_else(|| wrong(&at, value, "a list"))?;
     list.iter().enumerate().map(|(index, item)| Fields::of(item, at.item(index))).collect()

@@ -147,6 +147,9 @@ pub enum RigError {
     FrameCount { given: usize, lidars: usize },
 }
 
+/// Result of a step of reading or writing a rig.
+pub(super) type Checked<T> = Result<T, RigError>;
+
 impl RigError {
     /// The fault with the line of its place in a document.
     pub(super) fn at_line(self, document: &YamlDocument) -> Self {

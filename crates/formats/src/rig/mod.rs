@@ -18,6 +18,7 @@ mod yaml;
 use beams::Fan;
 pub use beams::Models;
 pub(crate) use carla::mirrored;
+use error::Checked;
 pub use error::RigError;
 use format::sources;
 pub use format::{Exported, MODELS_FILE, NamedText, RigFormat, RigSource, export};

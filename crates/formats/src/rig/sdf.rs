@@ -10,8 +10,8 @@ use sightline_scene::vehicle::SensorPose;
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
 use super::yaml::{PHASE, number, wrong};
 use super::{
-    BASE_LINK, ImportSettings, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, carla,
-    import, yaml,
+    BASE_LINK, Checked, ImportSettings, Models, Mounting, Rig, RigError, RigLidar, RigSource,
+    beams, carla, import, yaml,
 };
 
 /// Frame that everything in a model hangs on unless it says otherwise.
@@ -22,7 +22,7 @@ pub(super) fn read(
     source: &RigSource,
     settings: &ImportSettings,
     frames: &mut FrameTree,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     let file = &source.file;
     let text = plain_names(&source.text);
     let document = yaml::parse(&text, file)?;
@@ -40,12 +40,7 @@ fn joints_are_frames(node: Node) -> bool {
 }
 
 /// Reads a model. Names in it begin with `scope`, which is empty or ends with `::`.
-fn read_model(
-    model: Node,
-    scope: &str,
-    file: &str,
-    frames: &mut FrameTree,
-) -> Result<(), RigError> {
+fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> Checked<()> {
     let scoped = |name: &str| format!("{scope}{name}");
     for node in model.children().filter(Node::is_element) {
         let at = yaml::place(node, file);
@@ -108,7 +103,7 @@ pub(super) fn read_sensors(
     scope: &str,
     file: &str,
     frames: &mut FrameTree,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     for sensor in link.children().filter(|node| node.has_tag_name("sensor")) {
         let (optical, parent) = pose(sensor, file, frames)?;
         if sensor.children().any(|node| node.has_tag_name("origin")) {
@@ -138,7 +133,7 @@ fn pose<'a>(
     node: Node<'a, '_>,
     file: &str,
     frames: &mut FrameTree,
-) -> Result<(SensorPose, Option<&'a str>), RigError> {
+) -> Checked<(SensorPose, Option<&'a str>)> {
     let Some(element) = yaml::child(node, "pose") else { return Ok((IDENTITY, None)) };
     let at = yaml::place(node, file).key("pose");
     if node.children().filter(|child| child.has_tag_name("pose")).count() > 1 {
@@ -223,7 +218,7 @@ pub(super) fn add_sensor(
     link: &str,
     optical: SensorPose,
     file: &str,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     let name = sensor.attribute("name").unwrap_or_default();
     let phase = sensor.attribute((OWN, PHASE));
     let place = || yaml::place(sensor, file).key(PHASE);
@@ -298,7 +293,7 @@ fn vehicle<'a, 'i>(
     file: &str,
     settings: &ImportSettings,
     frames: &mut FrameTree,
-) -> Result<Node<'a, 'i>, RigError> {
+) -> Checked<Node<'a, 'i>> {
     let models: Vec<Node> = document.descendants().filter(is_outer).collect();
     let included = included(document);
     let base = settings.base_frame.as_deref().unwrap_or_default();

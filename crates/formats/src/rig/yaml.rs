@@ -11,7 +11,7 @@ use sightline_files::json::{Location, check_xml, has_no_prefix, nearest, written
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
-use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, RigSource};
+use super::{BASE_LINK, Checked, Mounting, NamedText, Rig, RigError, RigSource};
 
 /// Frame of Autoware's sensor kit.
 const KIT: &str = "sensor_kit_base_link";
@@ -33,13 +33,13 @@ pub(super) fn holds_frames(document: &Value) -> bool {
 }
 
 /// Reads each frame in each frame of a file.
-pub(super) fn read_autoware(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read_autoware(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let document = source.yaml()?;
     let top = Location::top(&source.file);
     read_frames(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
     let read: Vec<&str> = SensorPose::FIELDS.into_iter().chain([PHASE]).collect();
     for (parent, children, at) in Fields::of(document, top)?.each() {
         let Some(map) = children.as_object().filter(|map| map.values().any(is_frame)) else {
@@ -115,7 +115,7 @@ pub(super) fn holds_transforms(document: &Value) -> bool {
     is_one(document) || any(document) || document.get(LIST).is_some_and(any)
 }
 
-pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     for document in source.documents()? {
         let top = Location::top(&source.file);
         read_message(&document.value, top, frames).map_err(|error| error.at_line(&document))?;
@@ -123,7 +123,7 @@ pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Res
     Ok(())
 }
 
-fn read_message(message: &Value, at: Location, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_message(message: &Value, at: Location, frames: &mut FrameTree) -> Checked<()> {
     if message.get(CHILD).is_some() {
         return add(transform(message, at)?, frames);
     }
@@ -144,12 +144,12 @@ fn read_message(message: &Value, at: Location, frames: &mut FrameTree) -> Result
 }
 
 /// Adds a frame; several publishers may send one transform, so the same twice is one.
-fn add(frame: RigFrame, frames: &mut FrameTree) -> Result<(), RigError> {
+fn add(frame: RigFrame, frames: &mut FrameTree) -> Checked<()> {
     let is_same = |old: &RigFrame| old.parent == frame.parent && old.pose == frame.pose;
     if frames.get(&frame.name).is_some_and(is_same) { Ok(()) } else { frames.add(frame) }
 }
 
-fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
+fn transform(value: &Value, at: Location) -> Checked<RigFrame> {
     if value == "..." {
         let wanted = "a transform (`ros2 topic echo --full-length` prints all)";
         return Err(wrong(&at, "...", wanted));
@@ -168,7 +168,7 @@ fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
 }
 
 /// Pose of a `translation` and a quaternion `rotation`.
-fn pose(transform: &Fields) -> Result<SensorPose, RigError> {
+fn pose(transform: &Fields) -> Checked<SensorPose> {
     transform.refuse_others(&["translation", "rotation"], &[])?;
     let (translation, rotation) = (transform.inner("translation")?, transform.inner("rotation")?);
     translation.refuse_others(&["x", "y", "z"], &[])?;
@@ -194,13 +194,13 @@ pub(super) fn is_pandaset(document: &Value) -> bool {
 }
 
 /// Reads every sensor; all but cameras are LiDARs.
-pub(super) fn read_pandaset(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read_pandaset(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let document = source.yaml()?;
     let top = Location::top(&source.file);
     read_sensors(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
     let top = Fields::of(document, top)?;
     for (key, _, at) in top.each() {
         if key != "sensors" && !PANDASET_PASSED.contains(&key.as_str()) {
@@ -250,7 +250,7 @@ pub(super) fn wrong(at: &Location, value: impl ToString, wanted: &'static str) -
     RigError::Value { at: Box::new(at.clone()), value: format!("`{value}`"), wanted }
 }
 
-pub(super) fn number(at: &Location, text: &str) -> Result<f64, RigError> {
+pub(super) fn number(at: &Location, text: &str) -> Checked<f64> {
     let number = text.parse().ok().filter(|v: &f64| v.is_finite());
     number.ok_or_else(|| wrong(at, text, "a finite number"))
 }
@@ -262,7 +262,7 @@ pub(super) struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    pub(super) fn of(value: &'a Value, at: Location) -> Result<Self, RigError> {
+    pub(super) fn of(value: &'a Value, at: Location) -> Checked<Self> {
         match value.as_object() {
             Some(map) => Ok(Self { map, at }),
             None => Err(wrong(&at, value, "an object of keys and values")),
@@ -270,7 +270,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Refuses keys that are neither read nor passed over.
-    fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Result<(), RigError> {
+    fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Checked<()> {
         let is_known = |key: &&String| read.iter().chain(passed).any(|known| known == key);
         let Some(key) = self.map.keys().find(|key| !is_known(key)) else { return Ok(()) };
         Err(RigError::UnknownKey {
@@ -287,13 +287,13 @@ impl<'a> Fields<'a> {
     }
 
     /// The value of a key that must be there.
-    pub(super) fn value(&self, key: &str) -> Result<&'a Value, RigError> {
+    pub(super) fn value(&self, key: &str) -> Checked<&'a Value> {
         self.map
             .get(key)
             .ok_or_else(|| RigError::Missing { at: Box::new(self.at.clone()), key: key.to_owned() })
     }
 
-    pub(super) fn inner(&self, key: &str) -> Result<Self, RigError> {
+    pub(super) fn inner(&self, key: &str) -> Checked<Self> {
         Self::of(self.value(key)?, self.at.key(key))
     }
 
@@ -303,30 +303,30 @@ impl<'a> Fields<'a> {
     }
 
     /// The number under a key; a text that is one counts, as attributes of CARLA are texts.
-    pub(super) fn number(&self, key: &str) -> Result<f64, RigError> {
+    pub(super) fn number(&self, key: &str) -> Checked<f64> {
         let value = self.value(key)?;
         let of_text = || value.as_str()?.trim().parse().ok();
         let number = value.as_f64().or_else(of_text).filter(|v| v.is_finite());
         number.ok_or_else(|| wrong(&self.at.key(key), plain(value), "a finite number"))
     }
 
-    pub(super) fn text(&self, key: &str) -> Result<&'a str, RigError> {
+    pub(super) fn text(&self, key: &str) -> Checked<&'a str> {
         let value = self.value(key)?;
         value.as_str().ok_or_else(|| wrong(&self.at.key(key), plain(value), "a text"))
     }
 
     /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, all of them, and a `phase` if there is one.
-    pub(super) fn six(&self) -> Result<SensorPose, RigError> {
+    pub(super) fn six(&self) -> Checked<SensorPose> {
         self.pose(6)
     }
 
     /// Like [`Self::six`]; angles that are missing are 0.
-    pub(super) fn six_or_level(&self) -> Result<SensorPose, RigError> {
+    pub(super) fn six_or_level(&self) -> Checked<SensorPose> {
         self.pose(3)
     }
 
     /// The pose whose first `needed` numbers must be there.
-    fn pose(&self, needed: usize) -> Result<SensorPose, RigError> {
+    fn pose(&self, needed: usize) -> Checked<SensorPose> {
         let mut values = [0.0; 6];
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
             *value = if k < needed || self.has(key) { self.number(key)? } else { 0.0 };
@@ -345,7 +345,7 @@ fn plain(value: &Value) -> String {
 const MAX_NODES: u32 = 1_000_000;
 
 /// Parses a text. Documents with a DTD are refused, since entities of entities grow without bounds.
-pub(super) fn parse<'a>(text: &'a str, file: &str) -> Result<Document<'a>, RigError> {
+pub(super) fn parse<'a>(text: &'a str, file: &str) -> Checked<Document<'a>> {
     let fault =
         |problem| RigError::Syntax { at: Box::new(Location::top(file)), what: "XML", problem };
     check_xml(text).map_err(fault)?;
@@ -365,7 +365,7 @@ pub(super) fn refuse_attributes(
     at: &Location,
     known: &[&str],
     wanted: &'static str,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     let is_odd = |odd: &roxmltree::Attribute| {
         odd.namespace().is_none() && has_no_prefix(odd.name()) && !known.contains(&odd.name())
     };
@@ -378,11 +378,7 @@ pub(super) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, '
 }
 
 /// An attribute that must be there.
-pub(super) fn attribute<'a>(
-    node: Node<'a, '_>,
-    key: &str,
-    at: &Location,
-) -> Result<&'a str, RigError> {
+pub(super) fn attribute<'a>(node: Node<'a, '_>, key: &str, at: &Location) -> Checked<&'a str> {
     let missing = || RigError::Missing { at: Box::new(at.clone()), key: key.to_owned() };
     node.attribute(key).ok_or_else(missing)
 }
@@ -392,7 +388,7 @@ pub(super) fn numbers_of_text<const N: usize>(
     text: &str,
     at: &Location,
     wanted: &'static str,
-) -> Result<[f64; N], RigError> {
+) -> Checked<[f64; N]> {
     let mut values = [0.0; N];
     let mut words = text.split_whitespace();
     for value in &mut values {
@@ -406,7 +402,7 @@ pub(super) fn numbers_of_text<const N: usize>(
 }
 
 /// Six numbers of a `<pose>` in radians; none stand for the pose that changes nothing.
-pub(super) fn pose_of_text(text: &str, at: &Location) -> Result<SensorPose, RigError> {
+pub(super) fn pose_of_text(text: &str, at: &Location) -> Checked<SensorPose> {
     if text.trim().is_empty() {
         return Ok(IDENTITY);
     }

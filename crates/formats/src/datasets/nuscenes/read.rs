@@ -10,7 +10,7 @@ use super::tables::{
 };
 use super::{Category, Keyframe, NuscenesScene, category, known};
 use crate::datasets::sequence::entries;
-use crate::datasets::{BoxTrack, DatasetError, TrackPose, ground};
+use crate::datasets::{BoxTrack, Checked, DatasetError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 
@@ -58,7 +58,7 @@ pub fn read_nuscenes(
     Ok(read)
 }
 
-fn only_version(folder: &Path) -> Result<String, DatasetError> {
+fn only_version(folder: &Path) -> Checked<String> {
     let mut found = entries(folder)?;
     found.retain(|entry| entry.join("scene.json").is_file());
     found.sort();
@@ -94,7 +94,7 @@ fn times_doubted(tables: &SourceTables, scene: &str, times: &[f64]) -> Option<No
 }
 
 /// Token and name of the scenes, in the requested order or the table's.
-fn scenes(tables: &SourceTables, names: &[String]) -> Result<Vec<(String, String)>, DatasetError> {
+fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, String)>> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(DatasetError::SceneTwice { name: names[k].clone() });
     }
@@ -127,10 +127,7 @@ struct Sample {
 }
 
 /// Samples of the scenes, by scene and time.
-fn samples(
-    tables: &SourceTables,
-    scenes: &[(String, String)],
-) -> Result<Vec<Sample>, DatasetError> {
+fn samples(tables: &SourceTables, scenes: &[(String, String)]) -> Checked<Vec<Sample>> {
     let scene: HashMap<&str, usize> =
         scenes.iter().enumerate().map(|(i, (token, _))| (token.as_str(), i)).collect();
     let mut samples = Vec::new();
@@ -160,7 +157,7 @@ type LabelCategories = Vec<Option<Category>>;
 /// Name and meaning of categories, by token.
 type ByToken = HashMap<String, (String, Category)>;
 
-fn categories(tables: &SourceTables) -> Result<(LabelCategories, ByToken), DatasetError> {
+fn categories(tables: &SourceTables) -> Checked<(LabelCategories, ByToken)> {
     let (mut labels, mut by_token) = (vec![None; 256], HashMap::new());
     // Sets of Place3D have one table of categories for points and another for boxes.
     let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
@@ -194,7 +191,7 @@ fn keyframes(
     tables: &SourceTables,
     folder: &Path,
     samples: &[Sample],
-) -> Result<HashMap<usize, Vec<Keyframe>>, DatasetError> {
+) -> Checked<HashMap<usize, Vec<Keyframe>>> {
     let calibrated = calibrated(tables)?;
     let wanted: HashSet<&str> = samples.iter().map(|s| s.token.as_str()).collect();
     let mut data: HashMap<String, SampleDataRow> = HashMap::new();
@@ -235,7 +232,7 @@ fn keyframes(
 }
 
 /// Poses of LIDAR_TOP on the vehicle, by token.
-fn calibrated(tables: &SourceTables) -> Result<HashMap<String, Pose>, DatasetError> {
+fn calibrated(tables: &SourceTables) -> Checked<HashMap<String, Pose>> {
     let mut sensors = HashSet::new();
     tables.rows("sensor", |row: SensorRow| {
         if row.channel == CHANNEL {
@@ -263,7 +260,7 @@ fn tracks(
     tables: &SourceTables,
     samples: &[Sample],
     categories: &ByToken,
-) -> Result<HashMap<usize, Vec<BoxTrack>>, DatasetError> {
+) -> Checked<HashMap<usize, Vec<BoxTrack>>> {
     let by_token: HashMap<&str, &Sample> = samples.iter().map(|s| (s.token.as_str(), s)).collect();
     let mut seen: BTreeMap<(usize, String), (Vec<TrackPose>, [f64; 3])> = BTreeMap::new();
     tables.rows("sample_annotation", |row: AnnotationRow| {

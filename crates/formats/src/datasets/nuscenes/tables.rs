@@ -15,7 +15,7 @@ use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{is_utf_16, quoted};
 
-use crate::datasets::{DatasetError, sequence};
+use crate::datasets::{Checked, DatasetError, sequence};
 
 /// Most bytes of a row; rows of nuScenes have up to 800.
 const MOST_OF_A_ROW: usize = 1 << 20;
@@ -144,12 +144,7 @@ impl SourceTables {
     }
 
     /// The file that a row names, in the folder of the set.
-    pub(super) fn file(
-        &self,
-        table: &str,
-        folder: &Path,
-        name: &str,
-    ) -> Result<PathBuf, DatasetError> {
+    pub(super) fn file(&self, table: &str, folder: &Path, name: &str) -> Checked<PathBuf> {
         stays_inside(folder, name).map_err(|fault| DatasetError::Outside {
             path: self.path(table),
             fault: fault.to_string(),
@@ -160,8 +155,8 @@ impl SourceTables {
     pub(super) fn rows<R: TableRow>(
         &self,
         name: &str,
-        mut keep: impl FnMut(R) -> Result<(), DatasetError>,
-    ) -> Result<(), DatasetError> {
+        mut keep: impl FnMut(R) -> Checked<()>,
+    ) -> Checked<()> {
         let path = self.path(name);
         let file = sequence::open(&path).map_err(|error| match error {
             DatasetError::Read { path, source } => DatasetError::Table { path, source },
@@ -208,7 +203,7 @@ impl SourceTables {
         name: &str,
         wanted: &HashSet<&str>,
         wanted_by: &str,
-    ) -> Result<HashMap<String, R>, DatasetError> {
+    ) -> Checked<HashMap<String, R>> {
         let mut found = HashMap::new();
         self.rows(name, |row: R| {
             if wanted.contains(row.token()) {
@@ -233,7 +228,7 @@ impl SourceTables {
         token: &str,
         translation: [f64; 3],
         [w, x, y, z]: [f64; 4],
-    ) -> Result<Pose, DatasetError> {
+    ) -> Checked<Pose> {
         let rotation = DQuat::from_xyzw(x, y, z, w);
         let fault = if (rotation.length() - 1.0).abs() > UNIT {
             "its rotation is no unit quaternion w, x, y, z"
@@ -288,7 +283,7 @@ impl<R: Read> Read for MeteredTable<'_, R> {
 impl<'de, R, F> DeserializeSeed<'de> for EachRow<'_, R, F>
 where
     R: TableRow,
-    F: FnMut(R) -> Result<(), DatasetError>,
+    F: FnMut(R) -> Checked<()>,
 {
     type Value = ();
 
@@ -300,7 +295,7 @@ where
 impl<'de, R, F> Visitor<'de> for EachRow<'_, R, F>
 where
     R: TableRow,
-    F: FnMut(R) -> Result<(), DatasetError>,
+    F: FnMut(R) -> Checked<()>,
 {
     type Value = ();
 
