@@ -25,9 +25,7 @@ pub use guard::{
 };
 pub use paths::{FileNames, is_sink, safe_name, safe_names, stays_inside, target, trust_paths};
 pub use run_dir::{RunDir, changed_input, command_of, holds_run};
-pub use whole::{
-    begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,
-};
+pub use whole::{Output, begin_in, sync_disk, writable_file, write_as, write_pair, write_whole};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]

@@ -14,7 +14,7 @@ use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
 use super::folder::{MissingFolders, is_empty, lock_folder, lock_new_folder};
-use super::{FileError, Input, guard, is_forced, paths, read_own, write_own};
+use super::{FileError, Input, Output, guard, is_forced, paths, read_own, write_as};
 
 /// File of the state, in every run folder.
 const CHECKPOINT: &str = "checkpoint.json";
@@ -191,7 +191,7 @@ impl<S> RunDir<S> {
     /// Writes a file of JSON, indented.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), FileError> {
         let path = self.file(name);
-        write_own(&path, |file| {
+        write_as(Output::Own, &path, |file| {
             serde_json::to_writer_pretty(&mut *file, value).map_err(FileError::json(&path))?;
             file.write_all(b"\n").map_err(FileError::write(&path))
         })
@@ -204,7 +204,7 @@ impl<S> RunDir<S> {
         values: impl IntoIterator<Item = impl Serialize>,
     ) -> Result<(), FileError> {
         let path = self.file(name);
-        write_own(&path, |file| {
+        write_as(Output::Own, &path, |file| {
             for value in values {
                 serde_json::to_writer(&mut *file, &value).map_err(FileError::json(&path))?;
                 file.write_all(b"\n").map_err(FileError::write(&path))?;
@@ -216,7 +216,9 @@ impl<S> RunDir<S> {
     /// Writes a file of text.
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), FileError> {
         let path = self.file(name);
-        write_own(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::write(&path)))
+        write_as(Output::Own, &path, |file| {
+            file.write_all(text.as_bytes()).map_err(FileError::write(&path))
+        })
     }
 }
 

@@ -63,7 +63,7 @@ pub(super) fn read_list(document: &Value, top: &Location, frames: &mut FrameTree
             leave_out(frames, &fields)?;
             continue;
         }
-        let degrees = fields.six_or_level()?;
+        let degrees = fields.pose(3)?;
         let doubt = of_degrees("an angle", &degrees.values()[3..]);
         frames.notes.extend(doubt.map(|doubt| Note::doubt(format!("{}: {doubt}", fields.at))));
         let pose = mirrored(&degrees, f64::to_radians);
@@ -192,7 +192,7 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checke
                 let other = "a LiDAR of another vehicle";
                 return Err(wrong(&sensor.at, other, "one of the first one"));
             }
-            let pose = turned(sensor.inner("spawn_point")?.six_or_level()?, f64::to_radians);
+            let pose = turned(sensor.inner("spawn_point")?.pose(3)?, f64::to_radians);
             add(frames, &sensor, pose, holds)?;
         }
     }

@@ -32,14 +32,18 @@ pub(super) fn holds_frames(document: &Value) -> bool {
     document.as_object().is_some_and(|map| map.values().any(inside))
 }
 
-/// Reads each frame in each frame of a file.
-pub(super) fn read_autoware(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
+/// Reader of one document.
+type Reader = fn(&Value, Location, &mut FrameTree) -> Checked<()>;
+
+/// Reads a file of one document.
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree, reader: Reader) -> Checked<()> {
     let document = source.yaml()?;
     let top = Location::top(&source.file);
-    read_frames(&document.value, top, frames).map_err(|error| error.at_line(&document))
+    reader(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
+/// Reads each frame in each frame of Autoware's files.
+pub(super) fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
     let read: Vec<&str> = SensorPose::FIELDS.into_iter().chain([PHASE]).collect();
     for (parent, children, at) in Fields::of(document, top)?.each() {
         let Some(map) = children.as_object().filter(|map| map.values().any(is_frame)) else {
@@ -53,7 +57,7 @@ fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Check
             let at = at.key(name);
             let fields = Fields::of(value, at.clone())?;
             fields.refuse_others(&read, &AUTOWARE_PASSED)?;
-            let (name, parent, pose) = (name.clone(), parent.clone(), fields.six()?);
+            let (name, parent, pose) = (name.clone(), parent.clone(), fields.pose(6)?);
             frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })?;
         }
     }
@@ -193,14 +197,8 @@ pub(super) fn is_pandaset(document: &Value) -> bool {
     sensors.is_some_and(|map| map.values().any(|sensor| sensor.get("transform").is_some()))
 }
 
-/// Reads every sensor; all but cameras are LiDARs.
-pub(super) fn read_pandaset(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
-    let document = source.yaml()?;
-    let top = Location::top(&source.file);
-    read_sensors(&document.value, top, frames).map_err(|error| error.at_line(&document))
-}
-
-fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
+/// Reads every sensor of PandaSet; all but cameras are LiDARs.
+pub(super) fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
     let top = Fields::of(document, top)?;
     for (key, _, at) in top.each() {
         if key != "sensors" && !PANDASET_PASSED.contains(&key.as_str()) {
@@ -315,18 +313,8 @@ impl<'a> Fields<'a> {
         value.as_str().ok_or_else(|| wrong(&self.at.key(key), plain(value), "a text"))
     }
 
-    /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, all of them, and a `phase` if there is one.
-    pub(super) fn six(&self) -> Checked<SensorPose> {
-        self.pose(6)
-    }
-
-    /// Like [`Self::six`]; angles that are missing are 0.
-    pub(super) fn six_or_level(&self) -> Checked<SensorPose> {
-        self.pose(3)
-    }
-
-    /// The pose whose first `needed` numbers must be there.
-    fn pose(&self, needed: usize) -> Checked<SensorPose> {
+    /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, of which the first `needed` must be there, and a `phase` if there is one.
+    pub(super) fn pose(&self, needed: usize) -> Checked<SensorPose> {
         let mut values = [0.0; 6];
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
             *value = if k < needed || self.has(key) { self.number(key)? } else { 0.0 };
