@@ -364,16 +364,9 @@ impl Model {
     }
 
     /// A roof over a plot with its ridge along the plot's length; `hip` moves the ridge's ends in.
-    pub(crate) fn roof(
-        &mut self,
-        plot: &GroundRect,
-        [eaves, ridge]: [f64; 2],
-        hip: f64,
-        class: u16,
-    ) {
-        let [a, b, c, d] = plot.corners().map(|p| p.extend(eaves));
-        let [from, to] =
-            [plot.at(-1.0 + hip, 0.0), plot.at(1.0 - hip, 0.0)].map(|p| p.extend(ridge));
+    pub(crate) fn roof(&mut self, on: &GroundRect, [eaves, ridge]: [f64; 2], hip: f64, class: u16) {
+        let [a, b, c, d] = on.corners().map(|p| p.extend(eaves));
+        let [from, to] = [on.at(-1.0 + hip, 0.0), on.at(1.0 - hip, 0.0)].map(|p| p.extend(ridge));
         self.quad([a, b, to, from], class);
         self.quad([c, d, from, to], class);
         self.triangle([d, a, from], class);
@@ -390,19 +383,13 @@ impl Model {
     }
 
     /// `count` leaves in an ellipsoid, dense towards its surface: beams pass between them.
-    pub(crate) fn leaves(
-        &mut self,
-        middle: DVec3,
-        radii: DVec3,
-        count: usize,
-        rng: &mut ChaCha8Rng,
-    ) {
+    pub(crate) fn leaves(&mut self, at: DVec3, radii: DVec3, count: usize, rng: &mut ChaCha8Rng) {
         let size = 1.5 * radii.max_element() / (count.max(1) as f64).sqrt();
         let size = size.clamp(0.06, 0.6);
         for _ in 0..count {
             let out = ball(rng);
             let out = out.normalize_or(DVec3::Z) * maths::pow(out.length(), 0.4);
-            let centre = middle + out * radii;
+            let centre = at + out * radii;
             let corners = [0; 3].map(|_| centre + ball(rng) * size);
             self.triangle(corners, class::VEGETATION);
         }

@@ -13,7 +13,7 @@ use sightline_files::Note;
 use sightline_scene::scene::DEFAULT_CLASSES;
 
 use crate::network::{GroundRect, Line, Network, Street, class, left_of};
-use crate::population::{Population, PopulationSettings};
+use crate::population::{Population, PopulationDraft};
 use crate::style::{Style, WorldKind};
 use crate::surfaces::{HOUSE, ROAD, THING, WALK, WorldDraft};
 use crate::traffic::{ActorPose, BodyPart, Trajectory};
@@ -121,11 +121,12 @@ fn furnished(
     file: &str,
     special: impl FnOnce(&mut WorldDraft<'_>),
 ) -> Result<GeneratedWorld, WorldError> {
-    let settings =
-        PopulationSettings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
+    let (frames, people, rng) = (frames.max(1), Population::default(), lot(seed, 20));
+    let draft =
+        PopulationDraft { network: &network, style: &style, frames, rate: RATE, people, rng };
     let no_way =
         |[wanted, longest]: [f64; 2]| WorldError::NoWay { file: file.to_owned(), wanted, longest };
-    let people = settings.populate(&mut lot(seed, 20)).map_err(no_way)?;
+    let people = draft.populate().map_err(no_way)?;
     let mut draft = WorldDraft::new(&network, &style, lot(seed, 23));
     special(&mut draft);
     draft.rng = lot(seed, 21);
@@ -138,7 +139,7 @@ fn furnished(
             "{file}: {left_out} signals would stand on the road and are left out; give them the height of a plate over it"
         )));
     }
-    Ok(GeneratedWorld { model: model.soup, people, frames: frames.max(1), houses, trees, network })
+    Ok(GeneratedWorld { model: model.soup, people, frames, houses, trees, network })
 }
 
 impl WorldDraft<'_> {

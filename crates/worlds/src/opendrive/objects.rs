@@ -73,16 +73,12 @@ fn painted(kind: ObjectType) -> bool {
 ///
 /// # Errors
 /// Objects that are larger, or farther away, than a world can hold.
-pub(super) fn add(
-    roads: &RoadNetwork,
-    network: &mut Network,
-    file: &str,
-) -> Result<(), WorldError> {
-    let mesh = roads.object_mesh();
+pub(super) fn add(map: &RoadNetwork, network: &mut Network, file: &str) -> Result<(), WorldError> {
+    let mesh = map.object_mesh();
     let mut without_size: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut bays, mut area) = (0, 0.0);
     let mut spans = mesh.objects.iter().peekable();
-    for object in roads.objects() {
+    for object in map.objects() {
         let paint = object.markings.iter().flat_map(|m| &m.pieces);
         let paint = paint.chain(object.borders.iter().flat_map(|b| &b.pieces));
         let marks: Vec<[DVec3; 4]> = paint.map(|q| q.map(|p| point(p) + DVec3::Z * MARK)).collect();
