@@ -148,6 +148,8 @@ struct YamlFault {
     mark: (u32, u32),
 }
 
+type Read<T> = Result<T, YamlFault>;
+
 impl YamlFault {
     fn in_file(self, file: &str) -> DescriptionError {
         let (at, problem) = (Box::new(Location::top(file)), self.problem);
@@ -168,7 +170,7 @@ fn mark(at: Marker) -> (u32, u32) {
 }
 
 /// All parts of a text, and the part that each anchor stands before.
-fn parts(text: &str) -> Result<(Vec<YamlEvent<'_>>, Vec<usize>), YamlFault> {
+fn parts(text: &str) -> Read<(Vec<YamlEvent<'_>>, Vec<usize>)> {
     let (mut parts, mut anchors, mut depth) = (Vec::new(), Vec::new(), 0);
     for event in Parser::new_from_str(text) {
         let (event, Span { start, .. }) = event.map_err(|error| YamlFault {
@@ -225,7 +227,7 @@ struct YamlBuilder<'a> {
 
 impl YamlBuilder<'_> {
     /// The value that begins at the part `next`, which moves behind it.
-    fn value(&mut self, next: &mut usize, spot: &Spot) -> Result<Value, YamlFault> {
+    fn value(&mut self, next: &mut usize, spot: &Spot) -> Read<Value> {
         let parts = self.parts;
         let Some(YamlEvent { event, mark }) = parts.get(*next) else { return Ok(Value::Null) };
         *next += 1;
@@ -276,12 +278,7 @@ impl YamlBuilder<'_> {
         }
     }
 
-    fn entry(
-        &mut self,
-        next: &mut usize,
-        spot: &Spot,
-        map: &mut Map<String, Value>,
-    ) -> Result<(), YamlFault> {
+    fn entry(&mut self, next: &mut usize, spot: &Spot, map: &mut Map<String, Value>) -> Read<()> {
         let parts = self.parts;
         let Some(part) = parts.get(*next) else { return Ok(()) };
         *next += 1;
@@ -312,12 +309,7 @@ impl YamlBuilder<'_> {
     }
 
     /// The value of an anchor, once more.
-    fn repeated(
-        &mut self,
-        anchor: usize,
-        spot: &Spot,
-        mark: (u32, u32),
-    ) -> Result<Value, YamlFault> {
+    fn repeated(&mut self, anchor: usize, spot: &Spot, mark: (u32, u32)) -> Read<Value> {
         let Some(mut at) = anchor.checked_sub(1).and_then(|k| self.anchors.get(k)).copied() else {
             return Err(YamlFault { problem: "an alias names no anchor".to_owned(), mark });
         };
@@ -325,7 +317,7 @@ impl YamlBuilder<'_> {
     }
 
     /// Takes a repeated value from the budget.
-    fn take(&mut self, spot: &Spot, bytes: usize, mark: (u32, u32)) -> Result<(), YamlFault> {
+    fn take(&mut self, spot: &Spot, bytes: usize, mark: (u32, u32)) -> Read<()> {
         if !spot.repeats {
             return Ok(());
         }

@@ -99,10 +99,7 @@ pub fn to_scene(
     Ok(ImportedScene { scene, plates, boxes, actors: count })
 }
 
-pub(super) fn world_from_ego(
-    sequence: &dyn LabelledSequence,
-    frame: u32,
-) -> Result<Pose, DatasetError> {
+pub(super) fn world_from_ego(sequence: &dyn LabelledSequence, frame: u32) -> Checked<Pose> {
     let ego_from_sensor = sequence.ego_from_sensor(frame)?;
     Ok(sequence.world_from_sensor(frame)?.compose(&ego_from_sensor.inverse()))
 }

@@ -10,7 +10,7 @@ use sightline_scene::vehicle::{SensorPose, of_degrees};
 
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::yaml::{Fields, PHASE, wrong};
-use super::{BASE_LINK, Checked, Fan, Mounting, Rig, RigLidar, RigSource, beams, yaml};
+use super::{BASE_LINK, Checked, Fan, Models, Mounting, Rig, RigLidar, RigSource, beams, yaml};
 
 /// Type of the LiDAR that CARLA casts.
 const LIDAR: &str = "sensor.lidar.ray_cast";
@@ -126,18 +126,14 @@ fn add(
     frames.add(RigFrame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
 }
 
-pub(super) fn write(
-    rig: &Rig,
-    mounting: &Mounting,
-    fan: impl Fn(&RigLidar) -> Option<Fan>,
-) -> Value {
+pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> Value {
     let entry = |lidar: &RigLidar| {
         let mut entry = Map::new();
         entry.insert("type".to_owned(), LIDAR.into());
         let pose = mirrored(&mounting.to_base(&lidar.pose), f64::to_degrees);
         entry.extend(yaml::pose_entries(&pose));
         entry.insert("id".to_owned(), lidar.frame.as_str().into());
-        entry.extend(attributes(fan(lidar)));
+        entry.extend(attributes(models.fan(lidar)));
         Value::Object(entry)
     };
     rig.lidars.iter().map(entry).collect()
@@ -206,11 +202,7 @@ fn items<'a>(fields: &Fields<'a>, key: &str) -> Checked<Vec<Fields<'a>>> {
     list.iter().enumerate().map(|(index, item)| Fields::of(item, at.item(index))).collect()
 }
 
-pub(super) fn write_objects(
-    rig: &Rig,
-    mounting: &Mounting,
-    fan: impl Fn(&RigLidar) -> Option<Fan>,
-) -> Value {
+pub(super) fn write_objects(rig: &Rig, mounting: &Mounting, models: &Models) -> Value {
     let sensor = |lidar: &RigLidar| {
         let pose = turned(mounting.to_base(&lidar.pose), f64::to_degrees);
         // The bridge passes every other key of a sensor to CARLA, which refuses unknown keys.
@@ -219,7 +211,7 @@ pub(super) fn write_objects(
         sensor.insert("type".to_owned(), LIDAR.into());
         sensor.insert("id".to_owned(), lidar.frame.as_str().into());
         sensor.insert("spawn_point".to_owned(), spawn_point.into());
-        sensor.extend(attributes(fan(lidar)));
+        sensor.extend(attributes(models.fan(lidar)));
         Value::Object(sensor)
     };
     let sensors: Vec<Value> = rig.lidars.iter().map(sensor).collect();

@@ -268,7 +268,6 @@ pub fn export(
 ) -> Result<Exported, RigError> {
     rig.validate()?;
     check_models(rig, models)?;
-    let fan = |lidar: &RigLidar| models.fan(lidar);
     let one = |name: &str, text| vec![NamedText { name: name.to_owned(), text }];
     let files = match format {
         RigFormat::Autoware => {
@@ -280,9 +279,9 @@ pub fn export(
         RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting, models)),
         RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting, models)),
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
-        RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
+        RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, models))),
         RigFormat::CarlaObjects => {
-            one("objects.json", pretty(&carla::write_objects(rig, mounting, fan)))
+            one("objects.json", pretty(&carla::write_objects(rig, mounting, models)))
         }
         RigFormat::Json => one("placements.json", pretty(&model::rig_json(&[rig]))),
         RigFormat::Tf | RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),

@@ -248,13 +248,8 @@ pub(super) fn add_sensor(
     Ok(())
 }
 
-/// The element that [`add_sensor`] reads, for a LiDAR `height` metres above its foot.
-pub(super) fn sensor_element(
-    lidar: &RigLidar,
-    height: f64,
-    models: &Models,
-    indent: &str,
-) -> String {
+/// The element that [`add_sensor`] reads, for a LiDAR `up` metres above its foot.
+pub(super) fn sensor_element(lidar: &RigLidar, up: f64, models: &Models, indent: &str) -> String {
     let RigLidar { frame, sensor, pose } = lidar;
     let name = sensor.as_ref().map_or(frame.clone(), |sensor| format!("{frame}-{sensor}"));
     let phase = pose.phase.map(|phase| format!(" {PREFIX}:{PHASE}=\"{}\"", written(phase)));
@@ -263,7 +258,7 @@ pub(super) fn sensor_element(
         "{indent}<sensor name=\"{}\" type=\"gpu_lidar\"{phase}>\n{indent}  <pose>0 0 {} 0 0 0</pose>\n{}\
          {indent}</sensor>\n",
         yaml::escape(&name),
-        written(height),
+        written(up),
         models.gazebo(lidar, &format!("{indent}  "))
     )
 }

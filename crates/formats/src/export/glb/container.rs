@@ -28,14 +28,9 @@ pub(super) enum PrimitiveMode {
 }
 
 impl PrimitiveMode {
-    pub(super) fn primitive(
-        self,
-        positions: usize,
-        indices: Option<usize>,
-        material: usize,
-    ) -> Value {
+    pub(super) fn primitive(self, points: usize, indices: Option<usize>, material: usize) -> Value {
         let mut primitive = json!({
-            "attributes": { "POSITION": positions }, "material": material, "mode": self as u32,
+            "attributes": { "POSITION": points }, "material": material, "mode": self as u32,
         });
         if let Some(indices) = indices {
             primitive["indices"] = indices.into();
