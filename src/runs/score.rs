@@ -152,7 +152,7 @@ fn check_coverage<'a>(
     names: impl IntoIterator<Item = &'a str>,
     request: &ScoreRequest,
 ) -> Result<(), RunError> {
-    let mut taken = FileNames::new();
+    let mut taken = FileNames::default();
     for name in names {
         let file = taken.take(name, COVERAGE)?;
         let paths = folders.iter().map(|folder| folder.join(&file));
@@ -195,7 +195,7 @@ fn write_coverage(
     covered: Vec<u64>,
     resumes: bool,
 ) -> Result<(), RunError> {
-    let path = folder.join(FileNames::new().take(&placement.name, COVERAGE)?);
+    let path = folder.join(FileNames::default().take(&placement.name, COVERAGE)?);
     // The last block of an interrupted batch is written again.
     let output = if resumes && path.exists() { Output::Own } else { Output::OneOfMany };
     write_as(output, &path, |file| write_npy(file, covered).map_err(RunError::io(&path)))

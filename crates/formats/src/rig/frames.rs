@@ -10,7 +10,7 @@ use sightline_files::json::Location;
 use sightline_scene::vehicle::SensorPose;
 
 use super::yaml::wrong;
-use super::{RigError, beams};
+use super::{RigError, RigLidar, beams};
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
@@ -260,13 +260,9 @@ impl Mounting {
     }
 
     /// Pose of the foot in `base_link`, with the sensor's phase, and height of the optical centre above it.
-    pub(super) fn foot(
-        &self,
-        frame: &str,
-        sensor: Option<&str>,
-        pose: &SensorPose,
-    ) -> (SensorPose, f64) {
-        let height = self.height(frame, sensor).unwrap_or(0.0);
+    pub(super) fn foot(&self, lidar: &RigLidar) -> (SensorPose, f64) {
+        let RigLidar { frame, sensor, pose } = lidar;
+        let height = self.height(frame, sensor.as_deref()).unwrap_or(0.0);
         let foot = compose(&self.to_base(pose), &up(-height));
         (SensorPose { phase: pose.phase, ..foot }, height)
     }

@@ -270,7 +270,7 @@ fn pose(given: &HashMap<&str, &str>, at: &Location) -> Result<SensorPose, RigErr
 pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
     let mut text = "<launch>\n".to_owned();
     for lidar in &rig.lidars {
-        let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
+        let (foot, _) = mounting.foot(lidar);
         let number = |(key, value)| format!("--{key} {} ", written(value));
         let numbers: String = foot.fields().into_iter().map(number).collect();
         let _ = writeln!(

@@ -177,8 +177,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
         yaml::escape(&rig.name)
     );
     for lidar in &rig.lidars {
-        let sensor = lidar.sensor.as_deref();
-        let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
+        let (foot, height) = mounting.foot(lidar);
         let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
         let frame = yaml::escape(&lidar.frame);
         let _ = write!(

@@ -74,7 +74,7 @@ pub(super) fn write_autoware(rig: &Rig, mounting: &Mounting) -> Vec<NamedText> {
     let kit = format!("{BASE_LINK}:\n{}", frame(KIT, &IDENTITY));
     let mut sensors = format!("{KIT}:\n");
     for lidar in &rig.lidars {
-        let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
+        let (foot, _) = mounting.foot(lidar);
         sensors += &frame(&lidar.frame, &foot);
     }
     vec![
