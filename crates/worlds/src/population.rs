@@ -33,14 +33,9 @@ pub(crate) struct Population {
 }
 
 /// Kinds of models and how many of each are made.
+#[rustfmt::skip] // Words of a list stand side by side.
 const MODELS: [(&str, usize); 8] = [
-    ("car", 7),
-    ("van", 3),
-    ("truck", 3),
-    ("bus", 1),
-    ("construction", 2),
-    ("motorcycle", 2),
-    ("bicycle", 2),
+    ("car", 7), ("van", 3), ("truck", 3), ("bus", 1), ("construction", 2), ("motorcycle", 2), ("bicycle", 2),
     ("pedestrian", 6),
 ];
 

@@ -30,13 +30,7 @@ impl WorldKind {
 
     /// Name as written on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Street => "street",
-            Self::Highway => "highway",
-            Self::Residential => "residential",
-            Self::Yard => "yard",
-            Self::Town => "town",
-        }
+        ["street", "highway", "residential", "yard", "town"][self as usize]
     }
 
     /// Each row has a number for each kind, in the order of [`Self::ALL`].
@@ -112,13 +106,8 @@ const STREET_SECTION: CrossSection =
 
 /// A plan of a kind by lot.
 pub(crate) fn plan(kind: WorldKind, rng: &mut ChaCha8Rng) -> RoadPlan {
-    match kind {
-        WorldKind::Street => street(rng),
-        WorldKind::Highway => highway(rng),
-        WorldKind::Residential => residential(rng),
-        WorldKind::Yard => yard(rng),
-        WorldKind::Town => town(rng),
-    }
+    let plans: [fn(&mut ChaCha8Rng) -> RoadPlan; 5] = [street, highway, residential, yard, town];
+    plans[kind as usize](rng)
 }
 
 /// Relief of the ground of a kind: metres up and metres from hill to hill.

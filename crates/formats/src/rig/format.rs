@@ -43,16 +43,10 @@ const NAMES: [&str; RigFormat::ALL.len()] =
 
 impl RigFormat {
     /// Every format.
+    #[rustfmt::skip] // Words of a list stand side by side.
     pub const ALL: [Self; 9] = [
-        Self::Autoware,
-        Self::Urdf,
-        Self::Sdf,
-        Self::Ros2Launch,
-        Self::Carla,
-        Self::CarlaObjects,
-        Self::Tf,
-        Self::Pandaset,
-        Self::Json,
+        Self::Autoware, Self::Urdf, Self::Sdf, Self::Ros2Launch, Self::Carla, Self::CarlaObjects, Self::Tf,
+        Self::Pandaset, Self::Json,
     ];
 
     /// Name on the command line.

@@ -23,27 +23,14 @@ pub(super) fn point(p: Point) -> DVec3 {
 const MAX_AREA: f64 = 4e6;
 
 /// Words in the name and the subtype of an object, and the class that they mean.
+#[rustfmt::skip] // Words of a list stand side by side.
 const WORDS: &[(&str, u16)] = &[
-    ("hedge", class::VEGETATION),
-    ("tree", class::VEGETATION),
-    ("bush", class::VEGETATION),
-    ("vegetation", class::VEGETATION),
-    ("pole", class::POLE),
-    ("post", class::POLE),
-    ("lamp", class::POLE),
-    ("bollard", class::POLE),
-    ("trafficlight", class::TRAFFIC_LIGHT),
-    ("sign", class::TRAFFIC_SIGN),
-    ("guard", class::GUARD_RAIL),
-    ("jersey", class::WALL),
-    ("wall", class::WALL),
-    ("noise", class::WALL),
-    ("fence", class::FENCE),
-    ("railing", class::FENCE),
-    ("barrier", class::GUARD_RAIL),
-    ("bridge", class::BRIDGE),
-    ("building", class::BUILDING),
-    ("house", class::BUILDING),
+    ("hedge", class::VEGETATION), ("tree", class::VEGETATION), ("bush", class::VEGETATION),
+    ("vegetation", class::VEGETATION), ("pole", class::POLE), ("post", class::POLE), ("lamp", class::POLE),
+    ("bollard", class::POLE), ("trafficlight", class::TRAFFIC_LIGHT), ("sign", class::TRAFFIC_SIGN),
+    ("guard", class::GUARD_RAIL), ("jersey", class::WALL), ("wall", class::WALL), ("noise", class::WALL),
+    ("fence", class::FENCE), ("railing", class::FENCE), ("barrier", class::GUARD_RAIL), ("bridge", class::BRIDGE),
+    ("building", class::BUILDING), ("house", class::BUILDING),
 ];
 
 /// Class of an object: by its type, where that leaves a choice by the words of its subtype and name.

@@ -7,6 +7,7 @@ use std::io::Write;
 use lidar_cast::maths;
 use serde::Serialize;
 use serde_json::{Value, json};
+use sightline_scene::scene::DEFAULT_CLASSES;
 use sightline_scene::vehicle::BeamTable;
 
 use super::super::ExportError;
@@ -266,35 +267,18 @@ fn sector(azimuths: &[f64]) -> [f64; 2] {
 
 pub(super) const FRUSTUM: [f64; 4] = [0.9, 0.35, 0.02, 0.7];
 
-/// Names and colours (sRGB) of classes that scenes usually have, near the colours of Cityscapes and CARLA.
-const KNOWN: [(&str, [u8; 3]); 21] = [
-    ("building", [112, 112, 118]),
-    ("fence", [190, 153, 153]),
-    ("other", [85, 90, 100]),
-    ("pedestrian", [220, 20, 60]),
-    ("pole", [153, 153, 153]),
-    ("road_line", [222, 214, 170]),
-    ("road", [128, 100, 128]),
-    ("sidewalk", [216, 120, 200]),
-    ("vegetation", [90, 140, 45]),
-    ("vehicle", [35, 80, 190]),
-    ("wall", [150, 140, 120]),
-    ("traffic_sign", [220, 200, 20]),
-    ("ground", [120, 90, 70]),
-    ("bridge", [150, 100, 100]),
-    ("rail_track", [200, 150, 140]),
-    ("guard_rail", [180, 165, 180]),
-    ("traffic_light", [250, 170, 30]),
-    ("static", [110, 190, 160]),
-    ("dynamic", [170, 120, 50]),
-    ("water", [45, 60, 150]),
-    ("terrain", [145, 190, 120]),
+/// Colours (sRGB) of the default classes, near those of Cityscapes and CARLA.
+#[rustfmt::skip]
+const COLOURS: [[u8; 3]; DEFAULT_CLASSES.len()] = [
+    [112, 112, 118], [190, 153, 153], [85, 90, 100], [220, 20, 60], [153, 153, 153], [222, 214, 170], [128, 100, 128],
+    [216, 120, 200], [90, 140, 45], [35, 80, 190], [150, 140, 120], [220, 200, 20], [120, 90, 70], [150, 100, 100],
+    [200, 150, 140], [180, 165, 180], [250, 170, 30], [110, 190, 160], [170, 120, 50], [45, 60, 150], [145, 190, 120],
 ];
 
 /// Colour of a class in linear light, with alpha 1; one of other name has a hue that follows from its letters.
 pub(super) fn of_class(name: &str) -> [f64; 4] {
-    let known = KNOWN.iter().find(|(known, _)| *known == name);
-    let [r, g, b] = known.map_or_else(|| of_letters(name), |&(_, colour)| colour.map(linear));
+    let known = DEFAULT_CLASSES.iter().position(|known| *known == name);
+    let [r, g, b] = known.map_or_else(|| of_letters(name), |class| COLOURS[class].map(linear));
     [r, g, b, 1.0]
 }
 

@@ -380,15 +380,10 @@ pub(super) const DEBRIS: u8 = 10;
 /// First and last category of things that have boxes.
 pub(super) const BOXED: std::ops::RangeInclusive<u8> = 1..=23;
 
+#[rustfmt::skip] // Words of a list stand side by side.
 const ATTRIBUTES: [&str; 8] = [
-    "vehicle.moving",
-    "vehicle.stopped",
-    "vehicle.parked",
-    "cycle.with_rider",
-    "cycle.without_rider",
-    "pedestrian.sitting_lying_down",
-    "pedestrian.standing",
-    "pedestrian.moving",
+    "vehicle.moving", "vehicle.stopped", "vehicle.parked", "cycle.with_rider", "cycle.without_rider",
+    "pedestrian.sitting_lying_down", "pedestrian.standing", "pedestrian.moving",
 ];
 
 /// Attribute of an actor; `None` for categories without attributes.
@@ -419,13 +414,10 @@ fn visibility(seen: Option<f32>, points: u32) -> &'static str {
 }
 
 /// Cameras that mmdetection3d asks for, and where they look: degrees to the left.
+#[rustfmt::skip] // Words of a list stand side by side.
 const CAMERAS: [(&str, f64); 6] = [
-    ("CAM_FRONT", 0.0),
-    ("CAM_FRONT_RIGHT", -55.0),
-    ("CAM_FRONT_LEFT", 55.0),
-    ("CAM_BACK", 180.0),
-    ("CAM_BACK_LEFT", 110.0),
-    ("CAM_BACK_RIGHT", -110.0),
+    ("CAM_FRONT", 0.0), ("CAM_FRONT_RIGHT", -55.0), ("CAM_FRONT_LEFT", 55.0), ("CAM_BACK", 180.0),
+    ("CAM_BACK_LEFT", 110.0), ("CAM_BACK_RIGHT", -110.0),
 ];
 
 #[cfg(test)]
