@@ -308,20 +308,10 @@ const CLASSES: [(&str, Label); 58] = [
     ("traffic_cone", still(99, 12)), ("curb", still(48, 26)),
 ];
 
-/// Label of an actor whose kind says more than its classes; `None` leaves it to these.
+/// Label of an actor whose kind says more than its classes: that of the class of its name; `None` leaves it to these.
 pub(super) fn of_kind(kind: ActorKind) -> Option<Label> {
-    Some(match kind {
-        ActorKind::Car | ActorKind::Van => moving(10, 252, 17),
-        ActorKind::Truck => moving(18, 258, 23),
-        ActorKind::Bus => moving(13, 257, 16),
-        ActorKind::Trailer => moving(20, 259, 22),
-        ActorKind::Construction => moving(20, 259, 18),
-        ActorKind::Motorcycle => moving(15, 255, 21),
-        ActorKind::Bicycle => moving(11, 253, 14),
-        ActorKind::Pedestrian => moving(30, 254, 2),
-        ActorKind::Animal => still(99, 1),
-        ActorKind::Other => return None,
-    })
+    let label = CLASSES.iter().find(|(name, _)| *name == kind.name()).map(|(_, label)| *label);
+    label.filter(|_| kind != ActorKind::Other)
 }
 
 /// Checks that every class that is mapped is one of a scene.
