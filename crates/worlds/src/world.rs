@@ -224,30 +224,23 @@ fn no_way(wanted: f64, longest: f64) -> String {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum WorldError {
-    /// The file cannot be read as OpenDRIVE.
     #[error("{file}: {source}; give an OpenDRIVE document with at least one road")]
     OpenDrive { file: String, source: Box<xodr::ImportError> },
-    /// The XML is too deep or too wide to be read.
     #[error("{file}: {what}")]
     Xml { file: String, what: String },
-    /// An element of the document that cannot be read.
     #[error("{file}: {place} {what}")]
     Element { file: String, place: String, what: String },
-    /// A part of the map that would be missing.
     #[error("{file}: {what}; correct it, or take it out of the map")]
     Part { file: String, what: String },
-    /// The file cannot be read at all.
     #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
     File { file: String, source: std::io::Error },
     #[error("{file}: is compressed; unpack it first: gunzip --keep {file}")]
     Compressed { file: String },
-    /// No lane in which a vehicle may drive.
     #[error("{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on")]
     NoLane { file: String },
     /// No way long enough for the ego: metres that it drives, and metres of the longest way tried.
     #[error("{file}: {}; ask for fewer frames or give a larger network", no_way(*wanted, *longest))]
     NoWay { file: String, wanted: f64, longest: f64 },
-    /// More than a world can hold.
     #[error(
         "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, \
          and move it to the origin"
@@ -260,7 +253,6 @@ pub enum WorldError {
         place[0], place[1]
     )]
     TooDense { file: String, count: f64, place: [f64; 2], most: f64 },
-    /// A file larger than any map.
     #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
     FileTooLarge { file: String, most: u64 },
 }
