@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::network::{Line, Network, Street, left_of};
 use crate::style::Style;
-use crate::traffic::{self, ActorModel, ActorPose, Traffic, Trajectory, stand_on, way};
+use crate::traffic::{self, ActorModel, ActorPose, RATE, Traffic, Trajectory, stand_on, way};
 
 /// Metres from the ego's way within which things move.
 const NEAR: f64 = 95.0;
@@ -44,8 +44,6 @@ pub(crate) struct PopulationDraft<'a> {
     pub network: &'a Network,
     pub style: &'a Style,
     pub frames: usize,
-    /// Frames a second.
-    pub rate: f64,
     pub people: Population,
     pub rng: ChaCha8Rng,
 }
@@ -56,7 +54,7 @@ impl PopulationDraft<'_> {
     /// # Errors
     /// No way is long enough: the wanted length and the longest found, in metres.
     pub(crate) fn populate(mut self) -> Result<Population, [f64; 2]> {
-        let seconds = self.frames as f64 / self.rate;
+        let seconds = self.frames as f64 / RATE;
         let mut longest = 0.0_f64;
         let open = self.open_ends();
         for attempt in 0..80 {
@@ -79,9 +77,9 @@ impl PopulationDraft<'_> {
             }
             self.around(&line, start, end);
             let (_, size) = traffic::ego();
-            let ego = self.people.scene.drive(&line, start, speed, self.rate, size);
+            let ego = self.people.scene.drive(&line, start, speed, size);
             let driven = ego.stand(self.frames - 1).at.distance(ego.stand(0).at);
-            if (self.frames > 1 && driven < 0.5 * speed * (seconds - 1.0 / self.rate))
+            if (self.frames > 1 && driven < 0.5 * speed * (seconds - 1.0 / RATE))
                 || !self.people.scene.add(ego)
             {
                 continue;
@@ -194,7 +192,7 @@ impl PopulationDraft<'_> {
     fn walk(&mut self, model: usize, line: &Line, from: f64) {
         let pace = self.rng.random_range(0.9..1.8);
         let stand = |t: usize| {
-            let s = (from + pace * t as f64 / self.rate).clamp(0.0, line.length());
+            let s = (from + pace * t as f64 / RATE).clamp(0.0, line.length());
             let stand = stand_on(line, s, 0.5);
             ActorPose { at: line.at(s), pitch: 0.0, ..stand }
         };
@@ -273,7 +271,7 @@ impl PopulationDraft<'_> {
         let [low, high] = if bicycle { [3.5, 6.5] } else { self.style.speed };
         let slow = if kind == "truck" || kind == "bus" { 0.8 } else { 1.0 };
         let speed = slow * self.rng.random_range(low..high);
-        let drives = speed * self.frames as f64 / self.rate;
+        let drives = speed * self.frames as f64 / RATE;
         let mut line = way(network, first, drives + lane.centre.length() + 20.0, &mut self.rng);
         let from = self.rng.random_range(0.0..1.0) * lane.centre.length();
         if lane.width < size[1] + 0.3
@@ -287,7 +285,7 @@ impl PopulationDraft<'_> {
             let aside = (0.5 * lane.width - 0.7).max(0.0);
             line = Line::new(line.offset(if lane.left_hand { aside } else { -aside }));
         }
-        let track = self.people.scene.drive(&line, from, speed, self.rate, size);
+        let track = self.people.scene.drive(&line, from, speed, size);
         self.people.add(model, track)
     }
 

@@ -8,6 +8,8 @@ use serde::Serialize;
 
 use crate::network::{Line, Network, left_of};
 
+/// Frames a second of all worlds.
+pub(crate) const RATE: f64 = 10.0;
 /// Metres that no two boxes come nearer than.
 const CLEARANCE: f64 = 0.25;
 /// Seconds of a vehicle's own speed that it keeps free ahead, and metres at rest.
@@ -122,14 +124,7 @@ impl Traffic {
     }
 
     /// Drives along `way` from `start` metres at `speed`, slower in bends and behind obstacles.
-    pub(crate) fn drive(
-        &self,
-        way: &Line,
-        start: f64,
-        speed: f64,
-        rate: f64,
-        size: [f64; 3],
-    ) -> Trajectory {
+    pub(crate) fn drive(&self, way: &Line, start: f64, speed: f64, size: [f64; 3]) -> Trajectory {
         let mut track = Trajectory { size, stands: Vec::new(), ahead: Vec::new() };
         let (mut s, mut v) = (start, speed.min(bend_speed(way, start)));
         for t in 0..self.frames {
@@ -142,8 +137,8 @@ impl Traffic {
             }
             track.stands.push(stand_on(way, s, size[0]));
             track.ahead.push(v * 0.5 * HEADWAY);
-            v = wanted.clamp(v - BRAKE / rate, v + GAS / rate).max(0.0);
-            s += v / rate;
+            v = wanted.clamp(v - BRAKE / RATE, v + GAS / RATE).max(0.0);
+            s += v / RATE;
         }
         track
     }

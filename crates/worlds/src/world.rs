@@ -16,11 +16,8 @@ use crate::network::{GroundRect, Line, Network, Street, class, left_of};
 use crate::population::{Population, PopulationDraft};
 use crate::style::{Style, WorldKind};
 use crate::surfaces::{HOUSE, ROAD, THING, WALK, WorldDraft};
-use crate::traffic::{ActorPose, BodyPart, Trajectory};
+use crate::traffic::{ActorPose, BodyPart, RATE, Trajectory};
 use crate::{opendrive, style, traffic};
-
-/// Frames a second of all worlds.
-pub(crate) const RATE: f64 = 10.0;
 
 /// A world: its static triangles, and who moves through it.
 #[derive(Debug)]
@@ -122,8 +119,7 @@ fn furnished(
     special: impl FnOnce(&mut WorldDraft<'_>),
 ) -> Result<GeneratedWorld, WorldError> {
     let (frames, people, rng) = (frames.max(1), Population::default(), lot(seed, 20));
-    let draft =
-        PopulationDraft { network: &network, style: &style, frames, rate: RATE, people, rng };
+    let draft = PopulationDraft { network: &network, style: &style, frames, people, rng };
     let no_way =
         |[wanted, longest]: [f64; 2]| WorldError::NoWay { file: file.to_owned(), wanted, longest };
     let people = draft.populate().map_err(no_way)?;
