@@ -32,16 +32,12 @@ pub use whole::{Output, begin_in, sync_disk, writable_file, write_as, write_pair
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum FileError {
-    /// The operating system says why.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    /// A place that cannot be written; the operating system says why.
     #[error("{}: cannot be written: {source}", path.display())]
     Write { path: PathBuf, source: std::io::Error },
-    /// The disk is full.
     #[error("{}: the disk is full; make room and run again", path.display())]
     Full { path: PathBuf },
-    /// JSON of another form than expected.
     #[error("{}: {source}", path.display())]
     Json { path: PathBuf, source: serde_json::Error },
     /// A file or folder that must not be used so; the sentence names it and the mend.

@@ -159,28 +159,20 @@ pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum DescriptionError {
-    /// A file could not be opened or read.
     #[error("{file}: cannot be read: {source}")]
     Read { file: PathBuf, source: std::io::Error },
-    /// A file that is named here has a fault.
     #[error("{at}: {source}")]
     InFile { at: Box<Location>, source: Box<DescriptionError> },
-    /// A file is larger than this program reads.
     #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
     TooLarge { file: PathBuf, limit: u64 },
-    /// A text in another encoding than UTF-8.
     #[error("{file}: is UTF-16 text; save it as UTF-8")]
     Utf16 { file: PathBuf },
-    /// The text is not JSON or YAML, or a value has the wrong type.
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json { at: Box<Location>, problem: String, line: usize, column: usize },
-    /// A comment before the JSON.
     #[error("{file}: line {line} is a comment, and JSON has no comments; remove it")]
     Comment { file: String, line: usize },
-    /// A text that is no JSON.
     #[error("{file}: {told}; a {} file begins with {{", .wanted.words()[0])]
     NotJson { file: String, told: String, wanted: FileKind },
-    /// A key that no scene has at this place.
     #[error(
         "{at}: unknown key `{key}`{} (line {line}, column {column})",
         did_you_mean(.nearest, .known)
@@ -193,28 +185,20 @@ pub enum DescriptionError {
         line: usize,
         column: usize,
     },
-    /// The file has another version, or none.
     #[error("{at}: {found}; this program reads version 1, write `\"sightline\": 1`")]
     Version { at: Box<Location>, found: String },
-    /// A file of another kind than expected.
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
     OtherKind { file: String, found: FileKind, wanted: String },
-    /// A file that is no description.
     #[error("{file}: is {found}, where {wanted} belongs; {}", .found.mend())]
     Foreign { file: String, found: ForeignJson, wanted: String },
-    /// A number, name or list that the place does not allow.
     #[error("{at}: {value} is not {wanted}")]
     Value { at: Box<Location>, value: String, wanted: String },
-    /// A required key is missing.
     #[error("{at}: `{key}` is missing: {mend}")]
     Missing { at: Box<Location>, key: &'static str, mend: String },
-    /// Keys that exclude each other, or a key that has no meaning here.
     #[error("{at}: `{key}` cannot stand here: {mend}")]
     Misplaced { at: Box<Location>, key: &'static str, mend: String },
-    /// None or several of a choice of keys.
     #[error("{at}: has {}; give exactly one of {}", listed(.found, "none of the keys"), listed(.of, ""))]
     Choice { at: Box<Location>, found: Vec<&'static str>, of: &'static [&'static str] },
-    /// A name that nothing defines.
     #[error("{at}: no {kind} is called `{name}`{}", did_you_mean(.nearest, .known))]
     UnknownName {
         at: Box<Location>,
@@ -223,7 +207,6 @@ pub enum DescriptionError {
         nearest: Option<String>,
         known: Vec<String>,
     },
-    /// A number of things above its limit.
     #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
     TooMany { at: Box<Location>, what: &'static str, count: u64, limit: u64, mend: &'static str },
     /// The mount leaves the ROI of `scene` sideways, or lies below it or more than 10 m above; corners in metres.
@@ -241,10 +224,8 @@ pub enum DescriptionError {
         roi_min: [f64; 3],
         roi_max: [f64; 3],
     },
-    /// A mesh file that cannot be used.
     #[error("{at}: mesh {mesh}: {element}: {problem}")]
     Mesh { at: Box<Location>, mesh: PathBuf, element: String, problem: String },
-    /// A material of a mesh has no class, and the shape has no default.
     #[error(
         "{at}: mesh {mesh}: material `{material}` has no class; name it in `classes` or give the \
          shape a `class` for the rest"
