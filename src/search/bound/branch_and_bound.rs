@@ -13,8 +13,7 @@ use crate::search::grid_search::{GridPlacement, GridSearch, Places, better_first
 
 /// Sets of sensors whose gains are looked at for each 100 evaluations of a search.
 const SETS: u64 = 28;
-/// Sets below which none is looked at: 50 lowered the bound of pairs by less than a thousandth of it in each of the
-/// four scenes.
+/// Least number of sets worth a look: 50 lowered the bound of pairs by less than a thousandth in each of the four scenes.
 const LEAST_SETS: u64 = 100;
 /// Candidates that are looked at through pairs alone for each evaluation of a search.
 const PAIR_CANDIDATES: u64 = 1 << 14;

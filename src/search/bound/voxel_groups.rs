@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use crate::search::atlases::Atlases;
 
-/// Largest worth of a level as a multiple of its least one: overlaps of pairs count at the least worth,
-/// so that a bound from them stays one.
+/// Largest worth of a level as a multiple of its least one. Overlaps of pairs count at the least worth, so that the bound
+/// stays valid.
 const WORTH_SPREAD: f64 = 1.05;
 /// Rows of a matrix of overlaps that are filled together.
 const ROWS: usize = 8;
