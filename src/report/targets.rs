@@ -101,8 +101,8 @@ fn of_card(card: &RangeCard) -> Vec<MetRuns<'_>> {
 /// Distance from which on a car is looked for all round, metres.
 const ALL_ROUND_FROM: f64 = 5.0;
 
-/// Sentence on bearings at which a car is met, but cannot stand as near as 5 m; `None` where it can everywhere. Bearings at
-/// which a car is lost nearer than it is met are said in words of their own.
+/// Sentence on bearings at which a car is met, but cannot stand as near as 5 m; `None` where it can everywhere. A car lost
+/// closer than its first detection is reported separately.
 pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
     let car = card.targets.first()?;
     let is_lost = |bearing: f64, before: f64| {

@@ -86,9 +86,10 @@ pub enum ObjectiveError {
 }
 
 impl Default for Objective {
-    /// The near gain: its optima see more of the ground near the vehicle than those of other scores. For what learners
-    /// recognize it is level with the information gain (`docs/evidence.md`). Like that gain it is monotone in the set of
-    /// sensors, comparable between any number and kind of them, and comes with a bound on every other placement.
+    /// The near gain: its optima see more of the ground near the vehicle than those of the three other scores that were
+    /// searched. For what learners recognize it could not be told apart from the information gain (`docs/evidence.md`).
+    /// Like that gain it is monotone in the set of sensors, comparable between any number and kind of them, and comes with
+    /// a bound on every other placement.
     fn default() -> Self {
         let (name, of) = METRICS[0];
         let metric = Metric { name, detection: false, of };

@@ -33,7 +33,7 @@ const LATE: f64 = 0.5;
 /// Error of a level that is enough for all generations. Swaps are over the second level at least: they
 /// end at the best placement they see, which one frame flatters most.
 const LATE_ERROR: f64 = 0.5 * TOLERANCE;
-/// Least frames that the first swaps are over: many poses over two find more than half as many over four.
+/// Least frames of the first swaps. At equal work, many poses over two frames find more than half as many over four.
 const FRAMES_OF_SWAPS: usize = 2;
 
 /// A candidate for the result.

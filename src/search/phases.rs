@@ -106,7 +106,7 @@ fn words(drawn: &str, ours: &[f64], theirs: &[f64], baseline: Option<&Placement>
     words + "; another seed of the search may differ by more."
 }
 
-/// Per cent with two digits; one that rounds to none is told as less than the last digit.
+/// Per cent with two digits, 0.01 at least.
 fn at_least_a_hundredth(per_cent: f64) -> String {
     if per_cent < 0.01 { "0.01".to_owned() } else { format!("{per_cent:.2}") }
 }

@@ -48,14 +48,14 @@ pub struct TimeLimit {
     pub length: Duration,
 }
 
-/// Time that a part of the outcome which may be left out has where the run is to end.
+/// Time for optional parts of the outcome once the run is to end.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Share of a [`TimeLimit`] that the generations may take; the swaps have the rest.
 pub(super) const GENERATIONS_SHARE: f64 = 0.4;
 /// Share that choosing the frames may take.
 pub(super) const FRAMES_SHARE: f64 = 0.2;
-/// Share after which finalists of the generations that are not confirmed over many frames stay so.
+/// Share after which no more finalists of the generations are confirmed over many frames.
 pub(super) const FINALISTS_SHARE: f64 = 0.6;
 /// Share that the whole search may take where the result is confirmed over many frames.
 pub(super) const SEARCH_SHARE: f64 = 0.8;

@@ -54,7 +54,7 @@ impl Session {
         session
     }
 
-    /// A command inside of another one, or of a caller of the library, whose outputs may replace files.
+    /// A nested command, or a library call; it may replace files.
     pub fn begin() -> Self {
         guard().sessions += 1;
         Self(())

@@ -154,8 +154,8 @@ fn frame_of_scene(name: &str, sensor: DVec3) -> Value {
     })
 }
 
-/// A moving thing that is not seen yet or any more waits this far below where it was seen, out of any
-/// sensor's range: an actor has a pose in every frame.
+/// Metres below its place at which a moving thing waits while it is not seen: an actor needs a pose in every frame, and no
+/// sensor reaches there.
 const BELOW: f64 = 1000.0;
 
 /// An actor of the scene; `start` is the scene's origin in the world.
@@ -169,8 +169,8 @@ fn actor(track: &BoxTrack, class: &str, frames: &[u32], start: DVec3) -> Value {
     })
 }
 
-/// Where a track's box is in a frame: where it was seen, between two sightings on a straight line. A thing that stays
-/// within half a metre stands, while it is not seen, where it was last or is next seen.
+/// Pose of a track's box in a frame: as seen, or on a straight line between two sightings. Before the first and after the
+/// last sighting, a thing that stays within half a metre keeps that pose; any other waits [`BELOW`] it.
 fn pose_at(track: &BoxTrack, frame: u32) -> Pose {
     let poses = &track.poses;
     if track.is_fixed() {

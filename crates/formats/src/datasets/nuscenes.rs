@@ -106,8 +106,8 @@ impl LabelledSequence for NuscenesScene {
         &self.notes
     }
 
-    /// A point of a thing that may have a box moves where that box does, also a little beside it. One that
-    /// has no box stands still, as parked cars that a data set takes for a part of the street.
+    /// Points in a moving box, or a little beside it, count as moving. A thing without a box stands still, such as a parked
+    /// car that the data set takes for a part of the street.
     fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
         let keyframe = self.keyframe(frame)?;
         let points = read_points::<POINT>(&keyframe.scan)?;

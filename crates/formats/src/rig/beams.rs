@@ -72,7 +72,7 @@ impl Models {
         }
     }
 
-    /// The fan of a LiDAR, even where its channels are not; `None` where it has none or its beams are not known.
+    /// The fan of a LiDAR, also of uneven channels; `None` if it has no fan, or its beams are not known.
     pub(super) fn fan(&self, lidar: &RigLidar) -> Option<Fan> {
         match self.of(lidar) {
             RigBeams::Given(lidar, _, rate) => Fan::of(lidar).map(|fan| Fan { rate, ..fan }),

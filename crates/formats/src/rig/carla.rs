@@ -17,7 +17,7 @@ const LIDAR: &str = "sensor.lidar.ray_cast";
 /// Attribute of a LiDAR that looks over a part of the turn, in degrees.
 const HORIZONTAL: &str = "horizontal_fov";
 
-/// CARLA's six numbers of a pose of ours, angles in degrees; and ours of CARLA's.
+/// Our pose in CARLA's six numbers, or the reverse: y, pitch and yaw change sign, `angle` converts the unit.
 pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
     SensorPose {
         x: pose.x,

@@ -23,7 +23,7 @@ pub(super) enum FrameContent {
         optical: Option<SensorPose>,
     },
     Other,
-    /// Nothing: the name must tell.
+    /// Unknown: the file does not say, so the frame's name decides.
     Unsaid,
 }
 
@@ -43,7 +43,7 @@ pub(super) struct RigFrame {
 pub(super) struct FrameTree {
     list: Vec<RigFrame>,
     index: HashMap<String, usize>,
-    /// Joints that move, in words, by the frame behind each.
+    /// Moving joints, in words, by the frame below each.
     moving: HashMap<String, String>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
@@ -179,7 +179,7 @@ impl FrameTree {
         if end == base {
             return Ok(pose);
         }
-        // The base hangs somewhere itself, and the frame beside it.
+        // Base and frame may have a common ancestor.
         if let Some(base) = self.get(base) {
             let (base_pose, base_end) = self.climb(base, None)?;
             if base_end == end {
