@@ -410,7 +410,7 @@ mod tests {
         };
         let said = told(&best, &[plain, center.clone()]);
         assert!(said.contains("Warnings of found: none. Some baselines have warnings."), "{said}");
-        let words = "<b>Center</b>: blind_sector: ahead (in the sector of 30° from -15° to 15°)";
+        let words = "<b>Center</b>: BLIND: ahead (in the sector of 30° from -15° to 15°)";
         assert!(said.contains(words) && said.matches("<li>").count() == 1, "{said}");
         assert!(!said.contains("Reasons not to believe"), "{said}");
         assert!(told(&best, &[]).contains("None: found keeps all rules and passes all checks."));
