@@ -40,7 +40,7 @@ struct MetRuns<'a> {
 }
 
 /// Runs of distances in metres: `2.5–60, 80`; a dash where there are none.
-fn runs_in_words(runs: &[[f64; 2]]) -> String {
+pub(super) fn runs_in_words(runs: &[[f64; 2]]) -> String {
     let metres = |value: f64| trimmed(value, 2);
     let run = |[from, to]: &[f64; 2]| match from == to {
         true => metres(*from),

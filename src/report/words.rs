@@ -8,8 +8,8 @@ use serde_json::Value;
 
 use super::RunRecord;
 use super::blind::{Blind, blind_in_words, unseen_in_words};
+use super::text::value_in_words;
 use crate::csv::rounded;
-use crate::json::spoken;
 use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
 use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored};
 use sightline_files::json::counted;
@@ -379,7 +379,7 @@ pub fn methods_in_words(run: &RunRecord) -> String {
     let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
     let then = if is_penalized { ", and unseen cars take a penalty off the objective" } else { "" };
     let each = run.methods.iter().map(|m| {
-        let value = m.objective.map_or("nothing".into(), spoken);
+        let value = m.objective.map_or("nothing".into(), |m| value_in_words(&run.objective, m));
         let met = match m.requirements {
             [_, 0] => String::new(),
             [met, of] => format!(" with {met} of {of} requirements met"),
@@ -401,11 +401,9 @@ pub fn methods_in_words(run: &RunRecord) -> String {
 pub fn certificate_in_words(run: &RunRecord) -> String {
     match &run.certificate {
         None => "nothing is claimed about placements that were not evaluated".into(),
-        Some(certificate) => format!(
-            "On a grid, {}. The paper's bound: {}.",
-            run.best.as_ref().map_or(String::new(), |best| bound_in_words(certificate, best)),
-            certificate.lipschitz_says
-        ),
+        Some(certificate) => {
+            run.best.as_ref().map_or(String::new(), |best| bound_in_words(certificate, best))
+        }
     }
 }
 

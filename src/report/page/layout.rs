@@ -56,7 +56,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
                 (table("Poses in metres and radians", &titles, &rows))
             }
             @if !active.is_empty() {
-                p { "On a bound or a rule of the mount: " (active.join("; ")) "." }
+                p { (active.join("; ")) "." }
             }
             (each_lidar(subject, figures))
         }
@@ -80,7 +80,7 @@ fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     html! {
         h3 { "Gain of each LiDAR" }
         (table(
-            "Per cent of the placement's gain that a LiDAR has alone, without the others, and that is lost with it, if it fails",
+            "Each LiDAR alone, and the loss if it fails, in % of the gain of all",
             &["LiDAR", "alone %", "lost with it %", ""],
             &rows,
         ))
