@@ -216,5 +216,5 @@ fn a_page_has_the_table_of_technologies_and_the_command_for_tolerances() {
     assert!(told.contains("|blind to all|by 1|2|3+|1 lidar|7 camera|5 radar"), "{told}");
     assert!(told.contains("% of the view of `radar 4`"), "{told}");
     let told = section(&page, "required");
-    assert!(told.contains("sightline study tolerance SCENE PLACEMENTS"), "{told}");
+    assert!(told.contains("sightline study tolerance yard.json each.json:l0"), "{told}");
 }

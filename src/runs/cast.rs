@@ -153,6 +153,9 @@ pub struct ViewRequest {
     /// Command that makes the page again, which stands on it.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub command: String,
+    /// Command that asks how far each LiDAR may be off, for the page.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub tolerance: String,
 }
 
 /// Writes the page about a placement.
@@ -243,5 +246,6 @@ fn page(
     let conditions = in_words(&request.conditions.condition);
     let command = request.command.clone();
     let subject = Subject::given(&names, &records, result, baselines, &objective, command);
-    Ok((view_html(&subject.under(&conditions), &figures), figures.files(Some(result))))
+    let subject = Subject { tolerance: request.tolerance.clone(), ..subject.under(&conditions) };
+    Ok((view_html(&subject, &figures), figures.files(Some(result))))
 }

@@ -24,7 +24,7 @@ use crate::search::{
     Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
 use crate::vehicle::Placement;
-use request::{Begun, RunCheckpoint, command, in_full};
+use request::{Begun, RunCheckpoint, command, in_full, tolerance_command};
 
 pub use finished::{Finished, finished};
 pub use front::{FrontStart, Fronted, front, holds_front};
@@ -409,7 +409,8 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     // The page is read where the run was made.
     let here = command(&sitting.begun, settings, limit, from_here);
     let whole = std::mem::replace(&mut record.command, here);
-    folder.write_text("report.html", &report_html(&record, &drawings))?;
+    let tolerance = tolerance_command(&sitting.begun, folder.path());
+    folder.write_text("report.html", &report_html(&record, &drawings, &tolerance))?;
     record.command = whole;
     let wanted = sitting.request.figures.as_deref();
     outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;

@@ -285,10 +285,11 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 }
                 @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
                 @if let Some(words) = breaks_first(all) { p { (words) "." } }
-                p {
-                    "How far each LiDAR may be off, and the body may tilt, until a requirement breaks: "
-                    code { "sightline study tolerance SCENE PLACEMENTS" }
-                    ", with the scenes and the vehicle of the command below."
+                @if !subject.tolerance.is_empty() {
+                    p { "How far each LiDAR may be off, and the body may tilt, until a requirement breaks:" }
+                    pre.wide tabindex="0" role="group" aria-label="Command for tolerances" {
+                        code { (subject.tolerance) }
+                    }
                 }
             }
         }

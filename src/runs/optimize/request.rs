@@ -9,7 +9,7 @@ use crate::files::holds_run;
 use crate::job::{JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
-use crate::report::words::word;
+use crate::report::words::{from_here, word};
 use crate::runs::inputs::{Given, RESULT, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
@@ -206,6 +206,18 @@ fn whole_path(path: &Path) -> std::io::Result<PathBuf> {
     }
     let leads_to = |path: &Path| path.canonicalize().ok();
     Ok(if leads_to(&plain) == leads_to(&given) { plain } else { given })
+}
+
+/// The command that asks how far each LiDAR of a run's result may be off, for a shell in the same folder.
+pub(super) fn tolerance_command(begun: &Begun, folder: &Path) -> String {
+    let files = &begun.files;
+    let mut words = vec!["sightline study tolerance".to_owned()];
+    let paths = files.scenes().map(PathBuf::as_path).chain([folder]);
+    words.extend(paths.map(|path| word(&from_here(path))));
+    let vehicle = files.vehicle.as_deref().map(from_here);
+    words.extend(vehicle.map(|file| format!("--vehicle {}", word(&file))));
+    words.extend(files.conditions.iter().map(|one| format!("--condition {}", word(one))));
+    words.join(" ")
 }
 
 /// A file as `result.json` names it in the command: the same from every folder.
