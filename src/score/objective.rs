@@ -250,10 +250,12 @@ impl Objective {
 
     /// A value in a sentence: per cent where the objective is a share from 0 to 1, else five significant digits.
     pub(crate) fn spoken(&self, value: f64) -> String {
-        match self.most() {
-            Some(1.0) => format!("{:.2} %", 100.0 * value),
-            _ => spoken(value),
-        }
+        if self.is_share() { format!("{:.2} %", 100.0 * value) } else { spoken(value) }
+    }
+
+    /// True if values are shares from 0 to 1.
+    pub(crate) fn is_share(&self) -> bool {
+        self.most() == Some(1.0)
     }
 
     /// True if voxels count again for a second LiDAR that covers them.
