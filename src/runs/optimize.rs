@@ -65,7 +65,11 @@ pub fn optimize(
     };
     let length = request.max_seconds.map(Duration::from_secs_f64);
     let time = length.map(|length| TimeLimit { start, length });
-    let mut loaded = opening::job_within(&begun.files, time, computing)?;
+    let loaded = opening::job_within(&begun.files, time, computing);
+    let mut loaded = loaded.map_err(|error| match &request.start {
+        Start::New(new) => new.as_given(error),
+        Start::Resume(_) => error,
+    })?;
     loaded.suite(computing)?;
     let inputs = loaded.inputs()?;
     for scene in loaded.job.scenes() {

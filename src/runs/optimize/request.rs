@@ -136,6 +136,18 @@ impl NewRun {
         Ok(Begun { files, baselines: rigs(&self.baselines)?, inject: rigs(&self.inject)? })
     }
 
+    /// An error of reading the scenes, which names files as they were given where reading them again tells it.
+    pub(super) fn as_given(&self, error: RunError) -> RunError {
+        // A pipe is read once.
+        let is_plain = |path: &PathBuf| path.is_file() || !path.exists();
+        let files = &self.files;
+        if !files.scenes().chain(&files.vehicle).all(is_plain) {
+            return error;
+        }
+        let again = files.scenes().find_map(|path| files.read_scene(path).err());
+        again.map_or(error, RunError::from)
+    }
+
     /// The settings with the objective and the placements of the request.
     pub(super) fn settings(&self) -> Result<Settings, RunError> {
         let mut settings = self.settings.clone();
