@@ -269,3 +269,17 @@ pub(super) fn script(figures: &Figures) -> Markup {
         script { (PreEscaped(include_str!("../view/gl.js"))) (PreEscaped(code)) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_of_many_columns_says_so_to_a_phone() {
+        let is_marked = |columns: usize| {
+            let titles = vec!["x"; columns];
+            table("numbers", &titles, &[]).into_string().contains("class=\"wide many\"")
+        };
+        assert!(is_marked(FEW_COLUMNS + 1) && !is_marked(FEW_COLUMNS));
+    }
+}
