@@ -165,7 +165,7 @@ mod tests {
                     "{help}"
                 );
                 assert!(!help.contains("possible values: lidars"), "{help}");
-                assert!(!help.contains(&format!("for `{name}`")), "{help}");
+                assert!(!help.contains(&format!(", for `{name}`")), "{help}");
                 let rigs =
                     Kind::ALL.iter().any(|(of, known, _)| known == name && of.takes_placements());
                 assert_eq!(help.contains("<SCENE… [PLACEMENTS]>..."), rigs, "{help}");

@@ -219,7 +219,8 @@ pub(super) fn range_card_svg(name: &str, card: &RangeCard) -> String {
 
 /// The plot of each target on its own, with a name.
 pub(super) fn range_card_svgs(name: &str, card: &RangeCard) -> Vec<(String, String)> {
-    let title = |target: &TargetRanges| format!("Distances at which a {} is met", target.target);
+    let title =
+        |target: &TargetRanges| format!("Distances at which a target is met: {}", target.target);
     let each = card.targets.iter().map(title).zip(card_panels(name, card));
     each.map(|(title, panel)| (title.clone(), page([PANEL, PANEL + TITLE], &title, &panel)))
         .collect()
@@ -411,7 +412,7 @@ mod tests {
         assert!(drawn.contains(&format!(">{}<", trimmed(farthest(of_card(&card).iter()), 1))));
         let each = range_card_svgs("found", &card);
         let [(title, own)] = &each[..] else { panic!("one target") };
-        assert_eq!(title, "Distances at which a car is met");
+        assert_eq!(title, "Distances at which a target is met: car");
         assert!(own.contains("found: car") && own.matches("<polygon").count() == 5, "{own}");
         assert_eq!(sizes_in_words(&card), "Targets: car 4.5 × 1.8 × 1.5 m.");
         // A sector elsewhere takes nothing away; in one a car may be lost where it starts late.
