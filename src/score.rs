@@ -18,7 +18,7 @@ use crate::vehicle::ANY_LOST;
 use objective::Tasks;
 
 pub use guard::Guard;
-pub(crate) use guard::{MOST_SELF_HITS, guards_of, reference_layout, short_sight};
+pub(crate) use guard::{BLIND_SECTOR, MOST_SELF_HITS, guards_of, reference_layout, short_sight};
 pub(crate) use objective::{NEAR_GAIN, NEAR_GAINS};
 pub use objective::{Objective, ObjectiveError};
 pub use over_scenes::Interval;
@@ -100,6 +100,9 @@ pub struct Scores {
     /// Share of copies within the mounting tolerance that still meet all requirements; `None` where not looked at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub requirements_hold_in: Option<f64>,
+    /// Most millimetres and degrees by which these copies are off; `None` where not looked at.
+    #[serde(skip)]
+    pub copies_off: Option<[f64; 2]>,
     /// Distances of detection by target and bearing; `None` where not computed, or with coverage `through`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_card: Option<RangeCard>,

@@ -109,10 +109,10 @@ pub struct OptimizeArgs {
     seed: u64,
     /// Placements to compare with, and to start from where the mount allows them
     /// [default: Table 7 of the paper]
-    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    #[arg(long, value_name = "PLACEMENTS", conflicts_with = "resume")]
     baselines: Option<PathBuf>,
     /// More placements to start from where the mount allows them; not compared with
-    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    #[arg(long, value_name = "PLACEMENTS", conflicts_with = "resume")]
     inject: Option<PathBuf>,
     /// Most that the sensors may cost, in the vehicle's currency
     ///

@@ -11,7 +11,9 @@ use super::next_steps::next_in_words;
 use super::plot::{Change, ReferenceLine};
 use super::tables::by_scene;
 use super::targets::range_card_text;
-use super::text::{findings_text, poses_text, scores_text_by};
+use super::text::{
+    findings_text, limit_of, poses_text, rule_lines, scores_text_by, stopped_in_words,
+};
 use super::words::{
     bound_in_words, broken_in_words, climbs_in_words, frames_in_words, methods_in_words,
     run_verdict, spread_in_words,
@@ -386,9 +388,8 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         text += &format!("\n{}\n", frames.words);
     }
     text + &format!(
-        "\nstopped: {}, after {} in {:.1} s ({:.1} placements × frames/s on {}); report: {}\n",
-        record.stopped,
-        evaluations_in_words(record),
+        "\n{} in {:.1} s ({:.1} placements × frames/s on {}); report: {}\n",
+        stopped_in_words(&record.stopped, limit_of(record), &evaluations_in_words(record)),
         record.timings.total,
         record.rate,
         record.backend,
@@ -422,20 +423,20 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("  {bound}\n");
     }
     if !record.constraints.is_empty() {
-        text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
+        text += &format!("\nrules kept: {}\n", rule_lines(&record.constraints).join("\n  "));
     }
     text += &format!("\nfound by: {}\n", methods_in_words(record));
     if let Some(climbs) = climbs_in_words(record) {
         text += &format!("how sure: {climbs}.\n");
     }
-    // The paper's bound tells nothing about a result; the page and the JSON have it.
+    // The paper's bound tells nothing about a result; the JSON has it.
     if let Some(certificate) = &record.certificate {
         text += &format!("bound: {}\n", bound_in_words(certificate, best));
     }
-    if !record.findings.is_empty() {
-        text += &format!("\n{}\n", findings_text(&record.findings).trim_end());
+    match &*findings_text(&record.findings, &record.objective) {
+        "" => text,
+        findings => text + "\n" + findings,
     }
-    text
 }
 
 /// The best and the median objective against evaluations. Baselines and result are lines across, since swaps may find
