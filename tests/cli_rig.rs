@@ -143,6 +143,10 @@ fn what_cannot_be_done_is_a_sentence() {
     assert!(export(&["p.json:pair", "--format", "urdf", "--frame", "a"]).contains("1 names"));
     let args = ["p.json:one", "--format", "urdf", "--sensor", "top=VLP-16"];
     assert!(export(&args).contains("there are `lidar_0`"));
+    let args = ["p.json:one", "--format", "urdf", "--optical-height", "top=0.1"];
+    assert!(export(&args).contains("no frame is called `top`; there are `lidar_0`, `VLP-16`"));
+    let args = ["p.json:one", "--format", "urdf", "--sensor", "a=A", "--sensor", "a=B"];
+    assert!(export(&args).contains("--sensor a: comes twice; give it once"));
     let args = ["p.json:one", "--format", "urdf", "--out", "p.json"];
     assert!(export(&args).contains("would be overwritten"));
     assert!(export(&["none.json", "--format", "urdf"]).contains("none.json"));

@@ -1,6 +1,6 @@
 //! Rigs in the formats of other programs, as files: read, written and compared.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -74,6 +74,7 @@ pub fn export_file(
         }
     }
     put_models(&mut rig, &request.sensors, file)?;
+    check_heights(&rig, &request.mounting, file)?;
     let models = vehicle.as_ref().map(Models::from).unwrap_or_default();
     let exported = export(&rig, request.format, &request.mounting, &models)?;
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
@@ -118,6 +119,16 @@ fn put_models(
         }
     }
     Ok(())
+}
+
+/// Refuses an `--optical-height` of a name that is neither a frame nor a sensor of the rig in `file`.
+fn check_heights(rig: &Rig, mounting: &Mounting, file: &Path) -> Result<(), RunError> {
+    let Some(frame) = mounting.unused(rig) else { return Ok(()) };
+    let frames = rig.lidars.iter().map(|lidar| lidar.frame.clone());
+    let sensors: BTreeSet<String> =
+        rig.lidars.iter().filter_map(|lidar| lidar.sensor.clone()).collect();
+    let (file, frame) = (file.display().to_string(), frame.to_owned());
+    Err(RigError::UnknownFrame { file, frame, known: frames.chain(sensors).collect() }.into())
 }
 
 /// The vehicle that a rig stands on: that of the vehicle file, else of the scene; `None` where neither is named.
@@ -172,6 +183,9 @@ pub fn import_files(
         None => import(files, settings)?,
     };
     let rig = &imported.rig;
+    if let Some(first) = files.first() {
+        check_heights(rig, &settings.mounting, first)?;
+    }
     for (index, lidar) in rig.lidars.iter().enumerate() {
         let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
         let place = in_millimetres(&lidar.pose);

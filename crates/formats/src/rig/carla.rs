@@ -10,7 +10,9 @@ use sightline_scene::vehicle::{SensorPose, of_degrees};
 
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::yaml::{Fields, PHASE, wrong};
-use super::{BASE_LINK, Checked, Fan, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml};
+use super::{
+    BASE_LINK, Checked, Fan, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml,
+};
 
 /// Type of the LiDAR that CARLA casts.
 const LIDAR: &str = "sensor.lidar.ray_cast";

@@ -220,12 +220,7 @@ impl SourceTables {
     }
 
     /// Refuses a row whose token comes `again`: nothing says which of the two counts.
-    pub(super) fn refuse_twice(
-        &self,
-        name: &str,
-        token: &str,
-        again: bool,
-    ) -> Result<(), DatasetError> {
+    pub(super) fn refuse_twice(&self, name: &str, token: &str, again: bool) -> Checked<()> {
         let fault = "it comes twice; leave one out";
         let refused =
             || DatasetError::Row { path: self.path(name), token: token.to_owned(), fault };
