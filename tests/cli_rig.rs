@@ -5,7 +5,7 @@ use std::fs;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{fails, ok, sightline};
+use crate::cli::{fails, ok, piped, sightline};
 
 const FORMATS: [&str; 7] =
     ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "json"];
@@ -127,6 +127,15 @@ fn rigs_are_compared_as_text_and_as_json() {
     assert!(text.starts_with(told), "{text}");
     let csv = ["rig", "compare", "p.json:one", "p.json:pair", "--format", "csv"];
     assert!(printed(&dir, &csv).0.contains("\nalone_after,lidar_1,,,,,,,\n"));
+}
+
+#[test]
+fn a_rig_comes_through_standard_input() {
+    let dir = folder();
+    let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "top", "x": 1, "y": 0, "z": 2}]"#;
+    let output = piped(dir.path(), &["rig", "import", "-"], list.as_bytes());
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && text.contains("\"x\": 1.0"), "{output:?}");
 }
 
 #[test]

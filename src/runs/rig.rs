@@ -1,7 +1,7 @@
 //! Rigs in the formats of other programs, as files: read, written and compared.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::inputs::{file_and_name, rig_file};
@@ -11,12 +11,14 @@ use crate::files::{
 };
 use crate::rig::{
     Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
-    Rig, RigError, RigFormat, compare, default_frame, export, import, placement_doubts, read_rig,
-    rig_json,
+    Rig, RigError, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
+    placement_doubts, read_rig, rig_json,
 };
 use crate::scene::Scene;
 use crate::vehicle::{PlacementFileError, Vehicle, in_millimetres};
 
+/// Most bytes of a rig on standard input, as of a file.
+const MOST_INPUT: u64 = 16 << 20;
 /// Frames left out that a note lists.
 const MOST_LISTED: usize = 12;
 
@@ -179,6 +181,7 @@ pub fn import_files(
         _ => None,
     };
     let imported = match only {
+        Some("-") => import_texts(&[standard_input()?], settings)?,
         Some(only) => named_rig(only, settings)?,
         None => import(files, settings)?,
     };
@@ -197,6 +200,14 @@ pub fn import_files(
     writable_file(out)?;
     write_whole(out, |file| file.write_all(text.as_bytes()).map_err(RunError::io(out)))?;
     Ok(None)
+}
+
+/// A rig's text from standard input.
+fn standard_input() -> Result<RigSource, RunError> {
+    let (file, mut text) = ("standard input".to_owned(), String::new());
+    let mut input = std::io::stdin().lock().take(MOST_INPUT);
+    input.read_to_string(&mut text).map_err(RunError::io(Path::new("-")))?;
+    Ok(RigSource { file, text })
 }
 
 /// Reads a file or folder of any format; a name behind a colon picks one of several placements.

@@ -1,7 +1,7 @@
 //! Values that a careless reader loses without a word: behind comments, under keys of another place, in repeated keys.
 
 use super::read;
-use crate::rig::{ImportSettings, ImportedRig};
+use crate::rig::{ImportSettings, ImportedRig, Models, Mounting, RigFormat, export};
 
 /// Doubts of a rig, one after the other.
 fn doubts(rig: &ImportedRig) -> String {
@@ -187,9 +187,28 @@ fn a_height_of_an_unknown_name_is_found() {
     let rig = read(&two_links("")).unwrap().rig;
     let unused = |name: &str| {
         let optical_heights = [("rear_lidar".to_owned(), 0.1), (name.to_owned(), 0.1)].into();
-        let mounting = crate::rig::Mounting { optical_heights, ..Default::default() };
+        let mounting = Mounting { optical_heights, ..Default::default() };
         mounting.unused(&rig).map(str::to_owned)
     };
     assert_eq!(unused("front_lidar"), None);
     assert_eq!(unused("vlp 16"), Some("vlp 16".to_owned()));
+}
+
+#[test]
+fn names_that_readers_replace_by_values_are_not_written() {
+    let rig = read(&two_links("")).unwrap().rig;
+    let export = |rig: &_, format| export(rig, format, &Mounting::default(), &Models::default());
+    for odd in ["a$(b)", "a${b}"] {
+        let (mut named, mut model, mut frame) = (rig.clone(), rig.clone(), rig.clone());
+        named.name = odd.to_owned();
+        model.lidars[0].sensor = Some(odd.to_owned());
+        frame.lidars[0].frame = odd.to_owned();
+        for odd_rig in [&named, &model, &frame] {
+            let told = export(odd_rig, RigFormat::Urdf).unwrap_err().to_string();
+            assert!(told.contains(&format!("the name `{odd}` holds `$(` or `${{`")), "{told}");
+            assert!(export(odd_rig, RigFormat::Sdf).is_ok());
+        }
+        assert!(export(&frame, RigFormat::Ros2Launch).is_err());
+        assert!(export(&named, RigFormat::Ros2Launch).is_ok());
+    }
 }
