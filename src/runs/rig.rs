@@ -181,7 +181,7 @@ pub fn import_files(
         _ => None,
     };
     let imported = match only {
-        Some("-") => import_texts(&[standard_input()?], settings)?,
+        _ if files == [Path::new("-")] => import_texts(&[standard_input()?], settings)?,
         Some(only) => named_rig(only, settings)?,
         None => import(files, settings)?,
     };

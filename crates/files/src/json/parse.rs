@@ -154,7 +154,8 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
         other => other,
     };
     let Some((key, known)) = unknown_key(told) else {
-        let problem = comma_too_many(text, error).unwrap_or_else(|| plain_words(told));
+        let problem = comma_too_many(text, error).or_else(|| comment(text, error));
+        let problem = problem.unwrap_or_else(|| plain_words(told));
         return DescriptionError::Json { at, problem, line, column };
     };
     // The path of an unknown key ends in the key itself; the message names it anyway.
@@ -172,11 +173,23 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
 /// Fault of a comma before a closing bracket; `None` for any other error of this text. In values that are skipped serde_json
 /// has other words for it.
 pub fn comma_too_many(text: &str, error: &serde_json::Error) -> Option<String> {
-    let lines = text.split_inclusive('\n').take(error.line().checked_sub(1)?);
-    let at = lines.map(str::len).sum::<usize>() + error.column().checked_sub(1)?;
-    let end = text.get(at..)?.chars().next().filter(|end| "]}".contains(*end))?;
-    let has_comma = text[..at].trim_end().ends_with(',');
+    let (before, rest) = text.split_at_checked(place_of(text, error)?)?;
+    let end = rest.chars().next().filter(|end| "]}".contains(*end))?;
+    let has_comma = before.trim_end().ends_with(',');
     has_comma.then(|| format!("the comma before `{end}` is one too many; remove it"))
+}
+
+/// Byte of a text at which an error is found.
+fn place_of(text: &str, error: &serde_json::Error) -> Option<usize> {
+    let lines = text.split_inclusive('\n').take(error.line().checked_sub(1)?);
+    Some(lines.map(str::len).sum::<usize>() + error.column().checked_sub(1)?)
+}
+
+/// Fault of a comment behind the beginning of the text; `None` for any other error.
+fn comment(text: &str, error: &serde_json::Error) -> Option<String> {
+    let rest = text.get(place_of(text, error)?..)?;
+    let is_comment = rest.starts_with("//") || rest.starts_with("/*");
+    is_comment.then(|| "a comment stands here, and JSON has none; remove it".to_owned())
 }
 
 /// The key that serde does not know, and those that it knows in its place.
@@ -423,6 +436,14 @@ mod tests {
             let read = parse::<Value>(text, "f").unwrap_err().to_string();
             let skipped = parse::<IgnoredAny>(text, "f").unwrap_err().to_string();
             assert!(read.contains(&told) && skipped.contains(&told), "{read}; {skipped}");
+        }
+    }
+
+    #[test]
+    fn a_comment_is_told_wherever_it_stands() {
+        for text in ["{\"a\": 1 /* b */}", "{\"a\": 1, // b\n}", "{\"a\": 1} // b", "[/* b */]"] {
+            let told = parse::<Value>(text, "f").unwrap_err().to_string();
+            assert!(told.contains("a comment stands here, and JSON has none; remove it"), "{told}");
         }
     }
 
