@@ -21,6 +21,9 @@ const NO_SURFACE: [&str; 6] =
 /// Parts of a name that may mean classes.
 const CLASS_WORDS: [&str; 5] = ["label", "class", "semantic", "category", "segment"];
 
+const NO_CORNERS: &str =
+    "has no list `vertex_indices` or `vertex_index`; rename the list of its corners";
+
 /// Reads a PLY.
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
     let (header, body) = PlyHeader::read(bytes)?;
@@ -124,9 +127,7 @@ impl PlyReader {
                 && element.count > 0
                 && !element.properties.iter().any(|p| is_corners(p) && p.list.is_some())
             {
-                return fault(
-                    "has no list `vertex_indices` or `vertex_index`; rename the list of its corners",
-                );
+                return fault(NO_CORNERS);
             }
             let corners = element.properties.iter().filter(|p| is_corners(p));
             let corners: Vec<&str> = corners.map(|property| property.name.as_str()).collect();
