@@ -153,7 +153,7 @@ impl Target {
         json::check_version(text, file, FileKind::Target)?;
         let TargetDescription { name, mut shapes, reflectance, source, .. } =
             json::parse(text, file)?;
-        let written: Value = json::parse(text, file)?;
+        let json::UniqueKeys(written) = json::parse(text, file)?;
         let at = Location::top(file);
         let name = check::name(&at.key("name"), name)?;
         if name.trim().is_empty() {
