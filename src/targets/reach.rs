@@ -4,7 +4,8 @@
 use std::ops::Range;
 
 use super::beams::TargetSite;
-use super::places::{Sight, SightBeams, places_of};
+use super::confirm::places_of;
+use super::places::{Sight, SightBeams};
 use super::rules::Rule;
 use crate::near_field::least_metres;
 use crate::problem::{Problem, ProblemError};
