@@ -180,6 +180,31 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
 }
 
 #[test]
+fn more_placements_than_are_looked_at_closely_are_said_and_have_no_card() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    street(dir.path());
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    for count in [64, 65] {
+        let rig = |k| json!({ "name": format!("r{k}"), "lidars": [lidar] });
+        let rigs = json!({ "placements": (0..count).map(rig).collect::<Vec<_>>() });
+        fs::write(dir.path().join("many.json"), rigs.to_string()).unwrap();
+        for scenes in [&["street.json"][..], &["street.json", "street.json"]] {
+            let args = [&["score"][..], scenes, &["many.json", "--backend", "cpu"]].concat();
+            let run = sightline(dir.path(), &[&args[..], &["--format", "json"]].concat());
+            let told = String::from_utf8_lossy(&run.stderr).into_owned();
+            let words = "are looked at for up to 64 placements; here are more";
+            assert_eq!(told.matches(words).count(), usize::from(count > 64), "{told}");
+            let found: Value = serde_json::from_slice(&run.stdout).unwrap();
+            let of = if scenes.len() > 1 { &found["mean"] } else { &found["scores"] };
+            let scores = of[count - 1].as_object().unwrap();
+            assert_eq!(scores["range_card"].is_null(), count > 64, "{scores:?}");
+            assert_eq!(scores.contains_key("requirements_hold_in"), count > 64);
+        }
+    }
+}
+
+#[test]
 fn the_default_objective_does_not_win_by_looking_away() {
     let dir = TempDir::new().unwrap();
     vehicle(dir.path(), json!([]));

@@ -124,6 +124,7 @@ fn scoring<'a>(
         used: HashSet::new(),
         prices: Vec::new(),
         below: String::new(),
+        is_looked_at: false,
         at_once: FEWEST,
         is_stopped: false,
         is_met: false,
@@ -159,6 +160,8 @@ struct Scoring<'a> {
     prices: Vec<f64>,
     /// Text below the scores of few placements.
     below: String,
+    /// True if the placements are few enough to be looked at closely.
+    is_looked_at: bool,
     /// Placements that are scored in one go.
     at_once: usize,
     /// True if the watcher ended the work within a block.
@@ -199,6 +202,9 @@ impl Scoring<'_> {
             let all = block.iter().zip(&mut scores);
             self.job.look_closely(self.evaluator.backend_mut(), all)?;
             self.below = report::rigs_text(self.job.scene().vehicle(), &block, &scores);
+            self.is_looked_at = true;
+        } else if self.count == 0 {
+            self.watcher.note(&super::not_looked_closely());
         }
         let (vehicle, rules) = (self.job.scene().vehicle(), self.evaluator.problem().rules());
         self.prices = super::prices_of(vehicle, &block);
@@ -393,7 +399,10 @@ impl Scoring<'_> {
         }
         for (index, scores) in scores.iter().enumerate() {
             text += if first && index == 0 { "\n" } else { ",\n" };
-            text += &self.json(scores, CompactFormatter)?;
+            text += &match self.is_looked_at {
+                true => self.json(scores, CompactFormatter)?,
+                false => self.json(&super::NotLooked::from(scores), CompactFormatter)?,
+            };
         }
         Ok(text)
     }
