@@ -258,3 +258,22 @@ fn requirements_are_told_in_the_order_of_the_file() {
     let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
     assert!(error.contains("require[2]: `area` holds no voxel"), "{error}");
 }
+
+#[test]
+fn one_seat_is_said_to_be_too_few_to_share_or_to_lose_a_lidar() {
+    let dir = TempDir::new().unwrap();
+    let loss = json!({ "ground": 3, "share": 0.1, "without_any_one": true });
+    for (mounts, is_told) in [(1, true), (2, false)] {
+        yard(dir.path(), json!([{ "overlap": 0.1 }, loss]));
+        let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+        vehicle["mounts"].as_array_mut().unwrap().truncate(mounts);
+        fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+        let run = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+        let told = String::from_utf8(run.stderr).unwrap();
+        for place in ["require[0].overlap", "require[1].without_any_one"] {
+            let words = format!("{place}: takes two LiDARs, and the mounts hold one; raise");
+            assert_eq!(told.contains(&words), is_told, "{told}");
+        }
+    }
+}

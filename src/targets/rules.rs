@@ -32,7 +32,7 @@ pub(super) enum Rule {
 }
 
 impl Rule {
-    fn name(&self) -> &str {
+    pub(super) fn name(&self) -> &str {
         match self {
             Self::Target(rule, _) => &rule.name,
             Self::Ground(rule, _) => &rule.name,
@@ -57,7 +57,7 @@ impl Rule {
         }
     }
 
-    fn without_any_one(&self) -> bool {
+    pub(super) fn without_any_one(&self) -> bool {
         match self {
             Self::Target(rule, _) => rule.without_any_one,
             Self::Ground(rule, _) => rule.without_any_one,
