@@ -314,6 +314,27 @@ impl Looks {
     }
 }
 
+/// Ground near the vehicle that a placement sees in the first scene of a job, over the frames of its page, on the CPU; `None`
+/// without own body or ground.
+///
+/// # Errors
+/// See [`Job::problem`]; an engine that fails.
+pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord>, JobError> {
+    let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
+    let (few, frames) = near_frames(&job.problem()?);
+    let Ok(site) = NearSite::new(job.scene(), &few) else { return Ok(None) };
+    let mut engine = open(few.task(), &choice, |_| {})?.engine;
+    let near = site.look(&mut *engine, placement)?;
+    Ok(Some(NearRecord { frames, near, rival: None }))
+}
+
+/// A problem over the few frames of near fields, and their number.
+fn near_frames(problem: &Problem) -> (Arc<Problem>, usize) {
+    // A P-SOG without geometry has no frame to cast into.
+    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
+    (Arc::new(problem.over(&frames)), frames.len())
+}
+
 /// Near fields of placements over a few frames of a scene, and the LiDARs of the first one against each other.
 fn near<'a>(
     of: &JobScene,
@@ -322,9 +343,7 @@ fn near<'a>(
     placements: impl Iterator<Item = &'a Placement> + Clone,
 ) -> Result<(Result<Near, String>, Several), JobError> {
     let scene = &**of.scene();
-    // A P-SOG without geometry has no frame to cast into.
-    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
-    let few = Arc::new(problem.over(&frames));
+    let (few, frames) = near_frames(problem);
     let mut engine = open(few.task(), choice, |_| {})?.engine;
     let mut several = Several::default();
     let has_others = !scene.vehicle().other_sensors.is_empty();
@@ -343,7 +362,7 @@ fn near<'a>(
     };
     let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
     let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
-    let near = Near { footprint: site.footprint().clone(), frames: frames.len(), all };
+    let near = Near { footprint: site.footprint().clone(), frames, all };
     Ok((Ok(near), several))
 }
 
