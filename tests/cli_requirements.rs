@@ -166,6 +166,23 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
 }
 
 #[test]
+fn the_rig_that_is_best_after_its_worst_loss_meets_what_is_required() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), json!([car([-180, 180], 0.95)]));
+    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+    vehicle["sensors"].as_array_mut().unwrap().truncate(1);
+    (vehicle["mounts"][0]["count"], vehicle["mounts"][0]["sensors"]) = (json!(2), json!(["half"]));
+    fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    // All that changes is ahead: two LiDARs that look there lose nothing with one of them.
+    let args = "study loss street.json --backend cpu --evaluations 40 --seed 1 --out loss";
+    let found = ok(dir.path(), &args.split(' ').collect::<Vec<_>>());
+    for row in found["rows"].as_array().unwrap() {
+        assert_eq!(row["requirements_met"], true, "{row}");
+    }
+}
+
+#[test]
 fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     let dir = TempDir::new().unwrap();
     let rule =
