@@ -183,6 +183,23 @@ fn the_rig_that_is_best_after_its_worst_loss_meets_what_is_required() {
 }
 
 #[test]
+fn a_requirement_beyond_the_range_of_the_sensors_says_so() {
+    let dir = TempDir::new().unwrap();
+    let at = |name: &str, from: u32, within: u32| json!({ "name": name, "target": "car", "from": from, "within": within, "share": 0.9 });
+    street(dir.path(), json!([at("near", 10, 20), at("partly", 40, 80), at("far", 70, 80)]));
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    let missing =
+        |k: usize| found["scores"][0]["requirements"][k]["missing"].as_str().unwrap().to_owned();
+    assert!(!missing(0).contains("sensors reach"), "{}", missing(0));
+    assert!(missing(1).ends_with("; sensors reach 60 m at most"), "{}", missing(1));
+    let far = "; sensors reach 60 m at most: this lies beyond their range";
+    assert!(missing(2).ends_with(far), "{}", missing(2));
+}
+
+#[test]
 fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     let dir = TempDir::new().unwrap();
     let rule =

@@ -62,11 +62,17 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
         assert_eq!(row["beams"], ring + half);
         assert_eq!(half > 0, row["bearing"] == 0.0, "{row}");
     }
+    // A direction that is given twice has one row.
+    let twice = ["--target", "tyre", "--distances", "10", "--bearings", "0,180,360,0,-180"];
+    let found_twice = ok(dir.path(), &[&STUDY[..], &twice].concat());
+    let bearings = rows(&found_twice, "one", "tyre");
+    let bearings: Vec<&Value> = bearings.iter().map(|row| &row["bearing"]).collect();
+    assert_eq!(bearings, [&json!(0.0), &json!(180.0)]);
     // No sensor reaches farther than 80 m: that is said once of all rigs.
     let far = ["--target", "board.json", "--distances", "60,82,100,120", "--bearings", "0"];
     let run = sightline(dir.path(), &[&STUDY[..], &far].concat());
     let told = String::from_utf8_lossy(&run.stderr);
-    let words = "a rig whose sensors reach 80 m at most meets no target at 100, 120 m: this lies beyond their range";
+    let words = "--distances: a rig whose sensors reach 80 m at most meets no target at 100, 120 m: this lies beyond their range";
     assert!(run.status.success() && told.matches(words).count() == 1, "{told}");
     let found_near = sightline(dir.path(), &[&STUDY[..], &asked].concat());
     assert!(!String::from_utf8_lossy(&found_near.stderr).contains("beyond their range"));

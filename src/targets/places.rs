@@ -119,7 +119,7 @@ const DISTANCES: [f64; 8] = [5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0];
 
 /// Places of targets around a vehicle on level ground, ground near it in each scene, and surfaces there.
 pub struct Sight {
-    site: TargetSite,
+    pub(super) site: TargetSite,
     /// Targets and their positions, group after group.
     pub(super) places: Vec<(Arc<Target>, [f64; 3])>,
     /// Places of the car all round; empty where a search does not look.

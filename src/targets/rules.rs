@@ -337,9 +337,20 @@ impl Sight {
                     all.beams.get(place).is_some_and(|&beams| beams >= self.enough[place])
                 };
                 let places = places.clone().map(|place| (self.places[place].1, is_met(place)));
-                Missing::new(rule, places).map(|missing| missing.to_string())
+                Missing::new(rule, places).map(|missing| format!("{missing}{}", self.beyond(rule)))
             }
             Rule::Ground(_, number) => self.ground_missing(all, *number),
+        }
+    }
+
+    /// Words on distances of a rule that lie beyond the range of every sensor; empty where none do.
+    fn beyond(&self, rule: &TargetRule) -> String {
+        // A range is an f32: 30.2 is not to read 30.2000008.
+        let range = (1e3 * f64::from(self.site.sensors().longest_range())).round() / 1e3;
+        match (rule.from > range, rule.within > range) {
+            (true, _) => format!("; sensors reach {range} m at most: this lies beyond their range"),
+            (_, true) => format!("; sensors reach {range} m at most"),
+            _ => String::new(),
         }
     }
 
