@@ -19,6 +19,7 @@ mod files;
 mod front;
 mod holds;
 mod loss;
+mod relief;
 mod room;
 mod scene;
 mod search;

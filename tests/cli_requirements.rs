@@ -200,6 +200,31 @@ fn a_requirement_beyond_the_range_of_the_sensors_says_so() {
 }
 
 #[test]
+fn ground_that_is_not_level_where_targets_stand_is_said() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), json!([car([-60, 60], 0.1)]));
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let text = fs::read_to_string(dir.path().join("street.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    for (z, is_told) in [(0.2, false), (1.5, true)] {
+        let plane = |from: i32, to: i32, z: f64| json!({ "class": "road", "plane": { "min": [from, -40], "max": [to, 40], "z": z } });
+        scene["static"] = json!([plane(-40, 12, 0.0), plane(12, 60, z)]);
+        fs::write(dir.path().join("street.json"), scene.to_string()).unwrap();
+        let words = "stand on level ground, and the ground of street rises 1.5 m to 15 m at 0° in frame 0; `study targets`";
+        for command in ["score", "view"] {
+            let mut args = vec![command, "street.json", "rigs.json", "--backend", "cpu"];
+            args.extend(if command == "view" { &["--force", "--out", "v.html"][..] } else { &[] });
+            let told = String::from_utf8(sightline(dir.path(), &args).stderr).unwrap();
+            assert_eq!(told.contains(words), is_told, "{told}");
+        }
+        let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
+        assert_eq!(page.contains("Note: targets of requirements and range card"), is_told);
+    }
+}
+
+#[test]
 fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     let dir = TempDir::new().unwrap();
     let rule =

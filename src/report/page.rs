@@ -229,6 +229,8 @@ pub struct Looks {
     several: Several,
     /// True if bodies of the vehicle move: some figures are of frame 0.
     has_moving_bodies: bool,
+    /// Sentence on ground that is not level where targets stand.
+    relief: Option<String>,
 }
 
 /// LiDARs of a placement against each other.
@@ -303,7 +305,8 @@ impl Looks {
             several.losses = job.losses_while(&mut evaluator, placement, go_on)?;
         }
         let has_moving_bodies = job.scene().has_moving_bodies();
-        Ok(Self { maps, views, near, several, has_moving_bodies })
+        let relief = job.relief_in_words()?;
+        Ok(Self { maps, views, near, several, has_moving_bodies, relief })
     }
 
     /// Near field of the placement and of the best baseline; `None` where there is none to tell.
@@ -387,6 +390,8 @@ pub struct Figures {
     several: Several,
     /// True if bodies of the vehicle move: range card and outline are of frame 0.
     has_moving_bodies: bool,
+    /// Sentence on ground that is not level where targets stand.
+    relief: Option<String>,
     /// The 3-D view of each scene; empty without a result.
     pub views: Vec<ViewData>,
 }
@@ -411,12 +416,13 @@ impl Figures {
             near_frames: 0,
             several: Several::default(),
             has_moving_bodies: false,
+            relief: None,
             views: Vec::new(),
         };
         let Some((looks, shown)) = looks.zip(shown) else {
             return none;
         };
-        let Looks { maps, views, near, several, has_moving_bodies } = looks;
+        let Looks { maps, views, near, several, has_moving_bodies, relief } = looks;
         let near_frames = near.as_ref().map_or(0, |near| near.frames);
         let near_field = near.map(|Near { footprint, all, .. }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
@@ -428,7 +434,17 @@ impl Figures {
             maps[..count].iter().map(|(name, map)| (name.clone(), map.lidars_svg(placement)));
         let lidars = lidars.collect();
         let maps = maps.into_iter().map(|(name, map)| (name, map.svg(placement))).collect();
-        Self { maps, lidars, near_field, near_frames, several, has_moving_bodies, views, ..none }
+        Self {
+            maps,
+            lidars,
+            near_field,
+            near_frames,
+            several,
+            has_moving_bodies,
+            relief,
+            views,
+            ..none
+        }
     }
 
     /// Every drawing with a name of its own; `result` is the placement that they show.

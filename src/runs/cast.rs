@@ -187,6 +187,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
     let mut loaded = opening::job(&files, computing)?;
     let mut evaluator = loaded.evaluator(computing)?;
     let (job, problem) = (loaded.job, evaluator.problem());
+    opening::note_relief(&job, computing.watcher)?;
     let look = |file: &str| Given::in_problem(Path::new(file), problem, computing);
     look(file_and_name(placements).0).all([&mut *shown])?;
     for (file, all) in &mut rivals {

@@ -92,6 +92,12 @@ pub fn job_within(
     Ok(Loaded { job, times })
 }
 
+/// Notes that the ground of a scene is not level where targets of requirements and range cards stand.
+pub fn note_relief(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
+    job.relief_in_words()?.iter().for_each(|words| watcher.note(words));
+    Ok(())
+}
+
 /// Reads or builds the P-SOG of a scene, until the watcher or a limit of time stops it. A scene of few frames is scanned
 /// whatever the time.
 pub fn psog(

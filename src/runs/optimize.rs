@@ -141,6 +141,7 @@ fn begin<'a>(
         Some(state) => job.resume(state),
         None => {
             opening::note_mounts(&job.scenes()[0], watcher)?;
+            opening::note_relief(job, watcher)?;
             job.begin()
         }
     };

@@ -252,6 +252,7 @@ fn score_each(
 ) -> Result<bool, RunError> {
     let mut loaded = open(request, scenes, computing)?;
     let evaluator = loaded.evaluator(computing)?;
+    opening::note_relief(&loaded.job, computing.watcher)?;
     let Loaded { job, times } = loaded;
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {

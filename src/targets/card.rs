@@ -26,7 +26,7 @@ const NAMED_FIRST: usize = FINE / 48;
 /// Degrees of a sector.
 const SECTOR: f64 = 2.0 * HALF_SECTOR as f64 * 360.0 / FINE as f64;
 /// Distances between which a sector must not lose a car, metres; sensors that reach less far end them.
-const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
+pub(super) const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
 /// Most distances of a card, in metres.
 const FARTHEST: f64 = 200.0;
 

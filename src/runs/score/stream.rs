@@ -22,7 +22,7 @@ use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::tables::{score_rows, score_titles};
 use crate::runs::inputs::Given;
-use crate::runs::opening::{LoadTimes, Loaded, timings};
+use crate::runs::opening::{LoadTimes, Loaded, note_relief, timings};
 use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, outputs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
@@ -49,6 +49,7 @@ pub(super) fn score(
     let mut loaded =
         Loaded { job: job.draw(request.draw).tolerance(Some(request.mounting.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;
+    note_relief(&loaded.job, computing.watcher)?;
     let scene = loaded.job.scene().clone();
     if let Some(file) = &request.out {
         writable_file(file)?;
