@@ -22,7 +22,7 @@ use crate::files::{
 use crate::job::{Job, JobFiles};
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::tables::{score_rows, score_titles};
+use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
 use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::{Scores, Seen};
@@ -420,16 +420,18 @@ impl Batch {
     /// The placements in each scene, then their means.
     fn csv(&self) -> String {
         let prices = prices_of(&self.vehicle, &self.placements);
-        let titles = std::iter::once("scene".to_owned()).chain(score_titles(&prices)).collect();
+        let mean: Vec<&Scores> = self.judged.iter().map(|judged| &judged.scores).collect();
+        let titles = titles_with_requirements(&prices, mean.first().copied());
+        let titles = std::iter::once("scene".to_owned()).chain(titles).collect();
         let mut rows: Vec<Vec<String>> = vec![titles];
         let mut add = |scene: &str, scores: Vec<Vec<String>>| {
             let named = |row| std::iter::once(scene.to_owned()).chain(row).collect();
             rows.extend(scores.into_iter().map(named));
         };
         for (index, member) in self.members() {
-            add(member.name(), score_rows(self.of_scene(index), &prices));
+            add(member.name(), rows_with_requirements(&self.of_scene(index), &prices));
         }
-        add("mean", score_rows(&self.mean(), &prices));
+        add("mean", rows_with_requirements(&mean, &prices));
         csv(rows)
     }
 

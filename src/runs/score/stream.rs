@@ -20,7 +20,7 @@ use crate::files::{
 use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::tables::{score_rows, score_titles};
+use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
 use crate::runs::inputs::Given;
 use crate::runs::opening::{LoadTimes, Loaded, note_relief, timings};
 use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, outputs};
@@ -386,9 +386,10 @@ impl Scoring<'_> {
     fn text(&self, scores: &[Scores], first: bool) -> Result<String, RunError> {
         let mut text = String::new();
         if self.request.format == TableFormat::Csv {
-            let rows = score_rows(scores, &self.prices);
+            let rows = rows_with_requirements(&scores.iter().collect::<Vec<_>>(), &self.prices);
             return Ok(if first {
-                csv(std::iter::once(score_titles(&self.prices)).chain(rows))
+                let titles = titles_with_requirements(&self.prices, scores.first());
+                csv(std::iter::once(titles).chain(rows))
             } else {
                 csv(rows)
             });
