@@ -225,6 +225,33 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
 }
 
 #[test]
+fn a_vehicle_without_requirements_is_told_of_them_first() {
+    let dir = TempDir::new().unwrap();
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    for (require, is_told) in [(json!([]), true), (json!([car([-60, 60], 0.1)]), false)] {
+        street(dir.path(), require);
+        let text = |args: &str| {
+            let args = args.split(' ').chain(["--backend", "cpu"]).collect::<Vec<_>>();
+            String::from_utf8(sightline(dir.path(), &args).stdout).unwrap()
+        };
+        let hint = "\nNo requirement is set: `require` of the vehicle says what must be seen. ";
+        let scored = text("score street.json rigs.json");
+        assert_eq!(scored.contains(&format!("{hint}The page of `view`")), is_told, "{scored}");
+        let found = text("optimize street.json --budget 3 --evaluations 8 --force --out run");
+        assert_eq!(found.contains(&format!("{hint}report.html")), is_told, "{found}");
+        let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
+        let place = page.find("No requirement is set");
+        assert_eq!(place.is_some(), is_told);
+        assert!(
+            place.is_none_or(|place| place < page.find("<canvas").unwrap()),
+            "before the picture"
+        );
+    }
+}
+
+#[test]
 fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     let dir = TempDir::new().unwrap();
     let rule =

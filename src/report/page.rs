@@ -97,8 +97,8 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (scores::required(subject))
                     @for step in run.map(next_in_words).unwrap_or_default() { p { (step) } }
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
-                    (layout::stage(subject, figures))
                     (scores::usual(subject))
+                    (layout::stage(subject, figures))
                     @if subject.result.is_some() {
                         p.part { "For the engineer: what it sees and where it stands" }
                     }
