@@ -36,25 +36,31 @@ pub fn run_csv(run: &RunRecord) -> String {
     csv(std::iter::once(titles).chain(rows))
 }
 
-/// Titles of [`rows_with_requirements`]: those of scores, then four for each requirement of a placement.
+/// Titles of [`rows_with_requirements`]: those of scores, with four for each requirement of a placement before the price.
 pub(crate) fn titles_with_requirements(prices: &[f64], of: Option<&Scores>) -> Cells {
     let of_each = |seen: &Seen| {
         ["found", "required", "met", "holds_in"].map(|what| format!("{}_{what}", seen.name))
     };
     let required = of.into_iter().flat_map(|scores| &scores.required);
-    score_titles(prices).into_iter().chain(required.flat_map(of_each)).collect()
+    before_price(score_titles(prices), prices, required.flat_map(of_each))
 }
 
-/// Like [`score_rows`], then for each requirement the share found, the share required, whether it is met, and the share of
-/// copies that still meet it.
+/// Like [`score_rows`], with the share found of each requirement, the share required, whether it is met, and the share of
+/// copies that still meet it, before the price.
 pub(crate) fn rows_with_requirements(all: &[&Scores], prices: &[f64]) -> Vec<Cells> {
     let of_each = |seen: &Seen| {
         let met = seen.is_met().to_string();
         [number(seen.share), number(seen.least), met, number(seen.holds_in)]
     };
     let rows = score_rows(all.iter().copied(), prices).into_iter().zip(all);
-    rows.map(|(row, of)| row.into_iter().chain(of.required.iter().flat_map(of_each)).collect())
-        .collect()
+    rows.map(|(row, of)| before_price(row, prices, of.required.iter().flat_map(of_each))).collect()
+}
+
+/// Puts cells into a row before the price, which is last where there is one.
+fn before_price(mut row: Cells, prices: &[f64], cells: impl Iterator<Item = String>) -> Cells {
+    let at = row.len() - usize::from(!prices.is_empty());
+    row.splice(at..at, cells);
+    row
 }
 
 /// Columns of [`audits_csv`] behind the scores.
