@@ -18,7 +18,7 @@ use crate::near_field::{Footprint, RequiredGround, WheelPlane, outline};
 use crate::overlap::{RequiredOverlap, Surfaces};
 use crate::problem::{Frame, Problem};
 use crate::scene::{EgoBody, Ground, Scene, Target};
-use crate::vehicle::{Placement, SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Metres above and below the wheel plane in which ground is looked for at the vehicle.
 const REACH: f64 = 30.0;
@@ -334,6 +334,7 @@ mod tests {
 
     use super::*;
     use crate::psog::Psog;
+    use crate::vehicle::TargetRule;
 
     /// Heights of the ground for a child at places, from an ego at `z`, over a road at z = 0 and under or on a bridge
     /// whose deck is 6 m up.

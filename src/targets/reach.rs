@@ -63,9 +63,10 @@ impl Sight {
             })
             .collect();
         let bound = |rule: &Rule| match rule {
+            _ if rule.least() <= 0.0 => None,
             _ if rule.without_any_one() && seats < 2 => Some(one_seat(rule.name())),
             Rule::Target(rule, places) => {
-                self.target_bound(rule, places.clone(), (&most, &largest, seats))
+                self.target_bound(rule, places.clone(), (&most[..], &largest[..], seats))
             }
             Rule::Ground(rule, number) => self.ground_bound(rule, *number, &all),
             Rule::Overlap(rule) if seats < 2 => Some(one_seat(&rule.name)),

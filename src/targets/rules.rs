@@ -41,7 +41,7 @@ impl Rule {
     }
 
     /// Share that is required.
-    fn least(&self) -> f64 {
+    pub(super) fn least(&self) -> f64 {
         match self {
             Self::Target(rule, _) => rule.share,
             Self::Ground(rule, _) => rule.share,
