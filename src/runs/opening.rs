@@ -299,6 +299,12 @@ pub fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), RunErr
     Ok(())
 }
 
+/// Notes on mounts, and on ground that is not level, of a job that is about to search.
+pub fn note_before_search(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
+    note_mounts(&job.scenes()[0], watcher)?;
+    note_relief(job, watcher)
+}
+
 /// Notes scenes whose own body is not that of the first, which decides about requirements on targets and warnings of the mean.
 fn note_bodies(job: &Job, watcher: &dyn Watcher) {
     let Some((first, others)) = job.scenes().split_first() else { return };
