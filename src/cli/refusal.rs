@@ -308,7 +308,7 @@ mod tests {
         for (line, told) in [
             (
                 "scan s.json",
-                "arguments were not provided: --placement <PLACEMENTS[:NAME]>, --out <DIR>",
+                "arguments were not provided: --placement <PLACEMENTS>, --out <DIR>",
             ),
             (
                 "score s.json p.json --fromat json",
