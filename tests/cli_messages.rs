@@ -210,7 +210,10 @@ fn one_placement_of_a_file_is_read_alike_by_every_command() {
     // LiDARs that name no model are of the only one.
     let output = sightline(dir.path(), &["score", "s.json", "rigs.json:B", "--backend", "cpu"]);
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; distances"), "{text}");
+    assert!(
+        text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; distances"),
+        "{text}"
+    );
     for args in [
         ["score", "s.json", "rigs.json:C", "--backend", "cpu"],
         ["study", "tolerance", "s.json", "rigs.json:C", "--frames=1"],

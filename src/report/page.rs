@@ -324,7 +324,8 @@ impl Looks {
 /// See [`Job::problem`]; an engine that fails.
 pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord>, JobError> {
     let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
-    let (few, frames) = near_frames(&job.problem()?);
+    let problem = job.problem()?;
+    let (few, frames) = near_frames(&problem);
     let Ok(site) = NearSite::new(job.scene(), &few) else { return Ok(None) };
     let mut engine = open(few.task(), &choice, |_| {})?.engine;
     let near = site.look(&mut *engine, placement)?;

@@ -321,7 +321,7 @@ fn blind_sectors(
             ],
         };
         // The first of equal ones, one that is a multiple of 7.5° before others.
-        let rank = |fine: usize| (lost[fine].len(), fine % NAMED_FIRST == 0);
+        let rank = |fine: usize| (lost[fine].len(), fine.is_multiple_of(NAMED_FIRST));
         let worse = |a: usize, b: usize| if rank(b) > rank(a) { b } else { a };
         let worst = of().reduce(worse).unwrap_or_default();
         let there: Vec<Option<bool>> =

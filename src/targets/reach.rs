@@ -273,8 +273,8 @@ mod tests {
     fn no_rig_keeps_more_after_a_loss_than_the_bound() {
         let mut rng = ChaCha8Rng::seed_from_u64(12);
         let (mut in_reach, mut beyond) = (0, 0);
-        for round in 0..300 {
-            let wanted = 2 + round % 3_u8;
+        for round in 0..300_u16 {
+            let wanted = 2 + (round % 3) as u8;
             let sight = posed(&format!(
                 r#"{{
                   "sensors": [{{ "name": "a", "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }} }}],

@@ -221,7 +221,7 @@ pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern
 }
 
 /// Refuses a number among keys: a comma ends `0,2` behind the 0, and the 2 is a key then.
-fn refuse_numbers(at: &Location, keys: &Rest) -> Result<(), DescriptionError> {
+fn refuse_numbers(at: &Location, keys: &Rest) -> Checked<()> {
     let number = keys.keys().map(AsRef::as_ref).find(|key: &&str| key.parse::<f64>().is_ok());
     let wanted = "the name of one; write decimals with a point, as 0.2";
     number.map_or(Ok(()), |key| Err(bad(at, format!("the key `{key}`"), wanted)))
