@@ -8,6 +8,7 @@ pub(crate) mod guard;
 mod objective;
 pub(crate) mod over_scenes;
 pub(crate) mod standing;
+mod worst_frame;
 
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
@@ -25,6 +26,7 @@ pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
+pub use worst_frame::WorstFrame;
 
 /// Scores of one task, segmentation or detection, which tell classes apart differently.
 ///
@@ -156,8 +158,8 @@ pub const SEEN: &str = "seen";
 
 /// A requirement: a share of something that must be seen, or be shared by LiDARs.
 ///
-/// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact` and `worst_without`
-/// where they are known.
+/// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact`, `worst_without` and
+/// `worst_frame` where they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
@@ -180,6 +182,8 @@ pub struct Seen {
     pub holds_in: Option<f64>,
     /// The intact rig, of a requirement that must hold whichever one LiDAR is lost: `share` is then the least one.
     pub lost: Option<Lost>,
+    /// Frame in which bodies that move leave least of the ground; `None` where it is the same in all.
+    pub worst_frame: Option<WorstFrame>,
 }
 
 /// A requirement that must hold whichever one LiDAR is lost: the share of the intact rig, and the worst loss.
@@ -217,14 +221,15 @@ impl Seen {
     /// A requirement of 90 %, for tests.
     #[cfg(test)]
     pub(crate) fn of(name: &str, share: f64) -> Self {
-        let name = name.to_owned();
-        Self { name, share, done: SEEN, least: 0.9, missing: None, holds_in: None, lost: None }
+        let (name, done) = (name.to_owned(), SEEN);
+        let (missing, holds_in, lost, worst_frame) = (None, None, None, None);
+        Self { name, share, done, least: 0.9, missing, holds_in, lost, worst_frame }
     }
 }
 
 impl Serialize for Seen {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut object = serializer.serialize_struct("Seen", 8)?;
+        let mut object = serializer.serialize_struct("Seen", 9)?;
         object.serialize_field("name", &self.name)?;
         object.serialize_field("required", &self.least)?;
         object.serialize_field("found", &self.share)?;
@@ -247,6 +252,10 @@ impl Serialize for Seen {
                 object.skip_field("worst_without")?;
             }
         }
+        match &self.worst_frame {
+            Some(worst) => object.serialize_field("worst_frame", worst)?,
+            None => object.skip_field("worst_frame")?,
+        }
         object.end()
     }
 }
@@ -264,11 +273,12 @@ pub(crate) fn percent_up(share: f64) -> f64 {
 
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { share, done, least, missing, holds_in, lost, .. } = self;
+        let Self { share, done, least, missing, holds_in, lost, worst_frame, .. } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         write!(f, "{not}{}: {:.1} % {done}", self.title(), percent_down(*share))?;
         lost.iter()
             .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
+        worst_frame.iter().try_for_each(|worst| f.write_str(&worst.beside(*share)))?;
         write!(f, ", {:.1} % required", percent_up(*least))?;
         let mut lacks = missing.iter().filter(|_| !self.is_met());
         lacks.try_for_each(|missing| write!(f, ", {missing}"))?;
@@ -294,6 +304,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
         missing: None,
         holds_in: None,
         lost: None,
+        worst_frame: None,
     });
     seen.collect()
 }
@@ -455,7 +466,16 @@ mod tests {
             (json["intact"].as_f64(), json["worst_without"].as_u64()),
             (Some(0.4305), Some(2))
         );
-        assert!(serde_json::to_value(Seen::of("ring", 1.0)).unwrap().get("intact").is_none());
+        let ring = Seen::of("ring", 1.0);
+        assert!(serde_json::to_value(&ring).unwrap().get("intact").is_none());
+        // Where bodies move the worst frame stands beside a mean, and behind a share that is its own.
+        let in_frame = |share| Some(WorstFrame { frame: 3, share });
+        let told = [0.895, 1.0].map(|share| Seen { worst_frame: in_frame(share), ..ring.clone() });
+        let words = told.each_ref().map(Seen::to_string);
+        assert_eq!(words[0], "ring: 100.0 % seen (89.5 % in frame 3), 90.0 % required");
+        assert_eq!(words[1], "ring: 100.0 % seen in frame 3, 90.0 % required");
+        let json = serde_json::to_value(&told[0]).unwrap();
+        assert_eq!(json["worst_frame"], serde_json::json!({ "frame": 3, "share": 0.895 }));
     }
 
     #[test]

@@ -199,6 +199,8 @@ impl<'a> Subject<'a> {
 
 /// Frames that near field, overlap and redundancy are taken over.
 const NEAR_FRAMES: u32 = 4;
+/// Frames of it where bodies of the vehicle move: the straight trailer may be in any of them.
+const MOVING_FRAMES: u32 = 12;
 /// Most LiDARs × frames of which each LiDAR is lost in turn: every loss takes a score over all frames.
 const MOST_LOST: usize = 512;
 
@@ -308,7 +310,8 @@ fn near<'a>(
 ) -> Result<(Result<Near, String>, Several), JobError> {
     let scene = &**of.scene();
     // A P-SOG without geometry has no frame to cast into.
-    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
+    let most = if scene.has_moving_bodies() { MOVING_FRAMES } else { NEAR_FRAMES };
+    let frames = spread(problem.geometry_frame_count(), Some(most));
     let few = Arc::new(problem.over(&frames));
     let mut engine = open(few.task(), choice, |_| {})?.engine;
     let mut several = Several::default();

@@ -170,14 +170,20 @@ impl NearRecord {
     /// Depth of the blind zone on each side, and shares of the ground that are seen.
     fn in_words(&self) -> String {
         let Self { frames, near, .. } = self;
-        let depths = near.zone.depths().map(|(side, depth)| match depth {
-            Some(depth) => format!("{side} {depth:.1} m{}", near.zone.but_lost(side)),
-            None => format!("{side} more than {NEAR} m"),
+        let depths = near.zone.depths().map(|(side, depth)| {
+            let frame = near.zone.in_frame(side);
+            match depth {
+                Some(depth) => format!("{side} {depth:.1} m{frame}{}", near.zone.but_lost(side)),
+                None => format!("{side} more than {NEAR} m{frame}"),
+            }
         });
-        let ring = near.ring.map(|ring| format!(", {:.1} % within {RING} m", percent_down(ring)));
+        let [worst, worst_ring] = near.worst_in_words();
+        let ring = near
+            .ring
+            .map(|ring| format!(", {:.1} %{worst_ring} within {RING} m", percent_down(ring)));
         format!(
             "blind zone, ground before the body that no beam reaches, over {}: {}\n\
-             ground seen: {:.1} % within {NEAR} m{}\n{}\n",
+             ground seen: {:.1} %{worst} within {NEAR} m{}\n{}\n",
             counted(*frames, "frame"),
             depths.join(", "),
             percent_down(near.near_field),

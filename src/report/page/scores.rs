@@ -342,7 +342,8 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
     let rows = best.scores.required.iter().enumerate().map(|(k, seen)| {
         let mut row = vec![text(seen.title()), text(if seen.is_met() { "met" } else { "NOT MET" })];
         let intact = seen.lost.as_ref().map(|lost| format!(" (intact {})", per_cent(lost.intact)));
-        row.push(text(per_cent(seen.share) + &intact.unwrap_or_default()));
+        let worst = seen.worst_frame.map_or(String::new(), |worst| worst.beside(seen.share));
+        row.push(text(per_cent(seen.share) + &intact.unwrap_or_default() + &worst));
         // The margin is the difference of the numbers beside it.
         let least = percent_up(seen.least);
         row.push(text(format!("{least:.1}")));
