@@ -15,6 +15,7 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{DescriptionError, Location, check, counted};
 
 use super::description::{BodyDescription, ShapeDescription};
+use super::doubts;
 use super::route::Motion;
 use super::shapes::Builder;
 use super::solid::Solid;
@@ -32,6 +33,9 @@ pub enum PartOwner {
     /// A body of the ego vehicle that moves against the first, by its index among those.
     EgoBody(usize),
 }
+
+/// Poses of a body that are looked at for doubts.
+const MOST_POSES: usize = 40;
 
 /// End of a note on a body that moves in frames, and not on level ground.
 const HELD_STILL: &str = "level ground takes the body as in frame 0";
@@ -327,6 +331,8 @@ pub struct OwnBodies {
     pub body: Solid,
     /// Bodies with a pose for each frame.
     pub moving: Vec<OwnBody>,
+    /// Bodies that cover the first one.
+    pub doubts: Vec<Note>,
 }
 
 impl OwnBodies {
@@ -344,18 +350,21 @@ impl OwnBodies {
         if !first.is_empty() {
             check_area(&at.key("body"), &body)?;
         }
-        let mut own = Self { body, moving: Vec::new() };
+        let first = doubts::corners(&body);
+        let mut own = Self { body, ..Self::default() };
         for (i, body) in others.iter().enumerate() {
-            own.add(builder, at.key("bodies").item(i), body)?;
+            own.add(builder, at.key("bodies").item(i), body, first)?;
         }
         Ok(own)
     }
 
+    /// Adds a body beside the first, whose box has the corners `first`.
     fn add(
         &mut self,
         builder: &mut Builder<'_>,
         at: Location,
         body: &BodyDescription,
+        first: Option<[DVec3; 2]>,
     ) -> Result<(), DescriptionError> {
         let name = check::name(&at.key("name"), body.name.clone().unwrap_or_default())?;
         if body.parts.is_empty() {
@@ -373,6 +382,7 @@ impl OwnBodies {
         };
         let parts = builder.list(&at.key("parts"), &body.parts)?;
         check_area(&at.key("parts"), &parts)?;
+        self.doubts.extend(first.and_then(|first| covers(&at, &parts, &motion, first)));
         match &motion {
             Motion::Poses(poses) if poses.len() == 1 => self.body.append(&parts, &poses[0]),
             _ => self.moving.push(OwnBody { name, parts, motion, at }),
@@ -407,6 +417,19 @@ impl OwnBodies {
     pub fn is_empty(&self) -> bool {
         self.body.faces.is_empty() && self.moving.iter().all(|body| body.parts.faces.is_empty())
     }
+}
+
+/// A doubt about a body that stands over the middle of the first one, whose box is given, in one of its poses.
+fn covers(at: &Location, parts: &Solid, motion: &Motion, first: [DVec3; 2]) -> Option<Note> {
+    let Motion::Poses(poses) = motion else { return None };
+    let middle = 0.5 * (first[0] + first[1]);
+    let covering = |pose: &Pose| doubts::inside(parts, pose.inverse().apply(middle));
+    let pose = poses.iter().take(MOST_POSES).position(covering)?;
+    Some(Note::doubt(format!(
+        "{}: stands over the middle of the first body; `x`, `y` and `yaw` say where the origin of its own shapes lies in the \
+         ego frame",
+        at.key("poses").item(pose)
+    )))
 }
 
 /// Refuses a body whose triangles are lines and points.

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::{Scene, Solid, corners, inside};
+use crate::scene::parts;
 use crate::vehicle::Region;
 use sightline_files::json::Location;
 
@@ -17,11 +18,19 @@ const MOST_LOOKS: usize = 20_000_000;
 
 /// Doubts about mounts inside the body, or far from it.
 pub(super) fn all(scene: &Scene, places: &[Location]) -> Vec<String> {
-    let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
+    let body = parts::standing(&scene.body, &scene.bodies, 0);
+    let Some([low, high]) = corners(&body) else { return Vec::new() };
     let far = scene.vehicle.mounts.iter().zip(places).filter_map(|(mount, at)| {
         let [from, to] = mount.region.corners().map(DVec3::from);
         let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
         let is_box = mount.region.ego_from_region.is_none();
+        let swept = swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner)).filter(|_| is_box);
+        if let Some((body, frame)) = swept {
+            return Some(format!(
+                "{at}: the whole mount lies inside the ego's body {body} that moves in frame {frame}, where every beam ends at \
+                 once; move it out of the way of that body, or correct its `poses`"
+            ));
+        }
         if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
             return Some(format!(
                 "{at}: the whole mount lies inside the ego body, where every beam ends at once; move it onto the body: \
@@ -53,6 +62,19 @@ pub(super) fn all(scene: &Scene, places: &[Location]) -> Vec<String> {
         ))
     });
     far.collect()
+}
+
+/// Number of a body that moves and the first frame in which all corners of a mount lie inside it; `None` where none does.
+fn swept(scene: &Scene, corners: &[DVec3; 8]) -> Option<(usize, usize)> {
+    let faces: usize = scene.bodies.iter().map(|body| body.parts.faces.len()).sum();
+    let most = MOST_LOOKS / (8 * faces.max(1));
+    (0..scene.frames.min(most)).find_map(|t| {
+        let holds = |body: &parts::OwnBody| {
+            let body_from_ego = body.motion.pose(t).inverse();
+            corners.iter().all(|corner| inside(&body.parts, body_from_ego.apply(*corner)))
+        };
+        Some((scene.bodies.iter().position(holds)?, t))
+    })
 }
 
 /// True if a patch with an offset lies inside the body with its nearer and its farther places. One without an offset lies on
@@ -94,16 +116,21 @@ mod tests {
     use sightline_files::Note;
 
     fn told(mount: &str) -> String {
+        told_with(mount, "")
+    }
+
+    fn told_with(mount: &str, bodies: &str) -> String {
         let text = format!(
             r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "vehicle": {{"sightline": 1,
+            "vehicle": {{"sightline": 1, {bodies}
               "body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
               "sensors": [{{"name": "a", "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 50}}}}],
               "mounts": [{{"name": "m", "count": 1, {mount}}}]}},
-            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
+            "frames": 2, "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
         );
         let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n")
+        let doubts = scene.notes().iter().filter(|note| note.is_doubt());
+        doubts.map(Note::text).collect::<Vec<_>>().join("\n")
     }
 
     #[test]
@@ -122,5 +149,18 @@ mod tests {
         ] {
             assert!(inside.contains("mounts[0]: `offset` leads into the ego body"), "{inside}");
         }
+    }
+
+    #[test]
+    fn a_mount_that_a_moving_body_sweeps_over_is_doubted_with_the_frame() {
+        let trailer = r#""bodies": [{"parts": [{"class": "vehicle", "box": {"min": [-5, -1, 0.2], "max": [-1, 1, 1.8]}}],
+            "poses": [{"x": -2, "y": 0}, {"x": -2, "y": 0, "yaw": -1.5708}]}],"#;
+        let at = |y: f64| {
+            let mount = format!(r#""min": [-2.2, {y}, 0.8], "max": [-2, {}, 1.2]"#, y + 0.2);
+            told_with(&mount, trailer)
+        };
+        let words = "mounts[0]: the whole mount lies inside the ego's body 0 that moves in frame 1";
+        assert!(at(3.0).contains(words), "{}", at(3.0));
+        assert_eq!(at(-2.0), "");
     }
 }

@@ -1,6 +1,7 @@
 //! Doubts about where the own body stands: under the ground, above it, inside the static world.
 
 use glam::DVec3;
+use lidar_cast::geom::Pose;
 
 use super::{Ground, Scene, Solid, corners, inside, inside_faces};
 
@@ -9,7 +10,7 @@ use super::{Ground, Scene, Solid, corners, inside, inside_faces};
 const LOWEST: [f64; 2] = [-0.1, 1.0];
 /// Metres by which a surface must reach into the body: things may touch it.
 const TOUCH: f64 = 0.05;
-/// Triangles of the body that are looked at for the static world, each as often as it must be.
+/// Triangles of the body, or of the world in all frames of a body that moves, that are looked at.
 const MOST_LOOKS: usize = 20_000_000;
 
 /// A doubt about a body whose lowest point is far from the ground.
@@ -21,6 +22,17 @@ pub(super) fn off_ground(who: &str, solid: &Solid) -> Option<String> {
     }
     let is_high = low.z > LOWEST[1];
     is_high.then(|| format!("the {who} begins {:.2} m above the ground, z = 0; {mend}", low.z))
+}
+
+/// A doubt about a body with a class of ground.
+pub(super) fn of_ground(scene: &Scene, who: &str, solid: &Solid) -> Option<String> {
+    let names = &scene.classes.names;
+    let is_ground = Ground::among(names);
+    let ground = |class: &&u16| is_ground.get(usize::from(**class)).is_some_and(|is| *is);
+    let class = names.get(usize::from(*solid.classes.iter().find(ground)?))?;
+    Some(format!(
+        "the {who} has a shape of class `{class}`, which is ground, and no body is; give it a class as `vehicle`"
+    ))
 }
 
 /// A doubt where something of the static world that is no ground lies inside the body in frame 0, or the body in it.
@@ -77,7 +89,17 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
             let [low, high] = (*corners)?;
             let ego_from_actor = ego_from_world.compose(&scene.actors[i].motion.pose(t));
             let own = ego_from_actor.apply(0.5 * (low + high));
-            let met = holds(&scene.body, own)
+            let in_moving = scene.bodies.iter().any(|body| {
+                let ego_from_body = body.motion.pose(t);
+                let holds_body = |[low, high]: [DVec3; 2]| {
+                    let middle = ego_from_body.apply(0.5 * (low + high));
+                    holds(&scene.actors[i].parts, ego_from_actor.inverse().apply(middle))
+                };
+                holds(&body.parts, ego_from_body.inverse().apply(own))
+                    || corners(&body.parts).is_some_and(holds_body)
+            });
+            let met = in_moving
+                || holds(&scene.body, own)
                 || holds(&scene.actors[i].parts, ego_from_actor.inverse().apply(middle));
             met.then_some(i)
         };
@@ -88,24 +110,40 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A doubt where a surface of the static world that is no ground lies inside the body in frame 0.
+/// A doubt where a surface of the static world that is no ground lies inside the body in frame 0, or inside one that moves in
+/// any frame.
 fn surface_inside(scene: &Scene) -> Option<String> {
-    let [low, high] = corners(&scene.body)?;
+    let frames = scene.frames.min(MOST_LOOKS / scene.world.faces.len().max(1)).max(1);
+    let moving = || {
+        let in_frame = |t: usize| {
+            let mut bodies = scene.bodies.iter();
+            bodies.find_map(|body| surface_in(scene, &body.parts, t, body.motion.pose(t)))
+        };
+        (0..frames).find_map(in_frame)
+    };
+    surface_in(scene, &scene.body, 0, Pose::IDENTITY).or_else(moving)
+}
+
+/// A doubt where a surface of the static world that is no ground lies inside a body where it stands in a frame.
+fn surface_in(scene: &Scene, body: &Solid, t: usize, ego_from_body: Pose) -> Option<String> {
+    let [low, high] = corners(body)?;
     let [low, high] = [low + TOUCH, high - TOUCH];
     let is_ground = Ground::among(&scene.classes.names);
-    let (world, ego_from_world) = (&scene.world, scene.ego_pose(0).inverse());
+    let body_from_world = ego_from_body.inverse().compose(&scene.ego_pose(t).inverse());
+    let world = &scene.world;
     let others = world.faces.iter().zip(&world.classes);
     let others =
         others.filter(|(_, class)| !is_ground.get(usize::from(**class)).is_some_and(|g| *g));
     let near = others.filter_map(|(face, class)| {
-        let triangle = face.map(|v| ego_from_world.apply(world.vertices[v as usize]));
+        let triangle = face.map(|v| body_from_world.apply(world.vertices[v as usize]));
         Some((middle_within(&triangle, low, high)?, class))
     });
-    let most = MOST_LOOKS / scene.body.faces.len().max(1);
-    let (at, class) = near.take(most).find(|(at, _)| inside(&scene.body, *at))?;
+    let most = MOST_LOOKS / body.faces.len().max(1);
+    let (at, class) = near.take(most).find(|(at, _)| inside(body, *at))?;
     let class = scene.classes.names.get(usize::from(*class)).map_or("", String::as_str);
+    let at = ego_from_body.apply(at);
     Some(format!(
-        "a `{class}` of the static world stands inside the ego body in frame 0, at x = {:.2}, y = {:.2}, z = {:.2} m of the \
+        "a `{class}` of the static world stands inside the ego body in frame {t}, at x = {:.2}, y = {:.2}, z = {:.2} m of the \
          ego: move the poses of `ego`, or the shape",
         at.x, at.y, at.z
     ))
@@ -204,5 +242,40 @@ mod tests {
         // The scene has no body: the middle of the mounts counts.
         let words = "actors[0] stands inside the ego in frame 1";
         assert!(told(0.3).contains(words) && !told(2.5).contains("inside"), "{}", told(0.3));
+    }
+
+    #[test]
+    fn things_in_a_body_that_moves_are_doubted_in_the_frame_in_which_it_stands_there() {
+        let told = |actor: [f64; 2], wall: [f64; 2]| {
+            let text = format!(
+                r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+                "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
+                "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.5], "lidars": 1}},
+                "ego": {{"body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
+                  "bodies": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-6, -1, 0.2], "max": [-1, 1, 1.8]}}}}],
+                    "poses": [{{"x": -2, "y": 0}}, {{"x": -2, "y": 0, "yaw": 1.5708}}]}}]}},
+                "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}},
+                  {{"class": "wall", "box": {{"foot": [{}, {}, 0], "size": [0.3, 0.3, 1.5]}}}}],
+                "actors": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-0.3, -0.3, 0], "max": [0.3, 0.3, 1.5]}}}}],
+                  "poses": [{{"x": {x}, "y": {y}}}, {{"x": {x}, "y": {y}}}]}}]}}"#,
+                wall[0],
+                wall[1],
+                x = actor[0],
+                y = actor[1]
+            );
+            let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
+            let doubts = scene.notes().iter().filter(|note| note.is_doubt());
+            doubts.map(Note::text).collect::<Vec<_>>().join("\n")
+        };
+        let (away, straight, bent) = ([12.0, 9.0], [-5.5, 0.0], [-2.0, -5.0]);
+        assert_eq!(told(away, away), "");
+        for (place, frame) in [(straight, 0), (bent, 1)] {
+            let words = format!("actors[0] stands inside the ego in frame {frame}");
+            assert!(told(place, away).contains(&words), "{}", told(place, away));
+            let words = format!(
+                "a `wall` of the static world stands inside the ego body in frame {frame}, at"
+            );
+            assert!(told(away, place).contains(&words), "{}", told(away, place));
+        }
     }
 }
