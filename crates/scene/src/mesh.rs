@@ -33,7 +33,7 @@ use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{DescriptionError, Location, read_limited};
 
-pub use robot::{Geometry, OriginAngles, RobotFile, RobotPart};
+pub use robot::{Geometry, OriginAngles, RobotFile, RobotPart, RobotShapes};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {

@@ -44,6 +44,18 @@ pub struct OriginAngles {
     pub angles: [f64; 3],
 }
 
+/// Shapes of a robot's links, with all joints at rest.
+#[derive(Debug, Default)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub struct RobotShapes {
+    /// In the order of the file.
+    pub parts: Vec<RobotPart>,
+    /// Angles of all origins that count.
+    pub origins: Vec<OriginAngles>,
+    /// Names of links that have shapes of the other kind only, and so are missing among the parts.
+    pub missing: Vec<String>,
+}
+
 /// A URDF, and which of its shapes are meant.
 pub struct RobotFile<'a> {
     /// The file.
@@ -55,7 +67,7 @@ pub struct RobotFile<'a> {
 }
 
 impl RobotFile<'_> {
-    /// The shapes of all links but those called `without`, with all joints at rest, and the angles of all origins.
+    /// The shapes of all links but those called `without`.
     ///
     /// # Errors
     /// A file that is no URDF of known shapes; an error names the link or joint, and `at`.
@@ -63,7 +75,7 @@ impl RobotFile<'_> {
         &self,
         at: &Location,
         without: &[String],
-    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), DescriptionError> {
+    ) -> Result<RobotShapes, DescriptionError> {
         let fault = |fault: MeshFault| DescriptionError::Mesh {
             at: Box::new(at.clone()),
             mesh: self.file.to_owned(),
@@ -81,22 +93,14 @@ impl RobotFile<'_> {
     }
 
     #[cfg(feature = "mesh")]
-    fn read(
-        &self,
-        text: &str,
-        without: &[String],
-    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
+    fn read(&self, text: &str, without: &[String]) -> Result<RobotShapes, MeshFault> {
         let folder = self.file.parent().unwrap_or(Path::new(""));
         let Self { packages, tag, .. } = *self;
         super::urdf::Robot { text, folder, packages, tag, without }.parts()
     }
 
     #[cfg(not(feature = "mesh"))]
-    fn read(
-        &self,
-        _: &str,
-        _: &[String],
-    ) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
+    fn read(&self, _: &str, _: &[String]) -> Result<RobotShapes, MeshFault> {
         let _ = self.packages;
         Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
     }

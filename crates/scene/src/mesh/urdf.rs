@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Geometry, MeshFault, OriginAngles, RobotPart};
+use super::{Geometry, MeshFault, OriginAngles, RobotPart, RobotShapes};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, plain_names};
@@ -124,8 +124,8 @@ fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
 }
 
 impl Robot<'_> {
-    /// The shapes of all links but those left out, in the order of the file, and the angles of all origins.
-    pub fn parts(&self) -> Result<(Vec<RobotPart>, Vec<OriginAngles>), MeshFault> {
+    /// The shapes of all links but those left out.
+    pub fn parts(&self) -> Result<RobotShapes, MeshFault> {
         let text = plain_names(self.text);
         let document = self.document(&text)?;
         let robot = document.root_element();
@@ -141,8 +141,13 @@ impl Robot<'_> {
             left_out[link] = true;
         }
         let poses = at_rest(&joints(robot, &names, links.len())?, &links)?;
-        let mut parts = Vec::new();
+        let other = if self.tag == "visual" { "collision" } else { "visual" };
+        let (mut parts, mut missing) = (Vec::new(), Vec::new());
         for (link, &root_from_link) in poses.iter().enumerate().filter(|(k, _)| !left_out[*k]) {
+            let has = |tag: &str| links[link].children().any(|node| node.has_tag_name(tag));
+            if has(other) && !has(self.tag) {
+                missing.extend(links[link].attribute("name").map(str::to_owned));
+            }
             for shape in links[link].children().filter(|node| node.has_tag_name(self.tag)) {
                 let of = called(links[link]);
                 let root_from_part = root_from_link.compose(&origin(shape, &of)?);
@@ -150,14 +155,13 @@ impl Robot<'_> {
             }
         }
         if parts.is_empty() {
-            let other = if self.tag == "visual" { "collision" } else { "visual" };
             let problem = format!(
                 "has no <{}> in the links that are meant; write `\"geometry\": \"{other}\"`, or name another file",
                 self.tag
             );
             return Err(fault("file", problem));
         }
-        Ok((parts, self.angles(robot)))
+        Ok(RobotShapes { parts, origins: self.angles(robot), missing })
     }
 
     /// Roll, pitch and yaw of every origin that counts, with its joint or link.

@@ -14,7 +14,9 @@ use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
 use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
 use crate::mesh;
-use crate::mesh::{Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile};
+use crate::mesh::{
+    Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile, RobotShapes,
+};
 use crate::vehicle;
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
@@ -348,6 +350,8 @@ impl Builder<'_> {
 const SIDES: u32 = 32;
 /// Bands of a sphere from pole to pole.
 const BANDS: u32 = 16;
+/// Links of a robot that a doubt names.
+const MOST_LINKS: usize = 6;
 
 impl Builder<'_> {
     /// Triangles of a robot's links, with all joints at rest.
@@ -367,8 +371,9 @@ impl Builder<'_> {
         let file = self.dir.join(&urdf.file);
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let robot = RobotFile { file: &file, packages: packages.as_deref(), tag };
-        let (parts, origins) = robot.parts(at, &urdf.without)?;
+        let RobotShapes { parts, origins, missing } = robot.parts(at, &urdf.without)?;
         self.note_degrees(at, &file, &origins);
+        self.note_missing(at, &file, tag, &missing);
         self.others.push(file.clone());
         let mut solid = Solid::default();
         for part in parts {
@@ -392,6 +397,23 @@ impl Builder<'_> {
             vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
         });
         self.notes.extend(in_degrees.take(3).map(Note::doubt));
+    }
+
+    /// A doubt about links of a robot that have no shape of the kind that is meant.
+    fn note_missing(&mut self, at: &Location, file: &Path, tag: &str, missing: &[String]) {
+        if missing.is_empty() {
+            return;
+        }
+        let [more, links] =
+            [missing.len().saturating_sub(MOST_LINKS), missing.len().min(MOST_LINKS)];
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let other = if tag == "visual" { "collision" } else { "visual" };
+        self.notes.push(Note::doubt(format!(
+            "{at}: {}: no <{tag}>, so that no beam meets them: links `{}`{more}; write `\"geometry\": \"{other}\"`, or name \
+             them under `without`",
+            file.display(),
+            missing[..links].join("`, `")
+        )));
     }
 
     fn part(

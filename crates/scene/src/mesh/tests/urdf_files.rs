@@ -30,7 +30,7 @@ fn read(text: &str, without: &[&str]) -> Result<Vec<RobotPart>, String> {
     let robot = Robot { text, folder, packages: None, tag: "visual", without: &without };
     robot
         .parts()
-        .map(|(parts, _)| parts)
+        .map(|shapes| shapes.parts)
         .map_err(|fault| format!("{}: {}", fault.element, fault.problem))
 }
 
