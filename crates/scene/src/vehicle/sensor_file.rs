@@ -21,6 +21,7 @@ use super::doubts::of_measures;
 pub use isaac_profile::isaac_profile;
 pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
+pub(super) use table::is_on_sign;
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
 const MAX_SENSOR_FILE: u64 = 64 << 20;
