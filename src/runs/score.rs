@@ -8,6 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, note_unpriced};
@@ -77,6 +78,24 @@ fn meets(scores: &Scores) -> bool {
 /// Price of each placement; empty where no sensor has one.
 fn prices_of(vehicle: &Vehicle, placements: &[Placement]) -> Vec<f64> {
     placements.iter().filter_map(|placement| vehicle.price_of_rig(placement)).collect()
+}
+
+/// Scores as JSON has them, with the price of the placement last; without that key where no sensor has a price.
+#[derive(Serialize)]
+struct Priced<'a> {
+    #[serde(flatten)]
+    scores: &'a Scores,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    price: Option<f64>,
+}
+
+/// Scores with their prices, which there are for all or for none.
+fn priced<'a>(
+    all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
+    prices: &'a [f64],
+) -> impl Iterator<Item = Priced<'a>> + 'a {
+    let price = |k: usize| prices.get(k).copied();
+    all.into_iter().enumerate().map(move |(k, scores)| Priced { scores, price: price(k) })
 }
 
 /// Placements that are read, scored and printed at a time.
@@ -403,6 +422,7 @@ impl Batch {
     /// An object a scene, as `score` of that scene alone prints it, and the mean.
     fn json(&self) -> Value {
         let engines: Vec<_> = self.evaluator.members().map(|(_, engine)| engine).collect();
+        let (prices, mean) = (prices_of(&self.vehicle, &self.placements), self.mean());
         let scene = |(index, member): (usize, &Member)| {
             let (problem, engine) = (member.problem(), engines[index]);
             let stages = engine.times();
@@ -414,7 +434,7 @@ impl Batch {
                 "frames": problem.frame_count(),
                 "modelled": problem.modelled(),
                 "threads": rayon::current_num_threads(),
-                "scores": self.of_scene(index),
+                "scores": priced(self.of_scene(index), &prices).collect::<Vec<_>>(),
                 // Loading and the whole are those of all scenes together.
                 "timings": timings(self.times, stages, self.start),
             });
@@ -426,7 +446,8 @@ impl Batch {
             }
             scene
         };
-        json!({ "scenes": self.members().map(scene).collect::<Vec<_>>(), "mean": self.mean() })
+        let scenes: Vec<Value> = self.members().map(scene).collect();
+        json!({ "scenes": scenes, "mean": priced(&mean, &prices).collect::<Vec<_>>() })
     }
 
     /// Covered voxels of each placement, in a folder a scene.

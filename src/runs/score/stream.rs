@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
 use super::rigs::{RigFiles, RigReader};
-use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
+use super::{BLOCK, ScoreRequest, interrupted, priced, write_coverage, write_out};
 use crate::csv::csv;
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
@@ -391,9 +391,9 @@ impl Scoring<'_> {
             let body = text.split_once('\n').map_or("", |(_, body)| body);
             return Ok(if first { text } else { body.to_owned() });
         }
-        for (index, scores) in scores.iter().enumerate() {
+        for (index, scores) in priced(scores, &self.prices).enumerate() {
             text += if first && index == 0 { "\n" } else { ",\n" };
-            text += &self.json(scores, CompactFormatter)?;
+            text += &self.json(&scores, CompactFormatter)?;
         }
         Ok(text)
     }
