@@ -94,8 +94,8 @@ fn priced<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
     prices: &'a [f64],
 ) -> impl Iterator<Item = Priced<'a>> + 'a {
-    let price = |k: usize| prices.get(k).copied();
-    all.into_iter().enumerate().map(move |(k, scores)| Priced { scores, price: price(k) })
+    let of = move |(k, scores)| Priced { scores, price: prices.get(k).copied() };
+    all.into_iter().enumerate().map(of)
 }
 
 /// Placements that are read, scored and printed at a time.
