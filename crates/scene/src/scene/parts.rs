@@ -371,6 +371,10 @@ impl OwnBodies {
             let wanted = "a shape of the body; add one or leave the body out";
             return Err(bad(&at.key("parts"), "an empty list", wanted));
         }
+        // A heading may go on past a turn, a body that bends does not.
+        for (k, pose) in body.poses.iter().flatten().enumerate() {
+            check::radians(&at.key("poses").item(k).key("yaw"), pose.yaw)?;
+        }
         let Some(motion) = Motion::new(&at, body.poses.as_deref(), None, false)? else {
             return Err(DescriptionError::Missing {
                 at: Box::new(at),

@@ -141,6 +141,11 @@ fn faults_of_bodies_name_their_field_and_the_mend() {
             "",
             "s.json: ego.bodies[0].poses[0].roll: 90 is not an angle",
         ),
+        (
+            good.replace("\"y\": 0", "\"y\": 0, \"yaw\": -30"),
+            "",
+            "s.json: ego.bodies[0].poses[0].yaw: -30 is not an angle in radians within one turn",
+        ),
     ] {
         let told = told(with(TRACTOR, &bodies, more));
         assert!(told.contains(expected), "{told}\nis not {expected}");
