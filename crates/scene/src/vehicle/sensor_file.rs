@@ -8,6 +8,7 @@ mod ouster;
 mod pattern;
 mod table;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -128,15 +129,19 @@ fn parse_json(at: &Location, text: &str) -> Result<SensorPattern, DescriptionErr
         isaac::parse(at, text)
     } else {
         json::refuse_own_kinds(text, &at.file, "the table of a sensor")?;
-        Err(DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "elevation_deg",
-            mend: format!(
+        let keys: BTreeMap<String, serde_json::Value> = json::parse(text, &at.file)?;
+        let near = keys.keys().find(|key| key.starts_with("elev"));
+        let named = keys.get("file").and_then(serde_json::Value::as_str);
+        let mend = match (named, near) {
+            (Some(named), _) => format!("it names {named:?} as its `file`; give that one"),
+            (None, Some(key)) => format!("call `{key}` so, if it lists elevations in degrees"),
+            (None, None) => format!(
                 "list the elevation of each channel in degrees, or give a file of a format that is \
                  read: {}",
                 listed()
             ),
-        })
+        };
+        Err(DescriptionError::Missing { at: Box::new(at.clone()), key: "elevation_deg", mend })
     }
 }
 
