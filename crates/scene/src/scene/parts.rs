@@ -296,17 +296,23 @@ pub struct OwnBody {
 }
 
 impl OwnBody {
-    /// Checks for one pose a frame.
+    /// Checks for one pose a frame of the scene at `scene`.
     ///
     /// # Errors
     /// Another number of poses.
-    pub(crate) fn check_frames(&self, frames: usize) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(
+        &self,
+        scene: &Location,
+        frames: usize,
+    ) -> Result<(), DescriptionError> {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
                 let found = format!("a list of {}", poses.len());
                 let wanted = format!(
-                    "one pose for all frames, or one for each of the {}",
-                    counted(frames, "frame")
+                    "one pose for all frames, or one for each of the {} of {}; for scenes of several lengths give one pose, or \
+                     list the poses in each scene under `ego.bodies`, and leave them out of the vehicle",
+                    counted(frames, "frame"),
+                    scene.file
                 );
                 Err(bad(&self.at.key("poses"), found, wanted))
             }

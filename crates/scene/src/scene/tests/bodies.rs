@@ -118,7 +118,7 @@ fn faults_of_bodies_name_their_field_and_the_mend() {
         (
             two.clone(),
             r#""frames": 3,"#,
-            "s.json: ego.bodies[0].poses: a list of 2 is not one pose for all frames, or one for each of the 3 frames",
+            "s.json: ego.bodies[0].poses: a list of 2 is not one pose for all frames, or one for each of the 3 frames of s.json; for scenes of several lengths give one pose, or",
         ),
         (
             trailer(""),
