@@ -68,6 +68,10 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
     let (table, _) = table.split_once("</table>").unwrap();
     assert!(table.contains(&format!("<td>{}</td>", (1e3 * holds(2)).round() / 10.0)), "{table}");
     assert!(page.contains(" --tolerance 5mm,2deg "), "its command has the tolerance");
+    let copies = "Copies are mounted up to ";
+    let within =
+        |page: &str| page.split_once(copies).unwrap().1.split_once(" off").unwrap().0.to_owned();
+    assert_eq!([within(&page), within(&view("5mm,0.5deg"))], ["5 mm and 2°", "5 mm and 0.5°"]);
     assert!(!view("0").contains("copies that hold %"));
     // Voxels on the ground that beams just reach depend on millimetres, too.
     let edge = json!([{ "name": "ground", "min": [2, -3, -0.3], "max": [6, 3, 0.3],

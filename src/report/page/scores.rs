@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::layout::{bar, difference, table, text};
 use super::{Figures, Subject};
+use crate::job::Tolerance;
 use crate::json::spoken;
 use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, COUNTED_FROM, against as compared};
@@ -280,6 +281,9 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 }
                 @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
                 @if let Some(words) = breaks_first(all) { p { (words) "." } }
+                @if all.iter().any(|seen| seen.holds_in.is_some()) {
+                    p.small { "Copies are mounted up to " (tolerance_of(&subject.command).in_words()) " off, at random." }
+                }
                 p {
                     "How far each LiDAR may be off, and the body may tilt, until a requirement breaks: "
                     code { "sightline study tolerance SCENE PLACEMENTS" }
@@ -288,6 +292,12 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
             }
         }
     }
+}
+
+/// Mounting tolerance of the command of a page: the usual one where it names none.
+fn tolerance_of(command: &str) -> Tolerance {
+    let given = command.split_once(" --tolerance ").and_then(|(_, rest)| rest.split(' ').next());
+    given.and_then(|text| text.parse().ok()).unwrap_or_default()
 }
 
 /// Requirements to begin with, for a subject that has none and where beams end at surfaces.
