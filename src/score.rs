@@ -26,6 +26,7 @@ pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
+pub(crate) use worst_frame::SEEN_IN_FRAME_0;
 pub use worst_frame::WorstFrame;
 
 /// Scores of one task, segmentation or detection, which tell classes apart differently.
@@ -171,7 +172,7 @@ pub struct Seen {
     /// - ground: share that is seen
     /// - overlap: the largest at which pairs connect all LiDARs
     pub share: f64,
-    /// The word for the share: [`SEEN`], or `shared` of overlap.
+    /// The word for the share: [`SEEN`], also with the frame of the body, or `shared` of overlap.
     pub done: &'static str,
     /// Share that is required.
     pub least: f64,

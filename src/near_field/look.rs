@@ -179,7 +179,7 @@ impl NearSite {
             let ground = cells.are_ground(geometry, &is_ground, &wheels);
             frames.push((frame, weight, ground));
         }
-        let poses = alike(&frames, problem, is_ground.len());
+        let poses = alike(frames.iter().map(|(frame, ..)| *frame), problem, is_ground.len());
         Self { problem: problem.clone(), footprint, cells, is_ground, frames, poses }
     }
 
@@ -420,11 +420,17 @@ impl NearSite {
     }
 }
 
+/// True if the own bodies of a problem stand in several poses.
+pub(crate) fn bodies_move(problem: &Problem) -> bool {
+    let frames = problem.distinct_frames().into_iter().map(|(frame, _)| frame);
+    alike(frames, problem, problem.overlap_required().own).len() > 1
+}
+
 /// Frames of a list, by their place in it, in which the own bodies stand alike. Their triangles have the numbers from `own` on.
-fn alike(frames: &[(usize, u64, Vec<bool>)], problem: &Problem, own: usize) -> Vec<Vec<usize>> {
+fn alike(frames: impl Iterator<Item = usize>, problem: &Problem, own: usize) -> Vec<Vec<usize>> {
     let mut poses: Vec<(Vec<Pose>, Vec<usize>)> = Vec::new();
-    for (k, (frame, ..)) in frames.iter().enumerate() {
-        let instances = problem.geometry(*frame).map(|frame| frame.instances()).unwrap_or_default();
+    for (k, frame) in frames.enumerate() {
+        let instances = problem.geometry(frame).map(|frame| frame.instances()).unwrap_or_default();
         let own = instances.iter().filter(|instance| instance.first_prim as usize >= own);
         let stands: Vec<Pose> = own.map(|instance| instance.ego_from_instance).collect();
         match poses.iter_mut().find(|(known, _)| *known == stands) {

@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::percent_down;
 
+/// The words for a share of places of a target where bodies of the vehicle move.
+pub(crate) const SEEN_IN_FRAME_0: &str = "seen with the body as in frame 0";
+
 /// Frame of a scene whose own bodies move in which least of some ground is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WorstFrame {

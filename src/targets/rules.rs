@@ -7,7 +7,7 @@ use super::missing::Missing;
 use super::places::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
-use crate::score::{SEEN, WorstFrame};
+use crate::score::{SEEN, SEEN_IN_FRAME_0, WorstFrame};
 use crate::vehicle::{GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
@@ -90,7 +90,7 @@ pub struct RuleMet<'a> {
     /// which pairs connect all LiDARs; a mean over scenes. For a rule that must hold without any one LiDAR, the least share
     /// over the LiDARs left out.
     pub share: f64,
-    /// The word for it: `seen` or `shared`.
+    /// The word for it: `seen`, `seen with the body as in frame 0` or `shared`.
     pub done: &'static str,
     /// LiDAR whose loss leaves least, of a rule that must hold without any one; `None` where every loss of several leaves as
     /// much.
@@ -318,7 +318,11 @@ impl Sight {
         let mut all = Vec::new();
         for rule in &self.rules {
             let (share, without) = self.least(&looked, rule);
-            let (name, least, done) = (rule.name(), rule.least(), rule.done());
+            let (name, least) = (rule.name(), rule.least());
+            let done = match rule {
+                Rule::Target(..) if self.bodies_move => SEEN_IN_FRAME_0,
+                _ => rule.done(),
+            };
             let missing =
                 (share < least).then(|| self.missing_in_words(&looked, without, rule)).flatten();
             let intact = rule.without_any_one().then(|| self.met_share(&looked, None, rule));
