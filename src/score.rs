@@ -166,7 +166,6 @@ pub struct Seen {
     /// Name on the vehicle.
     pub name: String,
     /// Share that is found, by the kind of requirement:
-    ///
     /// - area: share of its voxels that beams pass, a mean over frames
     /// - target: share of its places at which enough beams meet it
     /// - ground: share that is seen

@@ -259,10 +259,10 @@ fn wrong_rules_on_the_ground_are_named() {
 #[test]
 fn a_body_that_moves_hides_no_frame_in_which_a_rule_fails() {
     let dir = TempDir::new().unwrap();
-    yard(
-        dir.path(),
-        json!([{ "blind_zone": "behind", "depth": 3 }, { "ground": 3, "share": 0.01 }]),
-    );
+    let rules =
+        [json!({ "blind_zone": "behind", "depth": 3 }), json!({ "ground": 3, "share": 0.01 })];
+    let car = json!({ "target": "car", "from": 12, "within": 12, "share": 0.01 });
+    yard(dir.path(), json!([rules[0], rules[1], car]));
     let change = |file: &str, of: &dyn Fn(&mut Value)| {
         let text = fs::read_to_string(dir.path().join(file)).unwrap();
         let mut value: Value = serde_json::from_str(&text).unwrap();
@@ -295,6 +295,7 @@ fn a_body_that_moves_hides_no_frame_in_which_a_rule_fails() {
     let text = String::from_utf8(text.stdout).unwrap();
     let words = "blind zone behind to 3 m: 0.0 % seen in frame 0, 100.0 % required";
     assert!(text.contains(words) && text.contains(" % in frame "), "{text}");
+    assert!(text.contains(" seen with the body as in frame 0, 1.0 % required"), "{text}");
     let near =
         ok(dir.path(), &["study", "nearfield", "yard.json", "rigs.json", "--backend", "cpu"]);
     let zone = &near["near_fields"][2]["zone"];
