@@ -117,6 +117,10 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     assert!(read(&handed_over(&dir, &[]), "README.txt").contains(warning));
     let readme = read(&out, "README.txt");
     let line = readme.lines().find(|line| line.starts_with("  LiDAR 0: ")).unwrap();
+    assert!(
+        line.ends_with(" % at its angle 0"),
+        "it spins freely, its guard is over other angles: {line}"
+    );
     let share = line.split(", ").nth(1).unwrap().split(' ').next().unwrap().parse::<f64>().unwrap();
     assert_eq!(readme.contains(warning), share > 25.0, "{readme}");
     assert!(readme.contains("ISO 8855") && readme.contains("a positive pitch looks down"));

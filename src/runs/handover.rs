@@ -319,8 +319,10 @@ fn text<'a>(
     for (k, mask) in masks.iter().enumerate() {
         let [own, all] = mask.counts();
         let rings = if mask.is_grid() { "" } else { ", no rings" };
+        // Guards are over the angles that scores have, masks are of the sensor at rest.
+        let at_rest = if rig.spins_freely[k] { " at its angle 0" } else { "" };
         let share = percent_up(own as f64 / all as f64);
-        let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.1} %{rings}");
+        let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.1} %{at_rest}{rings}");
     }
     let (margin, [x, y, z]) = (request.margin, request.base_link.unwrap_or_default());
     let _ = write!(
