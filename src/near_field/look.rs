@@ -129,7 +129,7 @@ impl FrameSums {
 
     /// Cells that are ground in some frame.
     fn counting(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.ground.len()).filter(|&cell| self.ground[cell] > 0)
+        (0..self.ground.len()).filter(move |&cell| self.ground[cell] > 0)
     }
 }
 
@@ -231,13 +231,13 @@ impl NearSite {
         let mut sums = FrameSums::new(self.cells.cells.len());
         let mut by_pose = vec![sums.clone(); self.poses.len()];
         // By LiDAR: on ground, on the own body, on others, on nothing.
-        let mut beams = vec![[0; 4]; batch.len()];
+        let mut beams = vec![[0_u64; 4]; batch.len()];
         for (number, (frame, weight, ground)) in self.frames.iter().enumerate() {
             let (poses, hits) = returned_hits(&self.problem, engine, &placement.lidars, *frame)?;
             let mut seen = vec![false; ground.len()];
             for (k, pose) in poses.iter().enumerate() {
                 let hits = &hits[batch.beams_of(k)];
-                hits.iter().for_each(|hit| beams[k][self.end_of(hit)] += weight);
+                hits.iter().for_each(|hit| beams[k][self.end_of(hit)] += *weight);
                 self.mark_seen(batch.table(k), pose, hits, &mut seen);
             }
             let of_pose = by_pose.iter_mut().zip(&self.poses);
