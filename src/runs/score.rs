@@ -94,7 +94,8 @@ fn priced<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
     prices: &'a [f64],
 ) -> impl Iterator<Item = Priced<'a>> + 'a {
-    let of = move |(k, scores)| Priced { scores, price: prices.get(k).copied() };
+    let of =
+        move |(k, scores): (usize, &'a Scores)| Priced { scores, price: prices.get(k).copied() };
     all.into_iter().enumerate().map(of)
 }
 
