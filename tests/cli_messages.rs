@@ -317,10 +317,10 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
     assert!(
-        text.contains("\nup: price 2; range card from the origin, met at every distance and all 16 bearings: car "),
+        text.contains("\nup: price 2; distances from the origin met in all 16 directions: car "),
         "{text}"
     );
-    assert!(text.contains("\nlevel: price 4; range card"), "{text}");
+    assert!(text.contains("\nlevel: price 4; distances"), "{text}");
     assert!(text.contains("\nMetres of targets count from the origin, of ground"), "{text}");
     // Every table that prints metres says where they begin.
     for (study, from) in [

@@ -21,6 +21,21 @@ fn words(line: &str) -> Vec<&str> {
     line.split(' ').collect()
 }
 
+#[test]
+fn files_of_a_search_are_named_as_they_were_given() {
+    let dir = named();
+    fs::write(dir.path().join("bad.json"), "{ \"sightline\": 1, ").unwrap();
+    for (line, start) in [
+        ("optimize nope.json", "sightline: nope.json: cannot be read: "),
+        ("optimize bad.json", "sightline: bad.json: "),
+        ("optimize room.json --vehicle nope.json", "sightline: nope.json: "),
+        ("optimize nope.json --front price,near_gain", "sightline: nope.json: cannot be read: "),
+    ] {
+        let told = fails(dir.path(), &words(line));
+        assert!(told.starts_with(start), "{line}: {told}");
+    }
+}
+
 const SCORE: &str = "score room.json p.json --vehicle cart.json --backend cpu";
 
 #[test]

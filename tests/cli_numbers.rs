@@ -116,7 +116,7 @@ fn lidars_carry_the_names_of_their_mounts() {
     let result = read(&dir.path().join("run/result.json"));
     assert_eq!(result["mounts"], json!(["roof", "nose"]));
     let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
-    assert!(page.contains("Poses in millimetres and degrees") && page.contains(">nose<"));
+    assert!(page.contains("Positions in millimetres") && page.contains(">nose<"));
 
     let export =
         ["rig", "export", "run/placements.json:optimized", "--vehicle", "car.json", "--format"];

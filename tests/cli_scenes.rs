@@ -207,7 +207,7 @@ fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
     let args = ["optimize", "hall.json", "--out", "one", "--evaluations", "30"];
     let text = sightline(dir.path(), &[&args[..], &["--baselines", "p.json"], &CPU].concat());
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
-    assert!(text.contains("A single scene cannot say whether"), "{text}");
+    assert!(text.contains("One scene only: give several to see whether"), "{text}");
     let one: Value =
         serde_json::from_slice(&fs::read(dir.path().join("one/result.json")).unwrap()).unwrap();
     assert!(["scenes", "spread"].iter().all(|key| one.get(key).is_none()));

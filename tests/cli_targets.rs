@@ -349,6 +349,8 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
         "{requirement}"
     );
     assert_eq!(requirement["name"], "adult from 5 to 15 m, 100° to 260°");
+    let page = fs::read_to_string(dir.path().join("met/report.html")).unwrap();
+    assert!(page.contains("<code>sightline study tolerance street.json met</code>"), "{page}");
     // No rig puts 100 beams on an adult at 15 m: the run ends with 1, its page begins with what is not met.
     ruled(dir.path(), rule(1.0, 100));
     let output = sightline(dir.path(), &args("unmet"));

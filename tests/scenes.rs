@@ -130,14 +130,15 @@ fn the_grid_and_its_bound_are_those_of_all_scenes() {
         assert!((value - best.value).abs() <= 1e-12 * value, "{value} is not {}", best.value);
         let all: Vec<u32> = (0..grid.len()).collect();
         let greedy = search.greedy(&mut evaluator, &all).unwrap().unwrap();
-        for sets in [2, 20, 100_000] {
-            let effort = Effort { sets, ..Effort::of(1000) };
+        let plain = !objective.to_string().contains("gain_");
+        for gap in [None, Some(0.0)] {
+            let effort = Effort::of(1000, gap);
             let go_on = &mut |_| true;
             let bound = bound_gain(&mut search, &mut evaluator, &greedy, &effort, go_on).unwrap();
-            assert!(bound.upper >= best.value * (1.0 - 1e-9), "{sets} sets");
+            assert!(bound.upper >= best.value * (1.0 - 1e-9), "{gap:?}");
             assert!(bound.upper_at_root <= 1.15 * best.value, "{}", bound.upper_at_root);
-            if sets == 100_000 {
-                let about = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b;
+            if gap.is_some() && plain {
+                let about = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b;
                 assert!(bound.proven && about(bound.best.value, best.value));
                 assert!(about(bound.upper, best.value));
             }

@@ -99,7 +99,7 @@ pub fn scores_object<'a, 'py>(
     required.iter().try_for_each(|seen| least.set_item(&seen.name, seen.least))?;
     let names: Vec<&str> = scores.iter().map(|s| s.name.as_str()).collect();
     let guards: Vec<Vec<String>> =
-        scores.iter().map(|s| s.guards.iter().map(ToString::to_string).collect()).collect();
+        scores.iter().map(|s| s.guards.iter().map(|guard| guard.keyed()).collect()).collect();
     let class = py.import("sightline._scores")?.getattr("Scores")?;
     class.call1((names, columns, guards, classes, least))
 }

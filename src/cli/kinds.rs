@@ -97,18 +97,33 @@ pub fn lines() -> String {
     KINDS.iter().map(|kind| format!("  {:<11} {}\n", kind.name, kind.line)).collect()
 }
 
+/// Files that a kind takes: their name, and a sentence.
+fn files_of(kind: Kind) -> (&'static str, &'static str) {
+    match kind {
+        Kind::Transfer => ("SCENE…", "Two scene files or more, looked at together"),
+        kind if kind.takes_placements() => (
+            "SCENE… [PLACEMENTS]",
+            "Scene files, looked at one after the other, and behind them a file of own rigs",
+        ),
+        _ => ("SCENE…", "Scene files, looked at one after the other"),
+    }
+}
+
 /// The program with help of the kind of study that the arguments name: its question, its example, its own options.
 pub fn with_kind(program: Command, arguments: &[OsString]) -> Command {
     let word = |at: usize| arguments.get(at).and_then(|word| word.to_str());
     let named = word(2).filter(|_| word(1) == Some("study"));
     let Some(kind) = KINDS.iter().find(|kind| named == Some(kind.name)) else { return program };
-    let answer = Kind::ALL.iter().find(|(_, name, _)| *name == kind.name).map(|found| found.2);
+    let Some((of, _, answer)) = Kind::ALL.iter().find(|(_, name, _)| *name == kind.name) else {
+        return program;
+    };
+    let (files, sentence) = files_of(*of);
     program.mut_subcommand("study", |study| {
         let rest = study.get_after_help().map(ToString::to_string).unwrap_or_default();
         let rest = rest.split_once("\n\n").map_or("", |(_, rest)| rest).to_owned();
         study
-            .about(answer.unwrap_or_default())
-            .override_usage(format!("sightline study {} [OPTIONS] <SCENES>...", kind.name))
+            .about(*answer)
+            .override_usage(format!("sightline study {} [OPTIONS] <{files}>...", kind.name))
             .after_help(format!(
                 "Example:\n  sightline study {} {}\n\n{rest}",
                 kind.name, kind.example
@@ -116,7 +131,12 @@ pub fn with_kind(program: Command, arguments: &[OsString]) -> Command {
             // `mut_arg` would move the kind behind the scenes.
             .mut_args(|arg| match arg.get_id().as_str() {
                 "kind" => arg.hide(true),
-                id if kind.own.contains(&id) => arg.hide_short_help(false),
+                "scenes" => arg.value_name(files).help(sentence).long_help(sentence),
+                id if kind.own.contains(&id) => {
+                    let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+                    let own = format!(", for `{}`", kind.name);
+                    arg.help(help.replace(&own, "")).hide_short_help(false)
+                }
                 _ => arg,
             })
             .mut_subcommands(|below| below.hide(true))
@@ -145,6 +165,11 @@ mod tests {
                     "{help}"
                 );
                 assert!(!help.contains("possible values: lidars"), "{help}");
+                assert!(!help.contains(&format!(", for `{name}`")), "{help}");
+                let rigs =
+                    Kind::ALL.iter().any(|(of, known, _)| known == name && of.takes_placements());
+                assert_eq!(help.contains("<SCENE… [PLACEMENTS]>..."), rigs, "{help}");
+                assert_eq!(help.contains("looked at together"), *name == "transfer", "{help}");
                 for id in *own {
                     let arg = study.get_arguments().find(|arg| arg.get_id() == id).unwrap();
                     let long = format!("--{}", arg.get_long().unwrap());

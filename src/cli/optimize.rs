@@ -100,15 +100,19 @@ pub struct OptimizeArgs {
     /// neighbours, as 0.1 or 0.2,0.1. Swaps always use one [default for them: 0.1]
     #[arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse_spacing)]
     delta: Option<Spacing>,
+    /// Work on the bound until it shows that no placement on its grid is better than the best one there by more than this
+    /// percentage; may take a minute or more [default: a bound that takes few seconds]
+    #[arg(long, value_name = "PERCENT", conflicts_with = "resume", value_parser = number_as("2"))]
+    bound: Option<f64>,
     /// Seed of all randomness
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
     seed: u64,
     /// Placements to compare with, and to start from where the mount allows them
     /// [default: Table 7 of the paper]
-    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    #[arg(long, value_name = "PLACEMENTS", conflicts_with = "resume")]
     baselines: Option<PathBuf>,
     /// More placements to start from where the mount allows them; not compared with
-    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    #[arg(long, value_name = "PLACEMENTS", conflicts_with = "resume")]
     inject: Option<PathBuf>,
     /// Most that the sensors may cost, in the vehicle's currency
     ///
@@ -237,6 +241,7 @@ fn new_run(args: &OptimizeArgs) -> NewRun {
         evaluations: args.evaluations.unwrap_or(Settings::default().evaluations),
         population: args.population.map(|p| p as usize),
         delta: args.delta,
+        gap: args.bound.map(|percent| percent / 100.0),
         seed: args.seed,
         frames: match (args.fidelity, args.frames) {
             (FidelityArg::Full, _) => FrameChoice::All,

@@ -75,9 +75,44 @@ pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) 
     let told = unknown_option(error, program, (command, its_name.as_str()))
         .or_else(|| one_too_many(error, command, &its_name))
         .or_else(|| unknown_study(error, command))
+        .or_else(|| known_elsewhere(error))
+        .or_else(|| scenes_of_a_resumed_run(error))
         .or_else(|| unknown_command(error, program, command))
         .unwrap_or_else(|| told(error));
     with_help(&told, &names)
+}
+
+/// Values that users of other programs write: the option, the values, and the own one in words.
+const KNOWN_ELSEWHERE: [(&str, &[&str], &str); 3] = [
+    (
+        "--backend ",
+        &["cuda", "vulkan", "opencl", "metal", "nvidia", "rocm"],
+        "gpu takes any Vulkan device",
+    ),
+    ("--kind ", &["city", "urban"], "town has blocks of houses on a grid of streets"),
+    ("--layout ", &["kitti"], "semantickitti is KITTI's layout with labels"),
+];
+
+/// Refusal of a value of [`KNOWN_ELSEWHERE`], with the own one in place of a similar word.
+fn known_elsewhere(error: &clap::Error) -> Option<String> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    let (option, value) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
+    let is_it = |of: &&(&str, &[&str], &str)| option.starts_with(of.0) && of.1.contains(&value);
+    let (.., hint) = KNOWN_ELSEWHERE.iter().find(is_it)?;
+    let told = told(error);
+    let (told, _) = told.split_once("; a similar ").unwrap_or((told.as_str(), ""));
+    Some(format!("{told}; {hint}"))
+}
+
+/// Refusal of scenes beside --resume.
+fn scenes_of_a_resumed_run(error: &clap::Error) -> Option<String> {
+    let told = told(error);
+    let names_both = told.contains("[SCENE]") && told.contains("--resume ");
+    (error.kind() == ErrorKind::ArgumentConflict && names_both)
+        .then(|| "--resume: a resumed run knows its scenes; leave them out".to_owned())
 }
 
 /// Words of clap: the fault, lists that belong to it, and tips but for the one to write `--` before an option.
@@ -236,7 +271,7 @@ fn listed(owners: &[String]) -> String {
     }
 }
 
-/// The command that the arguments begin with, and its names, the program's first.
+/// The command that the arguments begin with, and its names, the program's first; a kind of study counts as a name.
 fn command_of<'a>(program: &'a Command, arguments: &[OsString]) -> (&'a Command, Vec<&'a str>) {
     let (mut at, mut path) = (program, vec![program.get_name()]);
     for word in arguments.iter().skip(1) {
@@ -244,6 +279,10 @@ fn command_of<'a>(program: &'a Command, arguments: &[OsString]) -> (&'a Command,
         at = next;
         path.push(at.get_name());
     }
+    let kind = arguments.get(path.len()).and_then(|word| word.to_str());
+    let kind = kind.filter(|_| at.get_name() == "study");
+    let known = kind.and_then(|kind| Kind::ALL.iter().find(|(_, name, _)| *name == kind));
+    path.extend(known.map(|(_, name, _)| *name));
     (at, path)
 }
 
@@ -267,7 +306,10 @@ mod tests {
     #[test]
     fn wrong_arguments_are_one_sentence() {
         for (line, told) in [
-            ("scan s.json", "arguments were not provided: --placement <FILE[:NAME]>, --out <DIR>"),
+            (
+                "scan s.json",
+                "arguments were not provided: --placement <PLACEMENTS[:NAME]>, --out <DIR>",
+            ),
             (
                 "score s.json p.json --fromat json",
                 "unexpected argument '--fromat' found; a similar argument exists: '--format'",
@@ -291,6 +333,36 @@ mod tests {
         }
         let help = with_examples(program()).try_get_matches_from(["sightline", "scan", "--help"]);
         assert!(is_help(&help.unwrap_err()));
+    }
+
+    #[test]
+    fn a_mend_is_named_that_fits_the_mistake() {
+        for (line, told) in [
+            (
+                "optimize s.json --backend cuda",
+                "[possible values: auto, gpu, cpu]; gpu takes any Vulkan device; see `sightline optimize --help`",
+            ),
+            (
+                "scene new --kind city --out t.json",
+                "; town has blocks of houses on a grid of streets; see",
+            ),
+            (
+                "scan s.json --placement p.json --out o --layout kitti",
+                "; semantickitti is KITTI's layout with labels; see",
+            ),
+            (
+                "study weather s.json --conditon fog",
+                "'--condition'; see `sightline study weather --help`",
+            ),
+            (
+                "optimize s.json --resume run",
+                "--resume: a resumed run knows its scenes; leave them out; see `sightline optimize --help`",
+            ),
+        ] {
+            let said = refused(line);
+            assert!(said.contains(told) && !said.contains("similar value"), "{line}: {said}");
+        }
+        assert!(refused("score s.json --backend cpuu").contains("a similar value exists: 'cpu'"));
     }
 
     #[test]

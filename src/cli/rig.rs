@@ -44,7 +44,7 @@ struct Mounted {
     #[arg(long, value_name = "NAME=METRES", value_parser = height)]
     optical_height: Vec<(String, f64)>,
     /// Sensor in a frame, as lidar_0=VLP-16
-    #[arg(long, value_name = "FRAME=NAME", value_parser = sensor)]
+    #[arg(long, value_name = "FRAME=MODEL", value_parser = sensor)]
     sensor: Vec<(String, String)>,
 }
 
@@ -55,8 +55,8 @@ struct Mounted {
   sightline rig export placements.json --format carla-objects --scene scenes/highway.json
   sightline rig export placements.json:optimized --format urdf --vehicle scenes/vehicles/car.json")]
 pub struct ExportArgs {
-    /// Placements, and the name of one of them where there are several
-    #[arg(value_name = "PLACEMENT_FILE[:NAME]")]
+    /// File of placements, with :NAME of one where it has several
+    #[arg(value_name = "PLACEMENTS[:NAME]")]
     placement: String,
     /// Format: autoware, urdf, sdf, ros2-launch, carla, carla-objects, json
     #[arg(long, value_name = "FORMAT", value_parser = RigFormat::written)]
@@ -156,7 +156,7 @@ fn height(text: &str) -> Result<(String, f64), String> {
 
 fn sensor(text: &str) -> Result<(String, String), String> {
     let parsed = sides(text).map(|(frame, name)| (frame.to_owned(), name.to_owned()));
-    parsed.ok_or_else(|| "give FRAME=NAME, as in lidar_0=VLP-16".to_owned())
+    parsed.ok_or_else(|| "give FRAME=MODEL, as in lidar_0=VLP-16".to_owned())
 }
 
 impl Mounted {

@@ -30,7 +30,7 @@ pub struct ScanArgs {
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<PathBuf>,
     /// File of placements, or one of them; several give a folder each
-    #[arg(long, required = true, value_name = "FILE[:NAME]")]
+    #[arg(long, required = true, value_name = "PLACEMENTS[:NAME]")]
     placement: Vec<String>,
     /// Folder to write
     #[arg(long, value_name = "DIR")]

@@ -47,7 +47,8 @@ pub struct ViewArgs {
 
 pub fn run_view(args: &ViewArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let request = ViewRequest { command: command(args), ..args.request.clone() };
+    let (command, tolerance) = (command(args), tolerance(args));
+    let request = ViewRequest { command, tolerance, ..args.request.clone() };
     view(&request, &args.named.computing(&args.compute, &terminal))?;
     Ok(Exit::Done)
 }
@@ -62,10 +63,26 @@ fn command(args: &ViewArgs) -> String {
     if tolerance != Tolerance::default() {
         give("tolerance", &tolerance.to_string());
     }
+    words.extend(of_rig(args));
+    words.extend(["--out".to_owned(), word(&args.request.out.to_string_lossy())]);
+    words.push("--force".to_owned());
+    words.join(" ")
+}
+
+/// The command that asks how far each LiDAR may be off.
+fn tolerance(args: &ViewArgs) -> String {
+    let mut words = vec!["sightline study tolerance".to_owned()];
+    words.extend(args.request.files.iter().map(|file| word(file)));
+    words.extend(of_rig(args));
+    words.join(" ")
+}
+
+/// Options on weather, models and vehicle.
+fn of_rig(args: &ViewArgs) -> Vec<String> {
+    let mut words = Vec::new();
+    let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
     args.request.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
     args.named.sensor.iter().for_each(|choice| give("sensor", &choice.to_string()));
     args.compute.vehicle.iter().for_each(|file| give("vehicle", &file.to_string_lossy()));
-    give("out", &args.request.out.to_string_lossy());
-    words.push("--force".to_owned());
-    words.join(" ")
+    words
 }

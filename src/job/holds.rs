@@ -119,6 +119,7 @@ pub(super) fn add_holds_in(
     let Some(moved) = moved else { return Ok(false) };
     let Some(holds) = moved.holds(&[], &found, go_on)? else { return Ok(false) };
     scores.requirements_hold_in = Some(holds.all);
+    scores.copies_off = Some(tolerance.small());
     for (seen, share) in scores.required.iter_mut().zip(holds.each) {
         seen.holds_in = Some(share);
     }

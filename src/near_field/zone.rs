@@ -18,8 +18,8 @@ pub struct BlindLane {
     pub along: [f64; 2],
     /// Metres from the edge to the middle of its nearest cell seen; `None` where none is within 10 m.
     pub depth: Option<f64>,
-    /// Ground lost again behind the nearest cell seen: stretches without a cell seen, 1 m long or longer, that begin directly
-    /// behind one, by their two ends in metres from the edge.
+    /// Stretches of 1 m or more without a seen cell that begin right behind a seen one: start and end, metres from the
+    /// edge.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<[f64; 2]>,
 }

@@ -4,7 +4,7 @@ use super::ScoreColumn;
 use super::columns::{align_columns, align_with_notes};
 use super::text::numbered;
 use crate::audit::{Audit, TrialResult};
-use crate::score::Scores;
+use crate::score::{Guard, Scores};
 
 /// A row a scene: attempts caught and fooled, and the least Kendall's τ under changes.
 pub fn audits_text(all: &[Audit]) -> String {
@@ -104,7 +104,7 @@ fn cells(name: &str, scores: &Scores) -> Vec<String> {
 
 /// A line with the names of the guards that a placement violates, if any.
 fn guards_line(scores: &Scores) -> Vec<String> {
-    let guards = scores.guards.iter().map(ToString::to_string);
+    let guards = scores.guards.iter().map(Guard::keyed);
     let mut names: Vec<_> = guards.filter_map(|g| g.split(':').next().map(str::to_owned)).collect();
     names.dedup();
     if names.is_empty() { names } else { vec![format!("  guards: {}", names.join(", "))] }

@@ -232,7 +232,7 @@ fn legend() -> Markup {
         rect x="78" y="34" width="12" height="10" fill=(FAINT) stroke=(INK) {}
         text x="96" y="44" { "own body" }
         path d="M200 39h14" stroke=(GREY) stroke-dasharray="3 3" {}
-        text x="219" y="44" { "3 m and 10 m from it" }
+        text x="219" y="44" { "3 m and 10 m from the body" }
     }
 }
 

@@ -140,6 +140,7 @@ pub(super) fn shown(objective: &FrontObjective, value: f64) -> String {
     match objective {
         FrontObjective::Price | FrontObjective::Sensors => trimmed(value, 2),
         FrontObjective::Requirements => format!("{:.1}", 100.0 * value),
+        FrontObjective::Score(score) if score.is_share() => format!("{:.2}", 100.0 * value),
         FrontObjective::Score(_) if value.abs() < 1.0 => format!("{value:.4}"),
         FrontObjective::Score(_) => trimmed(value, 2),
     }
@@ -149,6 +150,7 @@ pub(super) fn shown(objective: &FrontObjective, value: f64) -> String {
 pub(super) fn title(objective: &FrontObjective) -> String {
     match objective {
         FrontObjective::Requirements => "points missing".to_owned(),
+        FrontObjective::Score(score) if score.is_share() => format!("{score} %"),
         other => other.to_string(),
     }
 }
@@ -304,6 +306,7 @@ pub fn front_plot(front: &Front) -> Plot {
     let all = front.objectives.all();
     let scale = |objective: &FrontObjective, value: f64| match objective {
         FrontObjective::Requirements => 100.0 * value,
+        FrontObjective::Score(score) if score.is_share() => 100.0 * value,
         _ => value,
     };
     let at =
@@ -314,7 +317,7 @@ pub fn front_plot(front: &Front) -> Plot {
             let of: Vec<(usize, &FrontPoint)> =
                 front.points.iter().enumerate().filter(|(_, point)| point.meets == meets).collect();
             let labels = of.iter().enumerate().filter_map(|(number, (k, point))| {
-                let picks = picks_of(front, *k);
+                let picks = picks_of(front, *k).replace("knee", "best trade-off (knee)");
                 let third = all
                     .get(2)
                     .map(|third| format!(" ({} {})", title(third), shown(third, point.values[2])));
@@ -332,7 +335,7 @@ pub fn front_plot(front: &Front) -> Plot {
     );
     let unit = |objective: &FrontObjective| match objective {
         FrontObjective::Requirements => "points missing of the requirements".to_owned(),
-        other => other.to_string(),
+        other => title(other),
     };
     Plot {
         title: format!("front of {}", front.objectives.names().join(", ")),
@@ -346,6 +349,7 @@ pub fn front_plot(front: &Front) -> Plot {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::Pick;
     use crate::report::words::tests::planted;
 
     #[test]
@@ -371,6 +375,14 @@ mod tests {
         };
         let words = "One placement is the best in each of price, near_gain";
         assert_eq!(front_verdict(&front), words);
+        let knee = Front { picks: vec![(Pick::Knee, 0)], ..front.clone() };
+        let drawn = front_plot(&knee).svg();
+        assert!(
+            drawn.contains("best trade-off (knee)") && drawn.contains("near_gain %"),
+            "{drawn}"
+        );
+        let (titles, rows) = front_rows(&knee);
+        assert_eq!((&*titles[2], &*rows[0][2]), ("near_gain %", "50.00"));
         // Sensors that reach 20 m: nobody looked farther.
         let words = "blind °: bearings in which a car is lost between 5 and";
         assert_eq!(blind_in_words(&front), format!("{words} 50 m"));

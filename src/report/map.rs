@@ -359,6 +359,13 @@ fn sharing(places: &[(f64, f64)]) -> Vec<LidarSign> {
     signs
 }
 
+/// Path around a box. A flat one, which SVG draws as no rectangle, is a line: a way back would fill gaps between dashes.
+fn around(near: (f64, f64), far: (f64, f64)) -> String {
+    let (wide, high) = (far.0 - near.0, far.1 - near.1);
+    let way = format!("M{} {}h{}v{}", px(near.0), px(near.1), px(wide), px(high));
+    if wide.min(high) < 1.0 { way } else { format!("{way}h{}z", px(-wide)) }
+}
+
 /// The placement from above and from the right, with the mount's box and the ego body's outline.
 ///
 /// `body` holds the triangles of the ego body in the ego frame, in metres.
@@ -395,8 +402,7 @@ pub fn placement_svg(
             }
         }
         @for (near, far) in boxes {
-            rect x=(px(near.0)) y=(px(near.1)) width=(px(far.0 - near.0)) height=(px(far.1 - near.1))
-                fill="none" stroke=(INK) stroke-dasharray="5 4" {}
+            path d=(around(near, far)) fill="none" stroke=(INK) stroke-dasharray="5 4" {}
         }
         path d={ "M20 " (px(views.ground_y)) "H840" } stroke=(FAINT) {}
         text x="20" y="20" { "from above (forward is right)" }
@@ -428,6 +434,12 @@ mod tests {
     use super::*;
     use crate::problem::OccupiedVoxel;
     use crate::psog::fixed;
+
+    #[test]
+    fn a_flat_mount_is_one_line() {
+        assert_eq!(around((10.0, 20.0), (40.0, 25.0)), "M10.0 20.0h30.0v5.0h-30.0z");
+        assert_eq!(around((10.0, 20.0), (40.0, 20.0)), "M10.0 20.0h30.0v0.0");
+    }
 
     #[test]
     fn gained_nats_fall_into_their_cells() {

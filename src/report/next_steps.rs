@@ -4,7 +4,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::RunRecord;
-use crate::search::OpenMount;
+use crate::search::{OpenMount, PLAIN, Scored};
 
 /// Mounts with room that are named.
 const MOST_MOUNTS: usize = 4;
@@ -12,7 +12,8 @@ const MOST_MOUNTS: usize = 4;
 const MOUNTS_WITH_ROOM: &str = "Mounts with room";
 
 /// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then
-/// money and mounts that are left, and changes that let a search find more. Empty if the time sufficed and all requirements are met.
+/// money and mounts that are left, and changes that let a search find more. Where all requirements are met: that a baseline
+/// meets them, too, for which fewer sensors may be enough.
 pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     let cut = cut_in_words(&run.settings);
     let is_cut = cut.is_some();
@@ -21,6 +22,8 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
     let unmet: Vec<String> =
         required.filter(|seen| !seen.is_met()).map(|seen| format!("{}: ", seen.name)).collect();
     if unmet.is_empty() {
+        let best = run.best.as_ref();
+        steps.extend(best.and_then(|best| fewer_in_words(best, &run.baselines, &run.settings)));
         return steps;
     }
     let beyond = run.settings["equipped"]["out_of_reach"].as_array();
@@ -50,6 +53,20 @@ pub fn next_in_words(run: &RunRecord) -> Vec<String> {
         ));
     }
     steps
+}
+
+/// Advice to look for fewer sensors where a baseline meets all requirements, too: `plain`, or one that costs less than the
+/// result. `None` where nothing is required, and where the sensors were given or are the fewest.
+fn fewer_in_words(best: &Scored, baselines: &[Scored], settings: &Value) -> Option<String> {
+    let is_chosen = settings["equipped"].is_object() && settings["fewest"] != true;
+    if !is_chosen || best.scores.required.is_empty() {
+        return None;
+    }
+    let is_cheaper = |of: &&Scored| of.price.zip(best.price).is_some_and(|(a, b)| a < b);
+    let is_own = |of: &&Scored| of.placement.name == PLAIN && of.placement.lidars.len() > 1;
+    let mut honest = baselines.iter().filter(|of| of.is_honest());
+    let name = &honest.find(|of| is_cheaper(of) || is_own(of))?.placement.name;
+    Some(format!("`{name}` meets all requirements, too; `--fewest` looks for fewer sensors."))
 }
 
 /// Advice to spend more; none where what is left pays for a LiDAR on a mount with room.
@@ -117,6 +134,37 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::report::words::tests::planted;
+    use crate::score::Seen;
+    use crate::vehicle::SensorPose;
+
+    #[test]
+    fn a_baseline_that_meets_all_requirements_hints_at_fewer_sensors() {
+        let rig = |name: &str, share: f64, price: f64| {
+            let mut rig = planted(name, 1.0, 500.0);
+            rig.scores.required = vec![Seen::of("child", share)];
+            rig.placement.lidars = vec![SensorPose::default(); 2];
+            rig.price = Some(price);
+            rig
+        };
+        let (best, chosen) = (rig("found", 1.0, 900.0), json!({ "equipped": {} }));
+        let told = |baseline: Scored| fewer_in_words(&best, &[baseline], &chosen);
+        let words = |name: &str| {
+            Some(format!(
+                "`{name}` meets all requirements, too; `--fewest` looks for fewer sensors."
+            ))
+        };
+        assert_eq!(told(rig("plain", 1.0, 900.0)), words("plain"));
+        assert_eq!(told(rig("by-hand", 1.0, 800.0)), words("by-hand"));
+        assert_eq!(told(rig("by-hand", 1.0, 900.0)), None);
+        assert_eq!(told(rig("plain", 0.5, 900.0)), None);
+        let plain = [rig("plain", 1.0, 900.0)];
+        for settings in [json!({}), json!({ "equipped": {}, "fewest": true })] {
+            assert_eq!(fewer_in_words(&best, &plain, &settings), None);
+        }
+        let free = planted("found", 1.0, 500.0);
+        assert_eq!(fewer_in_words(&free, &plain, &chosen), None);
+    }
 
     #[test]
     fn money_and_mounts_that_are_left_are_named_with_the_count_that_uses_them() {

@@ -41,9 +41,11 @@ use crate::vehicle::{Constraints, Placement};
 
 pub use front::front_html;
 
-/// The page of a run: the result in a sentence and a picture, then all that is known of it.
-pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
-    page(&Subject::of(run), figures, Some(run)).into_string()
+/// The page of a run: the result in a sentence and a picture, then all that is known of it. `tolerance` is
+/// [`Subject::tolerance`].
+pub fn report_html(run: &RunRecord, figures: &Figures, tolerance: &str) -> String {
+    let subject = Subject { tolerance: tolerance.to_owned(), ..Subject::of(run) };
+    page(&subject, figures, Some(run)).into_string()
 }
 
 /// The page of a placement that was not searched for.
@@ -154,6 +156,8 @@ pub struct Subject<'a> {
     pub baselines: &'a [Scored],
     /// The command that makes this page again.
     pub command: String,
+    /// The command that asks how far each LiDAR may be off; empty where no program gives one.
+    pub tolerance: String,
 }
 
 impl<'a> Subject<'a> {
@@ -168,6 +172,7 @@ impl<'a> Subject<'a> {
             result: run.best.as_ref(),
             baselines: &run.baselines,
             command: format!("{} --backend {}", run.command, run.backend),
+            tolerance: String::new(),
         }
     }
 
@@ -181,8 +186,18 @@ impl<'a> Subject<'a> {
         command: String,
     ) -> Self {
         let verdict = judged(result, baselines, objective);
-        let (conditions, result) = (&[][..], Some(result));
-        Self { scene, scenes, objective, conditions, verdict, result, baselines, command }
+        let (conditions, result, tolerance) = (&[][..], Some(result), String::new());
+        Self {
+            scene,
+            scenes,
+            objective,
+            conditions,
+            verdict,
+            result,
+            baselines,
+            command,
+            tolerance,
+        }
     }
 
     /// The subject with weather and faults that it holds for.

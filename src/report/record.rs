@@ -11,7 +11,9 @@ use super::next_steps::next_in_words;
 use super::plot::{Change, ReferenceLine};
 use super::tables::by_scene;
 use super::targets::range_card_text;
-use super::text::{findings_text, poses_text, scores_text_by};
+use super::text::{
+    findings_text, limit_of, poses_text, rule_lines, scores_text_by, stopped_in_words,
+};
 use super::words::{
     bound_in_words, broken_in_words, climbs_in_words, frames_in_words, methods_in_words,
     run_verdict, spread_in_words,
@@ -169,25 +171,19 @@ pub struct NearRecord {
 impl NearRecord {
     /// Depth of the blind zone on each side, and shares of the ground that are seen.
     fn in_words(&self) -> String {
-        let Self { frames, near, .. } = self;
+        let near = &self.near;
         let depths = near.zone.depths().map(|(side, depth)| {
-            let frame = near.zone.in_frame(side);
-            match depth {
-                Some(depth) => format!("{side} {depth:.1} m{frame}{}", near.zone.but_lost(side)),
-                None => format!("{side} more than {NEAR} m{frame}"),
-            }
+            let told = depth.map_or(format!("more than {NEAR} m"), |d| format!("{d:.1} m"));
+            format!("{side} {told}{}{}", near.zone.in_frame(side), near.zone.but_lost(side))
         });
-        let [worst, worst_ring] = near.worst_in_words();
-        let ring = near
-            .ring
-            .map(|ring| format!(", {:.1} %{worst_ring} within {RING} m", percent_down(ring)));
+        let ([worst, of_ring], frames) = (near.worst_in_words(), counted(self.frames, "frame"));
+        let ring = |ring| format!(", {:.1} %{of_ring} within {RING} m", percent_down(ring));
         format!(
-            "blind zone, ground before the body that no beam reaches, over {}: {}\n\
+            "blind zone, ground before the body that no beam reaches, over {frames}: {}\n\
              ground seen: {:.1} %{worst} within {NEAR} m{}\n{}\n",
-            counted(*frames, "frame"),
             depths.join(", "),
             percent_down(near.near_field),
-            ring.unwrap_or_default(),
+            near.ring.map(ring).unwrap_or_default(),
             seen_ground()
         )
     }
@@ -392,9 +388,8 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         text += &format!("\n{}\n", frames.words);
     }
     text + &format!(
-        "\nstopped: {}, after {} in {:.1} s ({:.1} placements × frames/s on {}); report: {}\n",
-        record.stopped,
-        evaluations_in_words(record),
+        "\n{} in {:.1} s ({:.1} placements × frames/s on {}); report: {}\n",
+        stopped_in_words(&record.stopped, limit_of(record), &evaluations_in_words(record)),
         record.timings.total,
         record.rate,
         record.backend,
@@ -428,20 +423,20 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("  {bound}\n");
     }
     if !record.constraints.is_empty() {
-        text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
+        text += &format!("\nrules kept: {}\n", rule_lines(&record.constraints).join("\n  "));
     }
     text += &format!("\nfound by: {}\n", methods_in_words(record));
     if let Some(climbs) = climbs_in_words(record) {
         text += &format!("how sure: {climbs}.\n");
     }
-    // The paper's bound tells nothing about a result; the page and the JSON have it.
+    // The paper's bound tells nothing about a result; the JSON has it.
     if let Some(certificate) = &record.certificate {
         text += &format!("bound: {}\n", bound_in_words(certificate, best));
     }
-    if !record.findings.is_empty() {
-        text += &format!("\n{}\n", findings_text(&record.findings).trim_end());
+    match &*findings_text(&record.findings, &record.objective) {
+        "" => text,
+        findings => text + "\n" + findings,
     }
-    text
 }
 
 /// The best and the median objective against evaluations. Baselines and result are lines across, since swaps may find

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use super::svg::trimmed;
-use crate::json::spoken;
+use super::targets::runs_in_words;
 use crate::score::{Objective, Scores, Standing, percent_down};
 use crate::targets::RangeCard;
 use crate::vehicle::{Placement, Vehicle};
@@ -24,17 +24,15 @@ pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) ->
     text + &better_in_words(all).unwrap_or_default()
 }
 
-/// The stretch of distances at each of which a target is met at every bearing of the card.
+/// Distances at which a target is met at every bearing of the card.
 fn card_in_words(card: &RangeCard) -> String {
-    let each =
-        card.targets.iter().map(|of| match of.without_gap().map(|d| d.map(|m| trimmed(m, 1))) {
-            Some([from, to]) if from == to => format!("{} at {to} m", of.target),
-            Some([from, to]) => format!("{} {from} to {to} m", of.target),
-            None => format!("{} nowhere", of.target),
-        });
+    let each = card.targets.iter().map(|of| match &of.in_all_directions()[..] {
+        [] => format!("{} none", of.target),
+        runs => format!("{} {} m", of.target, runs_in_words(runs)),
+    });
     let each: Vec<String> = each.collect();
     format!(
-        "range card from the origin, met at every distance and all {} bearings: {}",
+        "distances from the origin met in all {} directions: {}",
         card.targets.first().map_or(0, |target| target.bearings.len()),
         each.join(", ")
     )
@@ -116,7 +114,7 @@ fn facts_in_words(
         facts.push(format!("{} missing", points(missing)));
     }
     facts.extend(guards.map(|count| counted(count, "guard") + " violated"));
-    let value = objective.value(scores).map_or("–".to_owned(), spoken);
+    let value = objective.value(scores).map_or("–".to_owned(), |value| objective.spoken(value));
     facts.push(format!("near_gain {value}"));
     facts.join(", ")
 }
@@ -161,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_ends_at_the_first_gap_of_any_bearing() {
+    fn distances_are_those_at_which_every_bearing_meets_the_target() {
         let target = |name: &str, met: [&[[f64; 2]]; 2]| TargetRanges {
             target: name.to_owned(),
             size: [1.0; 3],
@@ -171,10 +169,11 @@ mod tests {
             target("car", [&[[2.5, 130.0]], &[[7.5, 110.0], [150.0, 150.0]]]),
             target("adult", [&[[2.5, 5.0]], &[[5.0, 60.0]]]),
             target("child", [&[[2.5, 5.0]], &[[7.5, 60.0]]]),
+            target("pole", [&[[7.5, 7.5], [20.0, 90.0]], &[[10.0, 30.0], [40.0, 60.0]]]),
             target("tyre", [&[[2.5, 60.0]], &[]]),
         ];
         let card = RangeCard { targets, ..RangeCard::default() };
-        let want = "range card from the origin, met at every distance and all 2 bearings: car 7.5 to 110 m, adult at 5 m, child nowhere, tyre nowhere";
+        let want = "distances from the origin met in all 2 directions: car 7.5–110 m, adult 5 m, child none, pole 20–30, 40–60 m, tyre none";
         assert_eq!(card_in_words(&card), want);
     }
 
@@ -188,7 +187,7 @@ mod tests {
         let (high, low) = (rig("high", [0.9, 0.9], 0, 0.6), rig("low", [0.5, 0.9], 1, 0.5));
         let found = better_in_words(&[breaking(high.clone(), 1), low.clone()]).unwrap();
         assert!(found.starts_with("better: low (1 of 2 requirements met, "), "{found}");
-        let end = "before high (1 rule broken, 2 of 2 requirements met, near_gain 0.6); decided by the rules of the \
+        let end = "before high (1 rule broken, 2 of 2 requirements met, near_gain 60.00 %); decided by the rules of the \
                    mounts, of which high breaks 1\n";
         assert!(found.ends_with(end), "{found}");
         let found = better_in_words(&[breaking(high, 2), breaking(low, 1)]).unwrap();
@@ -201,19 +200,17 @@ mod tests {
         let words = |a: Scores, b: Scores| better_in_words(&[a, b]).unwrap();
         // Equally many requirements met, less gain, and 1.5 points fewer missing.
         let found = words(rig("a", [0.5, 0.95], 0, 0.6), rig("b", [0.515, 0.95], 0, 0.5));
-        let want = "better: b (1 of 2 requirements met, 38.5 points missing, near_gain 0.5), before a (1 of 2 \
-                    requirements met, 40 points missing, near_gain 0.6); decided by the requirements, of which 1.5 points \
+        let want = "better: b (1 of 2 requirements met, 38.5 points missing, near_gain 50.00 %), before a (1 of 2 \
+                    requirements met, 40 points missing, near_gain 60.00 %); decided by the requirements, of which 1.5 points \
                     fewer are missing; requirements come first, then the number of violated guards, then near_gain\n";
         assert_eq!(found, want);
         let met = [0.9, 0.9];
         let found = words(rig("a", met, 1, 0.6), rig("b", met, 0, 0.5));
+        assert!(found.starts_with(
+            "better: b (2 of 2 requirements met, 0 guards violated, near_gain 50.00 %)"
+        ));
         assert!(
-            found.starts_with(
-                "better: b (2 of 2 requirements met, 0 guards violated, near_gain 0.5)"
-            )
-        );
-        assert!(
-            found.contains("1 guard violated, near_gain 0.6); decided by the violated"),
+            found.contains("1 guard violated, near_gain 60.00 %); decided by the violated"),
             "{found}"
         );
         let found = words(rig("a", met, 1, 0.6), rig("b", met, 1, 0.5));

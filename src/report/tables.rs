@@ -7,7 +7,7 @@ use crate::csv::{csv, number};
 use crate::job::{Room, RoomOfSide, Sweep};
 use crate::json::fixed;
 use crate::near_field::{NearField, Standard};
-use crate::score::{NEAR_GAINS, Scores, Seen, percent_down};
+use crate::score::{Guard, NEAR_GAINS, Scores, Seen, percent_down};
 use crate::search::Scored;
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies};
 use crate::study::{REQUIREMENTS, Table};
@@ -60,7 +60,8 @@ pub(crate) fn score_rows<'a>(
         });
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
         row.extend([joined(seen), number(scores.requirements_hold_in)]);
-        row.extend([joined(&scores.guards), joined(&scores.broken_rules)]);
+        let guards = joined(scores.guards.iter().map(Guard::keyed));
+        row.extend([guards, joined(&scores.broken_rules)]);
         row.extend(prices.get(k).map(|price| number(*price)));
         row
     };

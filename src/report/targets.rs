@@ -14,6 +14,7 @@ use crate::maths;
 use crate::targets::{
     BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
 };
+use sightline_files::json::counted;
 
 pub use beams::targets_text;
 
@@ -40,7 +41,7 @@ struct MetRuns<'a> {
 }
 
 /// Runs of distances in metres: `2.5–60, 80`; a dash where there are none.
-fn runs_in_words(runs: &[[f64; 2]]) -> String {
+pub(super) fn runs_in_words(runs: &[[f64; 2]]) -> String {
     let metres = |value: f64| trimmed(value, 2);
     let run = |[from, to]: &[f64; 2]| match from == to {
         true => metres(*from),
@@ -101,8 +102,8 @@ fn of_card(card: &RangeCard) -> Vec<MetRuns<'_>> {
 /// Distance from which on a car is looked for all round, metres.
 const ALL_ROUND_FROM: f64 = 5.0;
 
-/// Sentence on bearings at which a car is met, but cannot stand as near as 5 m; `None` where it can everywhere. Bearings at
-/// which a car is lost nearer than it is met are said in words of their own.
+/// Sentence on bearings at which a car is met, but cannot stand as near as 5 m; `None` where it can everywhere. A car lost
+/// closer than its first detection is reported separately.
 pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
     let car = card.targets.first()?;
     let is_lost = |bearing: f64, before: f64| {
@@ -178,10 +179,7 @@ pub fn range_card_text(card: &RangeCard) -> String {
 
 /// Rows of a card for a page: the bearing, then the distances at which each target is met; the titles come first.
 pub(super) fn range_card_rows(card: &RangeCard) -> Vec<Vec<String>> {
-    let title = |target: &TargetRanges| {
-        let [length, width, height] = target.size.map(|side| trimmed(side, 2));
-        format!("{}, {length} × {width} × {height} m", target.target)
-    };
+    let title = |target: &TargetRanges| format!("{} m", target.target);
     let titles = std::iter::once("bearing".to_owned()).chain(card.targets.iter().map(title));
     let bearings = card.targets.first().map_or(0, |target| target.bearings.len());
     let row = |index: usize| {
@@ -192,24 +190,50 @@ pub(super) fn range_card_rows(card: &RangeCard) -> Vec<Vec<String>> {
     std::iter::once(titles.collect()).chain((0..bearings).map(row)).collect()
 }
 
+/// Length, width and height of the targets of a card, in a sentence.
+pub(super) fn sizes_in_words(card: &RangeCard) -> String {
+    let size = |target: &TargetRanges| {
+        let [length, width, height] = target.size.map(|side| trimmed(side, 2));
+        format!("{} {length} × {width} × {height} m", target.target)
+    };
+    format!("Targets: {}.", card.targets.iter().map(size).collect::<Vec<_>>().join(", "))
+}
+
 /// Metres at the outer circle of a plot: the farthest detection, rounded up to whole circles of 5 m.
-fn farthest(all: &[MetRuns<'_>]) -> f64 {
+fn farthest<'a>(all: impl Iterator<Item = &'a MetRuns<'a>>) -> f64 {
     let step = 5.0 * RINGS as f64;
-    let most = all.iter().flat_map(|one| one.runs).map(|run| run[1]).fold(0.0, f64::max);
+    let most = all.flat_map(|one| one.runs).map(|run| run[1]).fold(0.0, f64::max);
     (most / step).ceil().max(1.0) * step
 }
 
-/// The card of a placement as a polar plot.
+/// The card of a placement as a polar plot for each target, with its own scale, beside each other.
 pub(super) fn range_card_svg(name: &str, card: &RangeCard) -> String {
-    let names: Vec<&str> = card.targets.iter().map(|target| &*target.target).collect();
+    let body = html! {
+        @for (k, panel) in card_panels(name, card).into_iter().enumerate() {
+            g transform={ "translate(" (px(k as f64 * PANEL)) " 0)" } { (panel) }
+        }
+    };
+    let width = card.targets.len().max(1) as f64 * PANEL;
+    page([width, PANEL + TITLE], "Distances at which targets are met", &body)
+}
+
+/// The plot of each target on its own, with a name.
+pub(super) fn range_card_svgs(name: &str, card: &RangeCard) -> Vec<(String, String)> {
+    let title =
+        |target: &TargetRanges| format!("Distances at which a target is met: {}", target.target);
+    let each = card.targets.iter().map(title).zip(card_panels(name, card));
+    each.map(|(title, panel)| (title.clone(), page([PANEL, PANEL + TITLE], &title, &panel)))
+        .collect()
+}
+
+fn card_panels(name: &str, card: &RangeCard) -> Vec<Markup> {
     let all = of_card(card);
-    let body = panel(name, &all, &names, farthest(&all));
-    let body = html! { (body) (legend(&names, PANEL + TITLE)) };
-    page(
-        [PANEL, PANEL + TITLE + legend_height(&names)],
-        "Distances at which targets are met",
-        &body,
-    )
+    let of_target = |target: &TargetRanges| {
+        let own: Vec<&MetRuns<'_>> = all.iter().filter(|one| one.target == target.target).collect();
+        let farthest = farthest(own.iter().copied());
+        panel(&format!("{name}: {}", target.target), card.beams, &own, &[&target.target], farthest)
+    };
+    card.targets.iter().map(of_target).collect()
 }
 
 /// Detections by scene and placement, in order.
@@ -236,7 +260,7 @@ fn of_detections(detections: &[Detection]) -> Vec<MetRuns<'_>> {
 pub fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
     let panels = by_placement(table);
     let all: Vec<MetRuns<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
-    panels_svg(question, &panels, farthest(&all))
+    panels_svg(question, &panels, farthest(all.iter()))
 }
 
 /// The polar plot of each placement on its own, with its name; all have one scale.
@@ -246,7 +270,7 @@ pub(crate) fn targets_figures(
 ) -> Vec<(String, String)> {
     let panels = by_placement(table);
     let all: Vec<MetRuns<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
-    let farthest = farthest(&all);
+    let farthest = farthest(all.iter());
     let figure = |of: &&[Detection]| {
         let scene = of[0].scene.as_ref().map_or(String::new(), |scene| format!("-in-{scene}"));
         (format!("targets-{}{scene}", of[0].placement), panels_svg(question, &[*of], farthest))
@@ -264,7 +288,9 @@ fn panels_svg(question: &TargetQuestion, panels: &[&[Detection]], farthest: f64)
         @for (k, detections) in panels.iter().enumerate() {
             @let (x, y) = ((k % columns) as f64 * PANEL, (k / columns) as f64 * (PANEL + TITLE));
             g transform={ "translate(" (px(x)) " " (px(y)) ")" } {
-                (panel(&heading(&detections[0]), &of_detections(detections), &names, farthest))
+                @let all = of_detections(detections);
+                @let own = all.iter().collect::<Vec<_>>();
+                (panel(&heading(&detections[0]), question.beams, &own, &names, farthest))
             }
         }
         (legend(&names, height))
@@ -297,8 +323,8 @@ fn strip_from(bearing: f64, width: f64, index: usize, count: usize) -> f64 {
     bearing + 0.5 * width - (from_left + 1.0) * strip
 }
 
-/// One polar plot.
-fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> Markup {
+/// One polar plot of places that at least `beams` meet.
+fn panel(heading: &str, beams: u32, all: &[&MetRuns<'_>], names: &[&str], farthest: f64) -> Markup {
     let (middle, scale) = ([PANEL / 2.0, TITLE + PANEL / 2.0], RADIUS / farthest);
     let at = |bearing: f64, metres: f64| {
         let (sin, cos) = maths::sin_cos(bearing.to_radians());
@@ -320,7 +346,9 @@ fn panel(heading: &str, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> M
     };
     html! {
         text x="12" y="20" font-weight="600" { (heading) }
-        text x="12" y="37" fill=(SOFT) { "metres from the vehicle's origin; front is up" }
+        text x="12" y="37" fill=(SOFT) {
+            (counted(beams as usize, "beam")) " or more; metres from the origin; front is up"
+        }
         @for ring in 1..=RINGS {
             circle cx=(px(middle[0])) cy=(px(middle[1])) r=(px(RADIUS * ring as f64 / RINGS as f64)) fill="none"
                 stroke=(FAINT) {}
@@ -378,6 +406,15 @@ mod tests {
         let words = "Among these distances a car stands free of the own body from 7.5 m (ahead 0°, behind 180°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         assert!(range_card_text(&card).ends_with(&format!("{words}\n")));
+        // Each target has a plot of its own, which says when it is met.
+        let drawn = range_card_svg("found", &card);
+        assert!(drawn.contains("found: car") && drawn.contains("5 beams or more; "), "{drawn}");
+        assert!(drawn.contains(&format!(">{}<", trimmed(farthest(of_card(&card).iter()), 1))));
+        let each = range_card_svgs("found", &card);
+        let [(title, own)] = &each[..] else { panic!("one target") };
+        assert_eq!(title, "Distances at which a target is met: car");
+        assert!(own.contains("found: car") && own.matches("<polygon").count() == 5, "{own}");
+        assert_eq!(sizes_in_words(&card), "Targets: car 4.5 × 1.8 × 1.5 m.");
         // A sector elsewhere takes nothing away; in one a car may be lost where it starts late.
         let sector = |bearings, near| BlindSector {
             bearings,

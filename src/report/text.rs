@@ -1,12 +1,12 @@
 //! Scores, P-SOGs and verifications as text.
 
 use super::columns::{align_columns, align_with_notes};
-use super::{SceneRecord, ScoreColumn, optional};
-use crate::json::fixed;
+use super::{RunRecord, SceneRecord, ScoreColumn, optional};
+use crate::json::{fixed, spoken};
 use crate::psog::PsogInfo;
 use crate::scan::conditions::under;
-use crate::score::{Interval, Scores, bootstrap};
-use crate::search::{Finding, Scored};
+use crate::score::{Interval, Objective, Scores, bootstrap};
+use crate::search::{Finding, GenerationsStop, Scored};
 use crate::study::{Row, Table};
 use crate::vehicle::{Placement, SensorPose, millimetres};
 use crate::verify::Verification;
@@ -72,15 +72,77 @@ fn notes(scores: &Scores) -> Vec<String> {
     required.chain(holds).chain(guards).chain(rules).collect()
 }
 
-/// Correlations of properties of layouts with the objective, one property a line.
-pub fn findings_text(all: &[Finding]) -> String {
-    let title = ["over random placements", "correlation", "beside mean height"];
-    let mut rows = vec![title.map(str::to_owned).to_vec()];
-    rows.extend(all.iter().map(|finding| {
+/// Properties that have a correlation with the objective.
+pub(super) fn told_findings(all: &[Finding]) -> impl Iterator<Item = &Finding> {
+    all.iter().filter(|of| of.correlation.is_some() || of.beside_height.is_some())
+}
+
+/// Rank correlations of properties of layouts with the objective, one property a line; empty where none has one.
+pub fn findings_text(all: &[Finding], objective: &str) -> String {
+    let title = ["over random placements", "with mean height held fixed"].map(str::to_owned);
+    let [first, last] = title;
+    let mut rows = vec![vec![first, format!("rank correlation with {objective}"), last]];
+    rows.extend(told_findings(all).map(|finding| {
         let name = finding.property.to_owned();
         vec![name, optional(finding.correlation, 2), optional(finding.beside_height, 2)]
     }));
-    align_columns(&rows)
+    if rows.len() > 1 { align_columns(&rows) } else { String::new() }
+}
+
+/// A value of an objective in a sentence: see [`Objective::spoken`].
+pub(super) fn value_in_words(objective: &str, value: f64) -> String {
+    let known = objective.parse::<Objective>();
+    known.map_or_else(|_| spoken(value), |objective| objective.spoken(value))
+}
+
+/// Rules in lines: those of all mounts together, then a line a mount, as `1 × spin-32 on roof: yaw = 0, roll = 0`.
+pub(super) fn rule_lines(rules: &[String]) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    let mut mount: Option<&str> = None;
+    for rule in rules {
+        // Sensors on a mount come before its own rules, each of which begins with its name.
+        let counted = rule.split_once(" × ").and_then(|(_, rest)| rest.split_once(" on "));
+        let own = mount.and_then(|mount| rule.strip_prefix(mount));
+        match (lines.last_mut(), own.map(|own| own.trim_start_matches([':', ',', ' ']))) {
+            (Some(line), Some(own)) => {
+                let between = if line.contains(": ") { ", " } else { ": " };
+                *line += &format!("{between}{own}");
+            }
+            (Some(line), None) if mount.is_none() && counted.is_none() => {
+                *line += &format!("; {rule}");
+            }
+            _ => lines.push(rule.clone()),
+        }
+        mount = counted.map(|(_, name)| name).or(mount);
+    }
+    lines
+}
+
+/// The option that ended a run at its limit of evaluations, which ends whole generations, and words behind it: `asked` of it,
+/// `evaluated` by the run. `None` where another reason ended it.
+fn limit_in_words(stopped: &str, asked: Option<u64>, evaluated: u64) -> Option<[String; 2]> {
+    let limit = GenerationsStop::Budget.to_string();
+    let (rest, asked) = stopped.strip_prefix(&limit).zip(asked)?;
+    let rounded = if evaluated > asked { ", rounded up to whole generations" } else { "" };
+    Some([format!("--evaluations {asked}{rounded}"), rest.to_owned()])
+}
+
+/// See [`limit_in_words`].
+pub(super) fn limit_of(run: &RunRecord) -> Option<[String; 2]> {
+    let asked = run.settings["search"]["evaluations"].as_u64();
+    limit_in_words(&run.stopped, asked, run.evaluations)
+}
+
+/// Why a run ended and after how many placements; `done` counts them, as `55 evaluations and 300 of swaps`.
+pub(super) fn stopped_in_words(stopped: &str, limit: Option<[String; 2]>, done: &str) -> String {
+    let done = done.trim_end_matches(',');
+    match limit {
+        None => format!("stopped: {stopped}, after {done}"),
+        Some([option, rest]) => {
+            let limited = format!(" evaluations ({option})");
+            format!("stopped after {}{rest}", done.replacen(" evaluations", &limited, 1))
+        }
+    }
 }
 
 /// A study's cases and notes. Columns in which no case has a number are named in a line.
@@ -318,6 +380,55 @@ pub fn verification_text(scene: &str, conditions: &[String], found: &Verificatio
 mod tests {
     use super::*;
     use crate::study::TablePlot;
+
+    #[test]
+    fn findings_leave_out_properties_without_a_number() {
+        let finding =
+            |property, correlation| Finding { property, correlation, beside_height: None };
+        let none = finding("mean height", None);
+        let told = findings_text(&[none.clone(), finding("mean |roll|", Some(-0.2))], "near_gain");
+        let lines: Vec<&str> = told.lines().collect();
+        assert_eq!(lines.len(), 2, "{told}");
+        assert!(lines[0].contains("rank correlation with near_gain") && lines[1].contains("-0.20"));
+        assert_eq!(findings_text(&[none], "near_gain"), "");
+    }
+
+    #[test]
+    fn a_limit_of_evaluations_is_told_with_its_option() {
+        let told = |stopped: &str, evaluated| {
+            let limit = limit_in_words(stopped, Some(45), evaluated);
+            stopped_in_words(stopped, limit, "55 evaluations, and 300 of swaps,")
+        };
+        let limit = GenerationsStop::Budget.to_string();
+        let option = "stopped after 55 evaluations (--evaluations 45";
+        let rounded = ", rounded up to whole generations), and 300 of swaps";
+        assert_eq!(told(&limit, 55), format!("{option}{rounded}"));
+        assert_eq!(told(&limit, 45), format!("{option}), and 300 of swaps"));
+        let few = "; 1 baseline is not scored";
+        assert_eq!(told(&format!("{limit}{few}"), 55), format!("{option}{rounded}{few}"));
+        let end = "stopped: interrupted, after 55 evaluations, and 300 of swaps";
+        assert_eq!(told("interrupted", 55), end);
+    }
+
+    #[test]
+    fn rules_of_a_mount_stand_on_its_line() {
+        let rules = [
+            "LiDARs at least 0.3 m apart",
+            "all LiDARs at one height",
+            "1 × spin-32 on roof",
+            "roof: yaw = 0",
+            "roof: roll = 0",
+            "2 × side-64 on roof-rear",
+            "roof-rear, in its own frame: z = 0",
+        ];
+        let want = [
+            "LiDARs at least 0.3 m apart; all LiDARs at one height",
+            "1 × spin-32 on roof: yaw = 0, roll = 0",
+            "2 × side-64 on roof-rear: in its own frame: z = 0",
+        ];
+        assert_eq!(rule_lines(&rules.map(str::to_owned)), want);
+        assert_eq!(rule_lines(&["yaw = 0".to_owned()]), ["yaw = 0"]);
+    }
 
     #[test]
     fn a_study_names_columns_without_a_number_in_a_line() {

@@ -8,10 +8,10 @@ use serde_json::Value;
 
 use super::RunRecord;
 use super::blind::{Blind, blind_in_words, unseen_in_words};
+use super::text::value_in_words;
 use crate::csv::rounded;
-use crate::json::spoken;
-use crate::score::{Guard, NEAR_GAIN, Objective, percent_down};
-use crate::search::{Certificate, Climbs, Scored};
+use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
+use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored};
 use sightline_files::json::counted;
 
 /// The result of a run against the best baselines, by the objective and by information gain.
@@ -94,7 +94,7 @@ fn judged_at(
     let blind = blind_in_words(best);
     let list: String = blind.list.iter().chain(&near.list).map(|of| format!("\n{of}")).collect();
     let blind = format!("{}{}", blind.sentence, near.sentence);
-    format!("{below}{required}{blind}{against}{last}.{share} {warnings}{list}")
+    format!("{below}{required}{blind}{against}{last}.{share}{warnings}{list}")
 }
 
 /// Sentence on LiDARs below the ground; empty where there are none.
@@ -166,32 +166,28 @@ fn required_in_words(subject: &str, price: &str, best: &Scored, cheaper: &str) -
     format!("{met}{cheaper}. {lacking}")
 }
 
-/// Sentence that counts the warnings as the page lists them.
+/// Sentence on the warnings, after a blank; empty where the sentences before it tell all of them.
 fn warnings_in_words(best: &Scored) -> String {
     let warnings = best.warnings();
-    let count = counted(warnings.len(), "warning");
     match &warnings[..] {
-        [] => "No warning: all checks passed.".to_owned(),
-        _ if best.scores.doubts() == 0 => format!("{count}: {}.", facts_in_words(best)),
-        [one] => format!("Warning: {one}."),
-        [first, ..] => format!("{count}, the first: {first}."),
+        [] => " No warning: all checks passed.".to_owned(),
+        _ if best.scores.doubts() == 0 => match untold_in_words(best) {
+            untold if untold.is_empty() => untold,
+            untold => format!(" Warning: {untold}."),
+        },
+        [one] => format!(" Warning: {one}."),
+        [first, ..] => {
+            format!(" {}, the first: {first}.", counted(warnings.len(), "warning"))
+        }
     }
 }
 
-/// Warnings of a placement that violates no guard, most of which are said before.
-fn facts_in_words(best: &Scored) -> String {
-    let lacking = best.scores.required.iter().filter(|seen| !seen.is_met()).count();
-    let is_blind =
-        best.scores.guards.iter().any(|guard| !guard.is_doubt() && !guard.is_of_redundancy());
-    let lacks = match lacking {
-        0 => None,
-        1 => Some("1 requirement is not met (above)".to_owned()),
-        more => Some(format!("{more} requirements are not met (above)")),
-    };
-    let blind = is_blind.then(|| "blind sectors are named above".to_owned());
-    let broken = (!best.violations.is_empty()).then(|| "rules of the mount are broken".to_owned());
-    let paper =
-        best.scores.holds_on_paper().map(|_| "requirements hold on paper only (above)".to_owned());
+/// Warnings of a placement that violates no guard, but for requirements and blind sectors, which are said before.
+fn untold_in_words(best: &Scored) -> String {
+    let broken = best.violations.first().map(|first| match best.violations.len() {
+        1 => first.clone(),
+        count => format!("{count} rules of the mount are broken, the first: {first}"),
+    });
     let mut idle: Vec<usize> =
         best.scores.guards.iter().filter_map(Guard::redundant_lidar).collect();
     idle.sort_unstable();
@@ -200,21 +196,25 @@ fn facts_in_words(best: &Scored) -> String {
     let idle = (!idle.is_empty()).then(|| {
         format!("with LiDAR {numbers} less than 1 % of the information is lost, so that it could be left out")
     });
-    [lacks, paper, blind, broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
+    [broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
 }
 
 /// Start of a sentence on requirements that are all met.
 fn met_in_words(subject: &str, facts: &str, best: &Scored) -> String {
+    let (what, them) = match &best.scores.required[..] {
+        [one] => (format!("its requirement ({})", one.title()), "it"),
+        all => (format!("all {} requirements", all.len()), "them"),
+    };
     let paper = best.scores.holds_on_paper().map_or(String::new(), |share| {
+        let off = best.scores.copies_off;
+        let off = off.map_or("a little".to_owned(), |[mm, deg]| format!("up to {mm} mm and {deg}°"));
         format!(
-            ", but on paper only: {} % of copies mounted within the tolerance do",
-            percent_down(share)
+            ", but on paper only: of {COPIES} copies mounted {off} off, {} % still meet {them}, and {} % must",
+            percent_down(share),
+            100.0 * HOLDS
         )
     });
-    match &best.scores.required[..] {
-        [one] => format!("{subject} meets its requirement ({}){facts}{paper}", one.title()),
-        all => format!("{subject} meets all {} requirements{facts}{paper}", all.len()),
-    }
+    format!("{subject} meets {what}{facts}{paper}")
 }
 
 /// A line for each placement that breaks rules of the mount, with the first of them.
@@ -239,7 +239,12 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
         true => "",
         false => " without a warning or a broken rule",
     };
-    let known = format!("{name}, the best baseline{clean}{},", sensors_beside(best, rival));
+    let shown = match baselines.len() {
+        1 if name == PLAIN => format!("`{PLAIN}`, the same sensors placed without a search"),
+        1 => format!("{name}, the only baseline"),
+        _ => format!("{name}, the best baseline"),
+    };
+    let known = format!("{shown}{clean}{},", sensors_beside(best, rival));
     let ours = best.objective?;
     let by_objective = compare(ours, theirs, ["better than", "worse than", "as good as"]);
     let is_first = objective == NEAR_GAIN && best.scores.required.is_empty();
@@ -317,16 +322,16 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
 fn single_scene_in_words(best: &Scored, rival: &Scored, objective: &str) -> String {
     let name = &rival.placement.name;
     let (below, what) = match best.objective.partial_cmp(&rival.objective) {
-        Some(Ordering::Greater) => (String::new(), "the gain over"),
+        Some(Ordering::Greater) => (String::new(), "the lead over"),
         Some(Ordering::Less) => {
             let why = penalty_in_words(best, objective);
-            (format!("By {objective} the result is below {name}{why}. "), "a difference from")
+            (format!("By {objective} the result is below {name}{why}. "), "the difference from")
         }
-        _ => (String::new(), "a difference from"),
+        _ => (String::new(), "the tie with"),
     };
     let sensors = sensors_beside(best, rival);
     format!(
-        "{below}A single scene cannot say whether {what} {name}{sensors} is more than the scenes' own spread: give several."
+        "{below}One scene only: give several to see whether {what} {name}{sensors} holds elsewhere."
     )
 }
 
@@ -374,7 +379,7 @@ pub fn methods_in_words(run: &RunRecord) -> String {
     let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
     let then = if is_penalized { ", and unseen cars take a penalty off the objective" } else { "" };
     let each = run.methods.iter().map(|m| {
-        let value = m.objective.map_or("nothing".into(), spoken);
+        let value = m.objective.map_or("nothing".into(), |m| value_in_words(&run.objective, m));
         let met = match m.requirements {
             [_, 0] => String::new(),
             [met, of] => format!(" with {met} of {of} requirements met"),
@@ -396,11 +401,9 @@ pub fn methods_in_words(run: &RunRecord) -> String {
 pub fn certificate_in_words(run: &RunRecord) -> String {
     match &run.certificate {
         None => "nothing is claimed about placements that were not evaluated".into(),
-        Some(certificate) => format!(
-            "On a grid, {}. The paper's bound: {}.",
-            run.best.as_ref().map_or(String::new(), |best| bound_in_words(certificate, best)),
-            certificate.lipschitz_says
-        ),
+        Some(certificate) => {
+            run.best.as_ref().map_or(String::new(), |best| bound_in_words(certificate, best))
+        }
     }
 }
 

@@ -30,7 +30,7 @@ use sightline_files::json::counted;
 pub struct CastRequest {
     /// Scene file; it must have geometry
     pub scene: PathBuf,
-    /// Placements
+    /// File of placements, all of which are cast, or the folder of a run
     pub placements: PathBuf,
     /// Write the hits to this .npz file
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
@@ -134,12 +134,12 @@ fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Run
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ViewRequest {
     /// Scene files, then a file of placements, with :NAME of the one to show [default: its first]
-    #[cfg_attr(feature = "cli", arg(value_names = ["SCENE", "RIGS[:NAME]"], required = true, num_args = 2..))]
+    #[cfg_attr(feature = "cli", arg(value_names = ["SCENE", "PLACEMENTS[:NAME]"], required = true, num_args = 2..))]
     pub files: Vec<String>,
     /// Placement to compare with, or a file of them; may be given several times
     ///
     /// Without it those of Table 7 of the paper, where the vehicle is its car: one model, a mount that holds them.
-    #[cfg_attr(feature = "cli", arg(long, alias = "baseline", value_name = "FILE[:NAME]"))]
+    #[cfg_attr(feature = "cli", arg(long, alias = "baseline", value_name = "PLACEMENTS[:NAME]"))]
     pub baselines: Vec<String>,
     /// Page to write
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
@@ -153,6 +153,9 @@ pub struct ViewRequest {
     /// Command that makes the page again, which stands on it.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub command: String,
+    /// Command that asks how far each LiDAR may be off, for the page.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub tolerance: String,
 }
 
 /// Writes the page about a placement.
@@ -243,5 +246,6 @@ fn page(
     let conditions = in_words(&request.conditions.condition);
     let command = request.command.clone();
     let subject = Subject::given(&names, &records, result, baselines, &objective, command);
-    Ok((view_html(&subject.under(&conditions), &figures), figures.files(Some(result))))
+    let subject = Subject { tolerance: request.tolerance.clone(), ..subject.under(&conditions) };
+    Ok((view_html(&subject, &figures), figures.files(Some(result))))
 }

@@ -24,7 +24,7 @@ use crate::search::{
     Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
 use crate::vehicle::Placement;
-use request::{Begun, RunCheckpoint, command, in_full, note_choice};
+use request::{Begun, RunCheckpoint, command, in_full, note_choice, tolerance_command};
 
 pub use finished::{Finished, finished};
 pub use front::{FrontStart, Fronted, front, holds_front};
@@ -65,7 +65,11 @@ pub fn optimize(
     };
     let length = request.max_seconds.map(Duration::from_secs_f64);
     let time = length.map(|length| TimeLimit { start, length });
-    let mut loaded = opening::job_within(&begun.files, time, computing)?;
+    let loaded = opening::job_within(&begun.files, time, computing);
+    let mut loaded = loaded.map_err(|error| match &request.start {
+        Start::New(new) => new.as_given(error),
+        Start::Resume(_) => error,
+    })?;
     loaded.suite(computing)?;
     let inputs = loaded.inputs()?;
     for scene in loaded.job.scenes() {
@@ -409,7 +413,8 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     // The page is read where the run was made.
     let here = command(&sitting.begun, settings, limit, from_here);
     let whole = std::mem::replace(&mut record.command, here);
-    folder.write_text("report.html", &report_html(&record, &drawings))?;
+    let tolerance = tolerance_command(&sitting.begun, folder.path());
+    folder.write_text("report.html", &report_html(&record, &drawings, &tolerance))?;
     record.command = whole;
     let wanted = sitting.request.figures.as_deref();
     outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;

@@ -275,7 +275,7 @@ impl ScanRequest {
     ) -> Result<Vec<Plan<'a>>, RunError> {
         let files = scenes.iter().map(|scene| Input::names_of(scene.files()));
         let files = files.collect::<Result<Vec<_>, _>>()?.concat();
-        let mut names = FileNames::new();
+        let mut names = FileNames::default();
         let mut plan = |placement: &'a Placement| {
             let out = match placements.len() {
                 1 => self.out.clone(),

@@ -16,8 +16,8 @@ use super::opening::{LoadTimes, Loaded, timings};
 use super::{Computing, GRACE, RunError, TableFormat, opening, outputs};
 use crate::csv::csv;
 use crate::files::{
-    FileNames, Session, safe_names, shared_folder, sync_disk, writable_file, write_many, write_npy,
-    write_own, write_whole,
+    FileNames, Output, Session, safe_names, shared_folder, sync_disk, writable_file, write_as,
+    write_npy, write_whole,
 };
 use crate::job::{Job, JobFiles};
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
@@ -172,7 +172,7 @@ fn check_coverage<'a>(
     names: impl IntoIterator<Item = &'a str>,
     request: &ScoreRequest,
 ) -> Result<(), RunError> {
-    let mut taken = FileNames::new();
+    let mut taken = FileNames::default();
     for name in names {
         let file = taken.take(name, COVERAGE)?;
         let paths = folders.iter().map(|folder| folder.join(&file));
@@ -215,12 +215,10 @@ fn write_coverage(
     covered: Vec<u64>,
     resumes: bool,
 ) -> Result<(), RunError> {
-    let path = folder.join(FileNames::new().take(&placement.name, COVERAGE)?);
+    let path = folder.join(FileNames::default().take(&placement.name, COVERAGE)?);
     // The last block of an interrupted batch is written again.
-    match resumes && path.exists() {
-        true => write_own(&path, |file| write_npy(file, covered).map_err(RunError::io(&path))),
-        false => write_many(&path, |file| write_npy(file, covered).map_err(RunError::io(&path))),
-    }
+    let output = if resumes && path.exists() { Output::Own } else { Output::OneOfMany };
+    write_as(output, &path, |file| write_npy(file, covered).map_err(RunError::io(&path)))
 }
 
 /// Placements that are held at once at most: a mean needs their scores in every scene.

@@ -26,7 +26,11 @@ const LEAST_UNIQUE: f64 = 0.01;
 /// Largest share of a LiDAR's beams that may end at the own vehicle; above it the guard `self_hit` is violated.
 pub const MOST_SELF_HITS: f64 = 0.25;
 
-/// A reason not to believe a placement's scores, or a fact about a rig. Printed as `name: sentence`.
+/// Name of a blind sector in files; texts say `BLIND`.
+pub(crate) const BLIND_SECTOR: &str = "blind_sector";
+
+/// A reason not to believe a placement's scores, or a fact about a rig. Printed as `name: sentence`, a blind sector as
+/// `BLIND: sentence`; files have [`Self::keyed`].
 ///
 /// Scores alone can mislead: literal M-SOG is perfect for sensors that see only voxels that never change.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,6 +120,17 @@ impl Guard {
     }
 }
 
+impl Guard {
+    /// `name: sentence`, as files and other programs have it: a blind sector has the name `blind_sector`.
+    pub fn keyed(&self) -> String {
+        match self {
+            Self::BlindSector(sector) => format!("{BLIND_SECTOR}: {sector}"),
+            Self::InScene { scene, guard } => format!("{} (in {scene})", guard.keyed()),
+            other => other.to_string(),
+        }
+    }
+}
+
 impl std::fmt::Display for Guard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -167,7 +182,7 @@ impl std::fmt::Display for Guard {
                 percent_up(*share),
                 100.0 * MOST_SELF_HITS
             ),
-            Self::BlindSector(sector) => write!(f, "blind_sector: {sector}"),
+            Self::BlindSector(sector) => write!(f, "BLIND: {sector}"),
             Self::InScene { scene, guard } => write!(f, "{guard} (in {scene})"),
         }
     }
@@ -175,7 +190,7 @@ impl std::fmt::Display for Guard {
 
 impl Serialize for Guard {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
+        serializer.serialize_str(&self.keyed())
     }
 }
 
@@ -335,6 +350,22 @@ mod tests {
                     .all(|v| !matches!(v, crate::vehicle::Violation::OutsideMount { .. }))
             );
         }
+    }
+
+    #[test]
+    fn a_blind_sector_is_a_word_in_texts_and_a_key_in_files() {
+        let sector = BlindSector {
+            bearings: [165.0, -165.0],
+            distances: [20.0, 25.0],
+            worst: 180.0,
+            lost: vec![[20.0, 25.0]],
+        };
+        let (guard, words) = (Guard::BlindSector(sector.clone()), sector.to_string());
+        assert_eq!(guard.to_string(), format!("BLIND: {words}"));
+        assert_eq!(serde_json::json!(guard), format!("blind_sector: {words}"));
+        let inner = Guard::InScene { scene: "yard".into(), guard: Box::new(guard) };
+        assert_eq!(inner.to_string(), format!("BLIND: {words} (in yard)"));
+        assert_eq!(inner.keyed(), format!("blind_sector: {words} (in yard)"));
     }
 
     #[test]

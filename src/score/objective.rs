@@ -8,6 +8,7 @@ use sightline_files::json::nearest;
 
 use super::over_scenes::totals;
 use super::{Guard, Scores, TaskScores};
+use crate::json::spoken;
 use crate::problem::{Content, Entropy, REPEATS, Tally};
 use crate::psog::to_nats;
 
@@ -86,9 +87,10 @@ pub enum ObjectiveError {
 }
 
 impl Default for Objective {
-    /// The near gain: its optima see more of the ground near the vehicle than those of other scores. For what learners
-    /// recognize it is level with the information gain (`docs/evidence.md`). Like that gain it is monotone in the set of
-    /// sensors, comparable between any number and kind of them, and comes with a bound on every other placement.
+    /// The near gain: its optima see more of the ground near the vehicle than those of the three other scores that were
+    /// searched. For what learners recognize it could not be told apart from the information gain (`docs/evidence.md`).
+    /// Like that gain it is monotone in the set of sensors, comparable between any number and kind of them, and comes with
+    /// a bound on every other placement.
     fn default() -> Self {
         let (name, of) = METRICS[0];
         let metric = Metric { name, detection: false, of };
@@ -247,6 +249,16 @@ impl Objective {
         self.terms.iter().map(most).sum()
     }
 
+    /// A value in a sentence: per cent where the objective is a share from 0 to 1, else five significant digits.
+    pub(crate) fn spoken(&self, value: f64) -> String {
+        if self.is_share() { format!("{:.2} %", 100.0 * value) } else { spoken(value) }
+    }
+
+    /// True if values are shares from 0 to 1.
+    pub(crate) fn is_share(&self) -> bool {
+        self.most() == Some(1.0)
+    }
+
     /// True if voxels count again for a second LiDAR that covers them.
     fn wants_redundancy(&self) -> bool {
         self.terms.iter().any(|(weight, metric)| *weight > 0.0 && metric.is_repeated())
@@ -333,6 +345,18 @@ fn task_scores(gain: f64, total: f64, covered: f64, nonzero: f64) -> TaskScores 
 mod tests {
     use super::*;
     use crate::problem::{Content, KINDS, OccupiedVoxel, Tally};
+
+    #[test]
+    fn shares_are_spoken_in_per_cent() {
+        for (text, said) in [
+            ("near_gain", "57.58 %"),
+            ("0.5*near_gain + 0.5*information_gain_share", "57.58 %"),
+            ("2*near_gain", "0.57582"),
+            ("m_sog", "0.57582"),
+        ] {
+            assert_eq!(text.parse::<Objective>().unwrap().spoken(0.575_82), said, "{text}");
+        }
+    }
 
     #[test]
     fn the_default_is_the_near_gain() {

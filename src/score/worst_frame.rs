@@ -26,3 +26,22 @@ impl WorstFrame {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Seen;
+    use super::*;
+
+    #[test]
+    fn the_worst_frame_stands_beside_a_mean_and_behind_a_share_that_is_its_own() {
+        let told = [0.895, 1.0].map(|share| {
+            let worst_frame = Some(WorstFrame { frame: 3, share });
+            Seen { worst_frame, ..Seen::of("ring", 1.0) }
+        });
+        let words = told.each_ref().map(Seen::to_string);
+        assert_eq!(words[0], "ring: 100.0 % seen (89.5 % in frame 3), 90.0 % required");
+        assert_eq!(words[1], "ring: 100.0 % seen in frame 3, 90.0 % required");
+        let json = serde_json::to_value(&told[0]).unwrap();
+        assert_eq!(json["worst_frame"], serde_json::json!({ "frame": 3, "share": 0.895 }));
+    }
+}

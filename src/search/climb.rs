@@ -161,7 +161,7 @@ impl GridSearch {
         }
     }
 
-    /// Poses that a LiDAR may move to, those with which the placement keeps the rules.
+    /// Poses that a LiDAR may move to so that the placement keeps the rules.
     fn targets(&self, here: &[u32], lidar: usize, moves: Moves) -> Vec<u32> {
         let (grid, ties, from) = (self.atlas.grid(), self.constraints.ties, here[lidar]);
         let others = without(here, lidar..lidar + 1);
@@ -191,7 +191,7 @@ impl GridSearch {
         }
     }
 
-    /// Placements that a turn may lead to, those that keep the rules.
+    /// Placements that a turn may lead to and that keep the rules.
     fn candidates(&self, here: &[u32], turn: Turn, moves: Moves) -> Vec<Vec<u32>> {
         let grid = self.atlas.grid();
         let ties = self.constraints.ties;

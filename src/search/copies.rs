@@ -151,7 +151,7 @@ impl Moved {
         Ok(beside.map(|all| all.par_iter().map(|instead| self.as_it_is(instead)).collect()))
     }
 
-    /// A question that looks only at requirements that some copies miss, by the shares that meet each: the others count as met.
+    /// Looks from now on only at requirements that some copies miss, by `holds`; all others count as met.
     pub fn only_missed(mut self, holds: &Holds) -> Self {
         let mut own: Vec<usize> = (0..self.wanted.len()).collect();
         self.problem.in_file_order(&mut own);
@@ -161,7 +161,8 @@ impl Moved {
         self
     }
 
-    /// True if requirements that are not looked at keep a part of their room: of the share by which they are met.
+    /// True if each requirement that is not looked at keeps `part` of its margin: share found less share required, `before`
+    /// and `after`.
     pub fn keeps_room(&self, before: &[(f64, f64)], after: &[(f64, f64)], part: f64) -> bool {
         let mut wanted = self.wanted.clone();
         self.problem.in_file_order(&mut wanted);
@@ -170,7 +171,7 @@ impl Moved {
         both.map(|(pair, _)| pair).all(|(before, after)| room(after) >= part * room(before))
     }
 
-    /// A question that looks at few copies, or at all of them.
+    /// Looks at few copies, or at all of them.
     pub fn at_few(self, few: bool) -> Self {
         Self { copies: if few { FEW_COPIES } else { COPIES }, ..self }
     }
@@ -186,7 +187,7 @@ impl Moved {
         (areas, targets, near)
     }
 
-    /// A pose of a LiDAR, off as it is in a copy; not off in copy 0.
+    /// Pose of a LiDAR in a copy: its own with that copy's offset. Copy 0 has none.
     fn pose_in(&self, lidar: usize, own: &SensorPose, copy: usize) -> SensorPose {
         let (values, off) = (own.values(), self.offsets[lidar][copy]);
         let [x, y, z, roll, pitch, yaw] = std::array::from_fn(|k| values[k] + off[k]);
@@ -253,8 +254,8 @@ impl Moved {
         Ok(Some(columns))
     }
 
-    /// Bits of areas of each pose in one scene, within which none is where nothing is required of them; `go_on` and `None`
-    /// work as in [`Self::new`].
+    /// Bits of required areas for each pose in one scene; the inner `None` if no area is required. `go_on` and the outer
+    /// `None` work as in [`Self::new`].
     fn areas(
         poses: &[SensorPose],
         member: usize,
@@ -314,8 +315,8 @@ impl Moved {
         shares
     }
 
-    /// Columns of the LiDARs that stand elsewhere in other placements than in one, by their number; `go_on` and `None`
-    /// work as in [`Self::new`].
+    /// For each of `others`: columns of the LiDARs whose pose differs from that in `one`, with their numbers. `go_on` and
+    /// `None` work as in [`Self::new`].
     pub fn columns_beside(
         &self,
         one: &Placement,
@@ -362,8 +363,8 @@ impl Moved {
         shares
     }
 
-    /// Copies that meet requirements, of each of which `found` says share and least share over all frames; with other
-    /// columns `instead` of LiDARs' own. `go_on` and `None` work as in [`Self::new`].
+    /// Shares of the copies that meet the requirements. `found` has the share and the required share of each, over all
+    /// frames; columns of `instead` replace LiDARs' own. `go_on` and `None` work as in [`Self::new`].
     pub fn holds(
         &self,
         instead: &[(usize, Column)],
@@ -379,7 +380,7 @@ impl Moved {
         let copies: Vec<(usize, Vec<usize>)> = (1..=self.copies).map(|k| (k, near())).collect();
         let is_met = |copy: &(usize, Vec<usize>)| -> Result<Vec<bool>, UnknownSensor> {
             let moved = self.shares_in(&columns, copy, &order)?;
-            // Over all frames a share is taken to change as it does over few.
+            // A share over all frames is taken to change by as much as over these few.
             let of = found.iter().zip(moved.iter().zip(&as_it_is));
             let is_met =
                 of.map(|((share, least), (moved, still))| share + (moved - still) >= *least);

@@ -47,7 +47,7 @@ struct Met {
     car_missing: Option<f64>,
     /// Results of the rules.
     seen: Vec<Seen>,
-    /// LiDARs of those looked at that a rule needs for the loss of another one.
+    /// LiDARs, among those looked at, that a rule needs in case another one is lost.
     needed: Vec<usize>,
 }
 
@@ -338,7 +338,7 @@ impl Evaluator {
         Ok(self.together(placements, &by_member)?)
     }
 
-    /// From the scores of each member to those of each of some placements.
+    /// Joins the scores of each member, `[members][placements]`, into those of each placement.
     fn together(
         &self,
         placements: &[Placement],

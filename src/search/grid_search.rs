@@ -36,6 +36,16 @@ pub(super) struct Places {
 }
 
 impl Places {
+    /// Kind of slot of a pose.
+    pub fn kind(&self, pose: u32) -> usize {
+        self.kinds[pose as usize]
+    }
+
+    /// LiDARs of each kind.
+    pub fn lidars_by_kind(&self) -> &[usize] {
+        &self.lidars_by_kind
+    }
+
     /// See [`GridSearch::fits`].
     pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
         let at = |pose: u32| self.positions[pose as usize];
@@ -52,7 +62,7 @@ pub struct GridSearch {
     pub(super) objective: Objective,
     pub(super) constraints: Constraints,
     pub(super) evaluations: u64,
-    /// Poses cast beyond which no LiDAR of a climb takes another turn.
+    /// Most poses to cast: beyond it no climb begins another turn.
     pub(super) most_casts: u64,
     /// Poses that a climb moves LiDARs to where it may move them anywhere; `None` for all of the grid.
     pub(super) pool: Option<BTreeSet<u32>>,
@@ -105,7 +115,7 @@ impl GridSearch {
         }
     }
 
-    /// Lets climbs move LiDARs to these poses, too, and to none but the poses that were ever named so.
+    /// Adds poses to the pool: from the first call on climbs move LiDARs to its poses alone.
     pub(super) fn keep_to(&mut self, poses: impl IntoIterator<Item = u32>) {
         self.pool.get_or_insert_default().extend(poses);
     }

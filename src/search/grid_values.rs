@@ -42,35 +42,6 @@ impl GridSearch {
         groups.par_iter().map(value).collect()
     }
 
-    /// The objective of each of some sets of poses and one pose of the grid more, `[sets][poses]`; `−∞` where
-    /// it does not exist. All poses are held; the bitmap of each is read once for all sets. `None` once `go_on`,
-    /// which is asked after every [`BYTES_AT_ONCE`], says no.
-    pub(super) fn values_beside(
-        &mut self,
-        sets: &[&[u32]],
-        go_on: &mut dyn FnMut() -> bool,
-    ) -> Option<Vec<Vec<f64>>> {
-        let mut unions = vec![Unions::default(); sets.len()];
-        unions.iter_mut().zip(sets).for_each(|(union, set)| self.atlas.union(set, union));
-        let mut by_set = vec![Vec::new(); sets.len()];
-        let (poses, at_once) = (self.atlas.grid().len(), self.poses_at_once(sets.len()) as u32);
-        for first in (0..poses).step_by(at_once as usize) {
-            if first > 0 && !go_on() {
-                return None;
-            }
-            let some = first..first.saturating_add(at_once).min(poses);
-            self.evaluations += some.len() as u64 * sets.len() as u64;
-            let of_pose = |pose: u32| -> Vec<f64> {
-                unions.iter().map(|union| self.value_with(union, pose)).collect()
-            };
-            let by_pose: Vec<Vec<f64>> = some.into_par_iter().map(of_pose).collect();
-            for (set, values) in by_set.iter_mut().enumerate() {
-                values.extend(by_pose.iter().map(|values| values[set]));
-            }
-        }
-        Some(by_set)
-    }
-
     /// Poses looked at between two calls of `go_on`, where each is looked at `times` times.
     pub(super) fn poses_at_once(&self, times: usize) -> usize {
         let quick = BYTES_AT_ONCE / (times * self.atlas.page_bytes()).max(1);

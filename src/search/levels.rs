@@ -14,8 +14,8 @@ const ALL_SETS: u64 = 4000;
 pub struct Level {
     /// Frames in rising order, numbered through all scenes.
     pub frames: Vec<usize>,
-    /// Root mean square over the placements of 1 − a · score / score over all frames, with the a that makes it least:
-    /// the error of ranking by these frames. `None` where no placement has a score.
+    /// Ranking error of these frames: RMS over the placements of 1 − a · score / full score, with the best a. `None` where
+    /// no placement has a score.
     pub error: Option<f64>,
 }
 

@@ -93,7 +93,7 @@ impl fmt::Display for Work {
             Self::Climbs => f.write_str("climbs of swaps at most"),
             Self::Securing => f.write_str("moves within the mounting tolerance at most"),
             Self::Refinements => f.write_str("casts for swaps over more frames at most"),
-            Self::Bounds => f.write_str("sets of sensors bounded"),
+            Self::Bounds => f.write_str("first poses bounded"),
             Self::Confirming { frames } => {
                 write!(f, "placements confirmed over all {frames} frames")
             }

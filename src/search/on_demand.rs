@@ -33,7 +33,7 @@ const LATE: f64 = 0.5;
 /// Error of a level that is enough for all generations. Swaps are over the second level at least: they
 /// end at the best placement they see, which one frame flatters most.
 const LATE_ERROR: f64 = 0.5 * TOLERANCE;
-/// Least frames that the first swaps are over: many poses over two find more than half as many over four.
+/// Least frames of the first swaps. At equal work, many poses over two frames find more than half as many over four.
 const FRAMES_OF_SWAPS: usize = 2;
 
 /// A candidate for the result.
@@ -374,12 +374,24 @@ impl FramesOnDemand {
         let steps = in_steps(&self.steps, all);
         format!(
             "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
-             placements × frames of a search over all; checks saw a loss of {:.3} % at most",
+             placements × frames of a search over all; {}",
             steps.join(", "),
             self.confirmed_count(),
             100.0 * share,
-            100.0 * self.worst_loss
+            loss_in_words(self.worst_loss)
         )
+    }
+}
+
+/// Most that a choice by few frames lost among the finalists, as a share of the best value over all frames.
+fn loss_in_words(worst: f64) -> String {
+    match 100.0 * worst {
+        loss if loss <= 0.0 => {
+            "scores over few frames ranked the best finalist first, as all frames do".to_owned()
+        }
+        loss => format!(
+            "the finalist that scores over few frames rank first is {loss:.3} % below the best over all, at most"
+        ),
     }
 }
 
@@ -415,4 +427,15 @@ pub(crate) fn drawn(constraints: &Constraints, count: usize, seed: u64) -> Vec<P
     drawn.sort_by_key(|placement| !constraints.violations(placement).is_empty());
     drawn.truncate(count);
     drawn
+}
+
+#[cfg(test)]
+mod tests {
+    use super::loss_in_words;
+
+    #[test]
+    fn a_loss_is_told_only_where_there_was_one() {
+        assert!(loss_in_words(0.0).ends_with("as all frames do"));
+        assert!(loss_in_words(0.0012).contains("is 0.120 % below the best over all"));
+    }
 }

@@ -72,8 +72,8 @@ impl Scored {
         guards.chain(broken).chain(lacking.map(ToString::to_string)).collect()
     }
 
-    /// All that is said against it, which every sentence and list counts: the reasons, then requirements that are met on
-    /// paper only, sectors that it does not see and LiDARs that could be left out.
+    /// Every warning about it: the reasons, then requirements that are met on paper only, blind sectors, and LiDARs that
+    /// could be left out. Every sentence and list counts these.
     pub(crate) fn warnings(&self) -> Vec<String> {
         let facts = self.scores.guards.iter().filter(|guard| !guard.is_doubt());
         let paper = self.scores.holds_on_paper().map(all_held_in_words);

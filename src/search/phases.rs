@@ -5,7 +5,6 @@ use serde::Serialize;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::suite::{Member, SEARCHING, Suite};
-use crate::json::spoken;
 use crate::score::Objective;
 use crate::vehicle::Placement;
 
@@ -78,17 +77,22 @@ pub(super) fn check(
         (false, true) => "beams that come back",
         (true, true) => "azimuth phases and of the beams that come back",
     };
-    let words = words(drawn, &ours, &theirs, baseline);
+    let words = words(drawn, objective, (&ours, &theirs), baseline);
     Ok(Some(PhaseCheck { ours, theirs, words }))
 }
 
-fn words(drawn: &str, ours: &[f64], theirs: &[f64], baseline: Option<&Placement>) -> String {
+fn words(
+    drawn: &str,
+    objective: &Objective,
+    (ours, theirs): (&[f64], &[f64]),
+    baseline: Option<&Placement>,
+) -> String {
     let [mean, reach] = interval(ours);
     let mut words = format!(
         "At {} other draws of the {drawn} the result has {}, within {} % of it for these draws (95 % interval of \
          the mean)",
         ours.len(),
-        spoken(mean),
+        objective.spoken(mean),
         at_least_a_hundredth(100.0 * reach / mean.abs())
     );
     if let (Some(baseline), true) = (baseline, theirs.len() == ours.len()) {
@@ -106,7 +110,7 @@ fn words(drawn: &str, ours: &[f64], theirs: &[f64], baseline: Option<&Placement>
     words + "; another seed of the search may differ by more."
 }
 
-/// Per cent with two digits; one that rounds to none is told as less than the last digit.
+/// Per cent with two digits, 0.01 at least.
 fn at_least_a_hundredth(per_cent: f64) -> String {
     if per_cent < 0.01 { "0.01".to_owned() } else { format!("{per_cent:.2}") }
 }
@@ -121,8 +125,11 @@ mod tests {
         // By hand: variance 6, standard error √(6/8).
         assert!((mean - 4.5).abs() < 1e-12 && (reach - 2.365 * 0.75_f64.sqrt()).abs() < 1e-12);
         let baseline = Placement { name: "plain".into(), lidars: vec![] };
-        let said = words("azimuth phases", &[110.0; 8], &[100.0; 8], Some(&baseline));
+        let gain: Objective = "information_gain".parse().unwrap();
+        let said = words("azimuth phases", &gain, (&[110.0; 8], &[100.0; 8]), Some(&baseline));
         assert!(said.contains("has 110, within 0.01 % of it"), "{said}");
+        let share = words("azimuth phases", &Objective::default(), (&[0.5; 8], &[]), None);
+        assert!(share.contains("has 50.00 %, within 0.01 % of it"), "{share}");
         assert!(said.contains("+10.00 % (interval +10.00 to +10.00) against plain;"), "{said}");
     }
 }

@@ -14,11 +14,11 @@ use crate::vehicle::{Placement, SensorName, SensorPose};
 /// Frames that are scored at once where a run may be told to stop in between; also the most frames that a run scores
 /// whatever the time.
 pub(crate) const FRAMES_AT_ONCE: usize = 32;
-/// Placements that are scored at once there, at least.
+/// Least placements that are scored at once in such a run.
 const PLACEMENTS_AT_ONCE: usize = 4;
-/// Placements × frames that each thread of the host scores there: a few seconds at most.
+/// Placements × frames that each thread of the host scores at once: a few seconds at most.
 const HOST_AT_ONCE: usize = 64;
-/// Placements × frames that a device scores there.
+/// Placements × frames that a device scores at once.
 const DEVICE_AT_ONCE: usize = 1 << 14;
 
 /// Tallies placements over all frames, with beams of a range in metres; `None` where the run is to end before.

@@ -48,14 +48,14 @@ pub struct TimeLimit {
     pub length: Duration,
 }
 
-/// Time that a part of the outcome which may be left out has where the run is to end.
+/// Time for optional parts of the outcome once the run is to end.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Share of a [`TimeLimit`] that the generations may take; the swaps have the rest.
 pub(super) const GENERATIONS_SHARE: f64 = 0.4;
 /// Share that choosing the frames may take.
 pub(super) const FRAMES_SHARE: f64 = 0.2;
-/// Share after which finalists of the generations that are not confirmed over many frames stay so.
+/// Share after which no more finalists of the generations are confirmed over many frames.
 pub(super) const FINALISTS_SHARE: f64 = 0.6;
 /// Share that the whole search may take where the result is confirmed over many frames.
 pub(super) const SEARCH_SHARE: f64 = 0.8;
@@ -102,6 +102,10 @@ pub struct Settings {
     pub baselines: Vec<Placement>,
     /// More layouts to start from where the mount allows them.
     pub starts: Vec<Placement>,
+    /// Share of the best placement to which the bound on the gain is to close, whatever work that takes; `None` for as
+    /// close as little work gets it.
+    #[serde(default)]
+    pub gap: Option<f64>,
     /// Objective over all frames at which the search ends.
     pub target: Option<f64>,
     /// Mounting tolerance within which requirements are to hold. Where they do not, LiDARs of the result move a little
@@ -153,6 +157,7 @@ impl Default for Settings {
             frames: FrameChoice::default(),
             baselines: table_7(),
             starts: Vec::new(),
+            gap: None,
             target: None,
             tolerance: None,
             time: None,

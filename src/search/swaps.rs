@@ -23,27 +23,27 @@ use sightline_files::json::counted;
 /// Default grid of the swaps: the spacing of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 
-/// Poses spread over the grid, and most poses in all, as multiples of the casts of the settings; those beyond the first lie
-/// next to poses of good ends.
+/// Poses spread over the grid, as a multiple of the casts of the settings.
 const SPREAD: f64 = 0.75;
+/// Most poses in all, as a multiple of them; the others lie next to poses of good ends.
 const MOST: f64 = 1.25;
-/// Most poses of the grid that the first are chosen from, as a multiple of the casts.
+/// Most poses of the grid from which the spread ones are taken, as a multiple of the casts.
 const MANY: u64 = 8;
 /// Ends of climbs whose neighbours are cast, at most at a time.
 const WIDENED: usize = 4;
-/// Kicks out of local optima among as many poses as are cast: more among fewer.
+/// Kicks out of local optima where as many poses are held as were to be cast; more where fewer are.
 const KICKS: u64 = 5;
+/// Most kicks.
 const MOST_KICKS: u64 = 32;
 /// LiDARs that a kick moves, one after the other, each anywhere.
 const KICKED: usize = 2;
 /// Ends of climbs that are kept beside the best, at most.
 const OTHERS: usize = 3;
-/// Largest distance of their objective from the best, as a share of it: few frames tell ends that differ by less
-/// apart badly.
+/// Largest distance of their objective from the best, as a share of it: few frames cannot tell closer ends apart.
 const AS_GOOD: f64 = 0.03;
 /// Distance of an end from the best, as a share of it, below which it counts as near it.
 const NEAR_BEST: f64 = 0.005;
-/// Random placements of which the best is a start of the swaps where greedy has no place.
+/// Random placements, the best of which is a start of the swaps where rules tie LiDARs, so that greedy is left out.
 const DRAWN: usize = 64;
 
 /// Poses, and bytes of their bitmaps, that are kept by climbs along a grid: these look at neighbours of where they

@@ -95,7 +95,7 @@ impl Tolerance {
     }
 
     /// Millimetres and degrees.
-    fn small(&self) -> [f64; 2] {
+    pub(crate) fn small(&self) -> [f64; 2] {
         // A rounding of the ninth digit comes from the change of units.
         [1e3 * self.metres, self.radians.to_degrees()].map(|value| (value * 1e9).round() / 1e9)
     }

@@ -14,8 +14,7 @@ pub struct SeenBy {
     pub all: f64,
     /// Things that none, one, two, and three or more see; means over frames.
     pub by: [f64; NUMBERS],
-    /// Shares of the things that none, one, two, and three or more see: means over the frames that have any; `None` where
-    /// no frame has.
+    /// Shares seen by 0, 1, 2 and 3 or more LiDARs, averaged over frames that have such things; `None` if none has.
     pub share: Option<[f64; NUMBERS]>,
     /// Things that LiDARs of one model alone see, by model; empty where all LiDARs are of one model, and of technologies.
     #[serde(skip_serializing_if = "Vec::is_empty")]

@@ -57,13 +57,16 @@ pub struct TargetRanges {
 }
 
 impl TargetRanges {
-    /// First and last distance of a stretch in which every bearing meets the target at every distance: the overlap of the first
-    /// runs of all bearings. `None` where they do not overlap.
-    pub fn without_gap(&self) -> Option<[f64; 2]> {
-        let firsts: Option<Vec<[f64; 2]>> =
-            self.bearings.iter().map(|of| of.met.first().copied()).collect();
-        let common = firsts?.into_iter().reduce(|[a, b], [from, to]| [a.max(from), b.min(to)]);
-        common.filter(|[from, to]| from <= to)
+    /// First and last of neighbouring distances at which the target is met at every bearing, metres.
+    pub fn in_all_directions(&self) -> Vec<[f64; 2]> {
+        let mut each = self.bearings.iter().map(|of| &of.met[..]);
+        let first = each.next().unwrap_or_default().to_vec();
+        each.fold(first, |common, met| {
+            let both = common.iter().flat_map(|&[from, to]| {
+                met.iter().map(move |&[first, last]| [from.max(first), to.min(last)])
+            });
+            both.filter(|[from, to]| from <= to).collect()
+        })
     }
 }
 

@@ -303,7 +303,9 @@ def main(folder: Path, renew: bool) -> None:
         plain = browser.new_context(viewport=WIDE).new_page()
         plain.goto(f"file://{run}")
         check(plain.evaluate("document.body.dataset.state") == "fallback", "no fallback without WebGL2")
-        check(plain.locator("#view-fallback svg").is_visible(), "no map without WebGL2")
+        check(plain.locator("#view-fallback .paper svg").is_visible(), "no map without WebGL2")
+        check(plain.locator("#view-fallback .meaning").is_visible(), "no meaning of the map without WebGL2")
+        check(plain.locator("#map .meaning").count() == 0, "the meaning of the map stands above no map")
         browser.close()
 
 

@@ -25,25 +25,19 @@ pub use guard::{
 };
 pub use paths::{FileNames, is_sink, safe_name, safe_names, stays_inside, target, trust_paths};
 pub use run_dir::{RunDir, changed_input, command_of, holds_run};
-pub use whole::{
-    begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,
-};
+pub use whole::{Output, begin_in, sync_disk, writable_file, write_as, write_pair, write_whole};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum FileError {
-    /// The operating system says why.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    /// A place that cannot be written; the operating system says why.
     #[error("{}: cannot be written: {source}", path.display())]
     Write { path: PathBuf, source: std::io::Error },
-    /// The disk is full.
     #[error("{}: the disk is full; make room and run again", path.display())]
     Full { path: PathBuf },
-    /// JSON of another form than expected.
     #[error("{}: {source}", path.display())]
     Json { path: PathBuf, source: serde_json::Error },
     /// A file or folder that must not be used so; the sentence names it and the mend.

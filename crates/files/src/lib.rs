@@ -1,4 +1,5 @@
-//! Files: written whole, guarded against overwriting, read within bounds; JSON, YAML and NumPy in them.
+//! Files: written whole, guarded against overwriting, read within bounds; JSON, YAML and NumPy in them; sentences about
+//! an input ([`Note`]).
 //!
 //! | module | holds |
 //! |---|---|
@@ -6,14 +7,56 @@
 //! | [`files`] | one guard of inputs and outputs, whole files, folders of runs |
 //! | [`json`] | JSON and YAML whose errors name the place, the nearest known key, and the mend |
 //! | [`npy`] | headers of NumPy arrays |
-//! | [`note`] | sentences about an input: facts, and doubts |
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 pub mod csv;
 pub mod files;
 pub mod json;
-pub mod note;
 pub mod npy;
 
-pub use note::Note;
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+/// A sentence about an input: the file, the place in it, and a remedy.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    text: String,
+    is_doubt: bool,
+}
+
+impl Note {
+    /// A fact that changes no number: a part of a file that was passed over, a default that was taken.
+    pub fn fact(text: impl Into<String>) -> Self {
+        Self { text: text.into(), is_doubt: false }
+    }
+
+    /// A likely mistake in the input, such as millimetres in place of metres. `--strict` turns it into an error.
+    pub fn doubt(text: impl Into<String>) -> Self {
+        Self { text: text.into(), is_doubt: true }
+    }
+
+    /// The sentence.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// True if the input is likely a slip of its author.
+    pub fn is_doubt(&self) -> bool {
+        self.is_doubt
+    }
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// The sentence alone.
+impl Serialize for Note {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.text)
+    }
+}

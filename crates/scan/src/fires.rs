@@ -13,8 +13,9 @@ const PIECES: usize = 1024;
 /// Which beams fire at the same time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fires {
-    /// Beams that follow each other in a channel, and channels; one of a list of directions.
+    /// Azimuth steps of a channel.
     pub columns: usize,
+    /// Channels; 1 for a list of directions.
     pub channels: usize,
     /// Beams of one firing; the last firing may have fewer.
     size: usize,
@@ -121,8 +122,8 @@ impl Fires {
         })
     }
 
-    /// Beams beside a beam in azimuth and in elevation, by their numbers in the order in which they fire: its
-    /// neighbours, and where steps are finer than half of its width all that it overlaps and the next.
+    /// Neighbours of a beam in azimuth and in elevation, by their numbers in firing order. If steps are finer than half of the
+    /// beam's width, all that it overlaps and one more.
     pub fn beside(&self, place: &BeamPlace) -> impl Iterator<Item = usize> + use<> {
         let Self { columns, channels, turns, overlaps, .. } = *self;
         let BeamPlace { channel, column, fired, .. } = *place;

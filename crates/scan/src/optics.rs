@@ -113,7 +113,7 @@ const MIXED: [&str; 3] = ["vehicle", "car", "moving-car"];
 pub(super) struct Reflectance {
     /// Reflectance by class; `None` where objects of a class differ.
     by_class: Vec<Option<f64>>,
-    /// One for each class: whether objects differ, unless the scene says otherwise.
+    /// For each class: true if its objects differ, unless the scene says otherwise.
     mixed: Vec<bool>,
     /// Reflectance by actor, where the scene states it.
     by_actor: Vec<Option<f64>>,

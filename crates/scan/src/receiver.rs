@@ -11,7 +11,7 @@ use crate::station::SurfaceHit;
 use crate::sweep::{FiredBeams, Sweeper};
 use crate::{NO_CLASS, NO_INSTANCE, Return, Status};
 
-/// Power in units of the threshold at which the noise begins to grow, and how far it grows.
+/// Echo power, as a multiple of the threshold, below which range noise grows; and the most that it grows.
 const STRONG: f64 = 9.0;
 const MOST_NOISE: f64 = 3.0;
 
@@ -19,11 +19,11 @@ const MOST_NOISE: f64 = 3.0;
 pub(super) struct Receiver<'a> {
     pub sweeper: &'a Sweeper,
     pub sweep: &'a FiredBeams,
-    /// None of beams without width.
+    /// `None` if beams have no width.
     pub rims: Option<&'a Rims<'a>>,
     pub optics: &'a Optics,
     pub lidar: u16,
-    /// Nothing but geometry.
+    /// True for geometry alone, without errors or weather.
     pub ideal: bool,
     pub seed: u64,
     pub frame: usize,

@@ -26,23 +26,23 @@ pub const BOX_MARGIN: f64 = 0.005;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Status {
-    /// From the surface that it met.
+    /// Point on the surface that the beam met.
     Hit = 0,
-    /// Not at all: it met nothing within range.
+    /// No point: the beam met nothing within range.
     Miss = 1,
     /// No point: the echo was too weak.
     Lost = 2,
-    /// Not at all: thrown away, although it was strong enough.
+    /// No point: the echo was thrown away, although it was strong enough.
     Dropped = 3,
-    /// From the fog.
+    /// Point in the fog.
     Fog = 4,
-    /// From a flake of snow.
+    /// Point on a snowflake.
     Snow = 5,
-    /// At a wrong distance, for another sensor's pulse.
+    /// Point at a wrong distance, from another sensor's pulse.
     Crosstalk = 6,
-    /// A second time, from another surface than the strongest echo: the last, or the second strongest.
+    /// Second point of the beam, on another surface than the strongest echo's: the last, or the second strongest.
     Second = 7,
-    /// From a drop of rain.
+    /// Point on a drop of rain.
     Rain = 8,
 }
 

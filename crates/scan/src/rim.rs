@@ -14,19 +14,19 @@ use lidar_cast::cast::{self, BundleTree, Rays, TraversalStack, all_hit, closer_h
 use lidar_cast::maths;
 use sightline_scene::vehicle::SensorModel;
 
-/// A beam whose middle is enough.
+/// Place of a beam whose centre ray is enough.
 const NONE: u32 = u32::MAX;
 
 /// Hits of the beams' rim rays in one frame.
 pub(super) struct Rims<'r> {
     turn: RimCaster<'r>,
-    /// None where the sweep knows the rims of all beams.
+    /// `None` if the sweep has cast the rims of all beams.
     cast: Option<RimHits>,
 }
 
-/// Rims that were cast by themselves.
+/// Hits of rim rays, cast for single beams.
 struct RimHits {
-    /// One for each beam, in the order in which they fire, its place among the hits, or [`NONE`].
+    /// Place of each beam among `hits`, in firing order; [`NONE`] if its rim was not cast.
     places: Vec<u32>,
     hits: Vec<[Hit; RING]>,
 }
@@ -123,14 +123,14 @@ impl RimCaster<'_> {
         cast.collect::<Vec<_>>().concat()
     }
 
-    /// True if the rim of a beam is looked at.
+    /// True if a beam needs its rim rays.
     fn wants(&self, place: &BeamPlace) -> bool {
         let RimCaster { sweeper, stage, sweep, .. } = *self;
         let (edge, own) = (self.edge(place), &sweep.surfaces[place.fired]);
         if edge != Edge::InFront || !own.is_hit() {
             return edge != Edge::None;
         }
-        // Rays that are known to hit the triangle need not be asked again.
+        // Rays that are known to hit the triangle need no test.
         let knows = |ray: usize| match &sweep.rims {
             Some(rims) => ray == 0 || rims[place.fired][ray - 1].prim == own.prim,
             None => false,
@@ -147,7 +147,7 @@ impl RimCaster<'_> {
         !all_hit(tree, &pose, unsure.map(|ray| lane(rays, ray)), triangle, range)
     }
 
-    /// The edge between a beam and those beside it; one that it sees behind before one in front.
+    /// Edge between a beam and its neighbours. If there are several, [`Edge::Behind`] wins over [`Edge::InFront`].
     fn edge(&self, place: &BeamPlace) -> Edge {
         let surfaces = &self.sweep.surfaces;
         let here = &surfaces[place.fired];

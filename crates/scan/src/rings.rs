@@ -10,9 +10,8 @@ use sightline_scene::vehicle::{BeamTable, SensorError};
 /// Beams of a band of rings, whose hits are held for every stand of the frames scanned together.
 const BAND_BEAMS: usize = 1 << 17;
 
-/// Distance of neighbouring points of one scan pose in voxel edges, where nothing else is said. The
-/// poses of a window fill each other's gaps: five leave nine points in a face of a voxel where they are
-/// rarest.
+/// Default distance of neighbouring points of one scan pose, in voxel edges. The poses of a window fill each other's gaps:
+/// with five, the sparsest voxel face has nine points.
 const SPACING: f64 = 0.75;
 
 /// Rings and azimuth steps that a scan has at most, however large the ROI and small its voxels.

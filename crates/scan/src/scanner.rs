@@ -45,7 +45,7 @@ pub struct Scanner<'a> {
     classes: Arc<[String]>,
     placement: &'a Placement,
     sensors: Sensors,
-    /// One for each LiDAR, its model.
+    /// Number of each LiDAR's model.
     models: Vec<usize>,
     sweepers: Vec<Sweeper>,
     stage: Arc<Stage>,
@@ -60,7 +60,7 @@ pub struct Scanner<'a> {
 /// together.
 struct ColumnReturns {
     returns: Vec<Return>,
-    /// Returns of each channel and those before it.
+    /// End of each channel's returns.
     ends: Vec<usize>,
 }
 

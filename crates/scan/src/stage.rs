@@ -140,7 +140,8 @@ impl Thing {
         (class, Vec3::from(normal))
     }
 
-    /// Where the tree lies for a sensor whose frame a pose takes to the thing's; none where it sees nothing of it.
+    /// The thing's tree as a sensor sees it; `thing_from_sensor` takes the sensor's frame to the thing's. `None` if the thing
+    /// is out of range.
     pub fn standing(
         &self,
         thing_from_sensor: &Pose,
@@ -178,7 +179,7 @@ pub(super) struct Motions {
     /// Position of each thing in the frame of its owner.
     origins: Vec<DVec3>,
     ego_things: Vec<bool>,
-    /// Bodies of the ego that move: their owner's motion is against the ego.
+    /// True for bodies that move on the ego vehicle: their owner's motion is relative to the ego.
     carried: Vec<bool>,
 }
 

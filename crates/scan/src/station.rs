@@ -21,11 +21,11 @@ const APART_SHARE: f32 = 0.002;
 pub(super) struct Station {
     /// Takes the sensor's frame at that moment to the ego frame at the frame's time.
     pub start_from_sensor: Pose,
-    /// Numbers on the stage of the things that it may see, ascending.
+    /// Numbers of the stage's things that it may see, ascending.
     numbers: Vec<u32>,
     /// Transform of each of them: takes the sensor's frame to the thing's.
     poses: Vec<Pose>,
-    /// Metres that the sensor sees, and the angle that its beams are wide.
+    /// Range in metres, and half width of a beam in radians.
     reach: [f32; 2],
     /// Poses of the things within reach; filled once single beams or a device ask for them.
     standings: OnceLock<Vec<(u32, BundleOrigin)>>,
@@ -230,9 +230,9 @@ impl SurfaceHit {
         self.prim != NO_HIT
     }
 
-    /// Tells whether an edge lies between two neighbouring beams, and on which side the nearer surface is: one meets
-    /// nothing, or one lies in front of the other's plane and that one behind its own. Where each lies in
-    /// front of the other's plane, or each behind it, they go over into each other in an inner or an outer corner.
+    /// Edge between two neighbouring beams, and on which side the nearer surface is. There is an edge if one beam meets
+    /// nothing, or if one point lies in front of the other's plane and the other behind the first one's. Two points each in
+    /// front of, or each behind, the other's plane belong to an inner or outer corner, which is no edge.
     pub(crate) fn edge_to(&self, other: &Self) -> Edge {
         match (self.is_hit(), other.is_hit()) {
             (false, false) => Edge::None,

@@ -33,7 +33,7 @@ pub(super) struct Sweeper {
     pub(super) fires: Fires,
     /// Middle and rim of each beam, in the order in which beams fire; the middle alone of beams without width.
     pub(super) rays: Vec<Rays>,
-    /// None of a list of directions.
+    /// `None` for a list of directions.
     walk: Option<FiringWalk>,
     /// Largest angle between a ray of a beam and its middle, in radians.
     pub(super) width: f32,
@@ -87,8 +87,8 @@ impl Sweeper {
         place.firing as f64 / (self.fires.firings() as f64 * self.model.response.rate)
     }
 
-    /// Casts all beams of a sensor in a frame that lasts `frame_time` seconds: at once where nothing moves or
-    /// `rolling` is off, else each column from its own pose and with things where they are then.
+    /// Casts all beams of a sensor in a frame that lasts `frame_time` seconds. If nothing moves or `rolling` is off, all are
+    /// cast at once; else each column from the sensor's pose, and among the things, at its own time.
     pub fn sweep(
         &self,
         stage: &Stage,

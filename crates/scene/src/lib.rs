@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`mesh`] | OBJ, PLY, STL, glTF and URDF files |
+//! | `mesh` | OBJ, PLY, STL, glTF and URDF files |
 //! | [`vehicle`] | sensors, mounts, placements and their rules |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
 //! | [`psog`] | P-SOG: how often each voxel was of each class, and its entropy |
@@ -11,7 +11,18 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
-pub mod mesh;
+/// Objects of description files, read by serde: a key that is not listed is an error.
+macro_rules! described {
+    ($($(#[$meta:meta])* $vis:vis struct $name:ident $fields:tt)*) => {$(
+        $(#[$meta])*
+        #[derive(Debug, serde::Deserialize)]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+        #[serde(deny_unknown_fields)]
+        $vis struct $name $fields
+    )*};
+}
+
+mod mesh;
 pub mod problem;
 pub mod psog;
 pub mod scene;

@@ -1,4 +1,4 @@
-//! Mesh files: OBJ, PLY, STL and glTF, each read into the same plain triangles, and their place in the owner's frame.
+//! Mesh files: OBJ, PLY, STL and glTF, each read into the same plain triangles, and their place in the owner's frame; robots.
 
 #[cfg(feature = "mesh")]
 mod gltf;
@@ -14,7 +14,6 @@ mod ply;
 mod ply_file;
 #[cfg(feature = "mesh")]
 mod polygon;
-mod robot;
 #[cfg(feature = "mesh")]
 mod stl;
 #[cfg(feature = "mesh")]
@@ -31,26 +30,13 @@ use glam::DVec3;
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location, read_limited};
-
-pub use robot::{Geometry, OriginAngles, RobotFile, RobotPart, RobotShapes};
+use sightline_files::json::{Checked, DescriptionError, Location, read_limited, read_text};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
-pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
-    let fault = |f: MeshFault| DescriptionError::Mesh {
-        at: Box::new(at.clone()),
-        mesh: file.to_owned(),
-        element: f.element,
-        problem: f.problem,
-    };
+pub(crate) fn load(at: &Location, file: &Path) -> Checked<RawMesh> {
+    let fault = |fault: MeshFault| fault.of(at, file);
     let read = reader(&extension(file)).map_err(fault)?;
-    let bytes = read_limited(file, MAX_FILE).map_err(|error| match error {
-        DescriptionError::Read { source, .. } => fault(MeshFault::new(
-            "file",
-            format!("cannot be read: {source}; name a mesh from the folder of the description"),
-        )),
-        other => other.of_file(at.clone()),
-    })?;
+    let bytes = read_limited(file, MAX_FILE).map_err(|error| unread(error, at, file, "mesh"))?;
     let dir = file.parent().unwrap_or(Path::new(""));
     let mut mesh = read(&bytes, dir).map_err(fault)?;
     mesh.files.push(file.to_owned());
@@ -63,11 +49,24 @@ pub fn load(at: &Location, file: &Path) -> Result<RawMesh, DescriptionError> {
     Ok(mesh)
 }
 
+/// Error of a `kind` of file that cannot be read.
+fn unread(error: DescriptionError, at: &Location, file: &Path, kind: &str) -> DescriptionError {
+    match error {
+        DescriptionError::Read { source, .. } => {
+            let problem = format!(
+                "cannot be read: {source}; name a {kind} from the folder of the description"
+            );
+            MeshFault::new("file", problem).of(at, file)
+        }
+        other => other.of_file(at.clone()),
+    }
+}
+
 /// Reads the bytes of a mesh file; buffers of a glTF lie in the folder.
-type ReadMesh = fn(&[u8], &Path) -> Result<RawMesh, MeshFault>;
+type ReadMesh = fn(&[u8], &Path) -> Parsed<RawMesh>;
 
 #[cfg(feature = "mesh")]
-fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
+fn reader(extension: &str) -> Parsed<ReadMesh> {
     match extension {
         "obj" => Ok(|bytes, _| obj::read(bytes)),
         "ply" => Ok(|bytes, _| ply::read(bytes)),
@@ -85,12 +84,12 @@ fn reader(extension: &str) -> Result<ReadMesh, MeshFault> {
 }
 
 #[cfg(not(feature = "mesh"))]
-fn reader(_: &str) -> Result<ReadMesh, MeshFault> {
+fn reader(_: &str) -> Parsed<ReadMesh> {
     Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
 }
 
 /// Checks for at least one triangle, indices in range, and finite corners.
-fn check_mesh(mesh: &RawMesh) -> Result<(), MeshFault> {
+fn check_mesh(mesh: &RawMesh) -> Parsed<()> {
     if mesh.faces.is_empty() {
         return Err(MeshFault::new(
             "file",
@@ -121,7 +120,7 @@ fn exponents(v: DVec3) -> String {
 
 /// Directions of a file's axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MeshAxes {
+enum MeshAxes {
     /// x forward, y left, z up, as here.
     ZUp,
     /// x forward, y up, z right, as Blender writes a world whose x is forward.
@@ -132,7 +131,7 @@ pub enum MeshAxes {
 
 impl MeshAxes {
     /// Axes by the word for them in a scene file, or in the extras of a glTF asset.
-    pub fn of(word: &str) -> Option<Self> {
+    fn of(word: &str) -> Option<Self> {
         match word {
             "z-up" => Some(Self::ZUp),
             "y-up" => Some(Self::YUp),
@@ -158,7 +157,7 @@ const MOST_TOLD: usize = 8;
 const MAX_FILE: u64 = 1 << 30;
 
 /// Most triangles of a mesh, and of a scene.
-pub const MOST_TRIANGLES: usize = 10_000_000;
+pub(crate) const MOST_TRIANGLES: usize = 10_000_000;
 
 /// Ending of a file's name, in small letters.
 fn extension(file: &Path) -> String {
@@ -167,7 +166,7 @@ fn extension(file: &Path) -> String {
 
 /// A mesh as its file gives it, before scale, axes and classes.
 #[derive(Debug, Default)]
-pub struct RawMesh {
+pub(crate) struct RawMesh {
     vertices: Vec<DVec3>,
     pub(crate) faces: Vec<[u32; 3]>,
     /// Index into `materials`, one a face.
@@ -237,14 +236,23 @@ struct MeshFault {
     problem: String,
 }
 
+/// Result of a reader of mesh files.
+type Parsed<T> = Result<T, MeshFault>;
+
 impl MeshFault {
     fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
         Self { element: element.into(), problem: problem.into() }
     }
+
+    /// Names the place of a description and the file that it names.
+    fn of(self, at: &Location, file: &Path) -> DescriptionError {
+        let Self { element, problem } = self;
+        DescriptionError::Mesh { at: Box::new(at.clone()), mesh: file.to_owned(), element, problem }
+    }
 }
 
 /// Axes, scale and pose of a mesh, from the description that names its file.
-pub struct Placing {
+pub(crate) struct Placing {
     /// Axes that the description names.
     axes: Option<MeshAxes>,
     /// Metres a unit along the axes of the file.
@@ -256,13 +264,13 @@ pub struct Placing {
 
 impl Placing {
     /// Checks the keys `axes`, `scale`, `translate` and `roll`, `pitch`, `yaw` of a mesh.
-    pub fn new(
+    pub(crate) fn new(
         at: &Location,
         axes: Option<&str>,
         scale: Option<f64>,
         translate: [f64; 3],
         [roll, pitch, yaw]: [f64; 3],
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let axes = axes.map(|word| {
             let wanted = "\"z-up\", \"y-up\" (x forward) or \"z-forward\" (y up, x left)";
             MeshAxes::of(word).ok_or_else(|| bad(&at.key("axes"), format!("{word:?}"), wanted))
@@ -280,18 +288,18 @@ impl Placing {
         Ok(Self { axes, scale, pose, takes_axes: true })
     }
 
-    /// Axes as the file has them, metres a unit along each, and a pose.
-    pub fn scaled(scale: DVec3, pose: Pose) -> Self {
-        Self { axes: None, scale, pose, takes_axes: false }
+    /// Axes as the file has them, and metres a unit along each.
+    pub(crate) fn scaled(scale: DVec3) -> Self {
+        Self { axes: None, scale, pose: Pose::IDENTITY, takes_axes: false }
     }
 
     /// Takes the scaled mesh to the frame of its owner.
-    pub fn pose(&self) -> &Pose {
+    pub(crate) fn pose(&self) -> &Pose {
         &self.pose
     }
 
     /// A note on the forward axis of a glTF that neither the description nor the file names.
-    pub fn note(&self, at: &Location, file: &Path, mesh: &RawMesh) -> Option<Note> {
+    pub(crate) fn note(&self, at: &Location, file: &Path, mesh: &RawMesh) -> Option<Note> {
         let open = is_gltf(file) && self.axes.or(mesh.axes).is_none();
         let mend = match self.takes_axes {
             true => {
@@ -311,12 +319,12 @@ impl Placing {
     }
 
     /// The vertices of a mesh in its owner's frame, in metres.
-    pub fn vertices(
+    pub(crate) fn vertices(
         &self,
         at: &Location,
         file: &Path,
         mesh: &RawMesh,
-    ) -> Result<Vec<DVec3>, DescriptionError> {
+    ) -> Checked<Vec<DVec3>> {
         let axes = self.axes.or(mesh.axes).unwrap_or(match is_gltf(file) {
             true => MeshAxes::YUp,
             false => MeshAxes::ZUp,
@@ -326,15 +334,11 @@ impl Placing {
             if v.abs().max_element() <= check::MAX_METRES {
                 return Ok(v);
             }
-            Err(DescriptionError::Mesh {
-                at: Box::new(at.clone()),
-                mesh: file.to_owned(),
-                element: format!("vertex {i}"),
-                problem: format!(
-                    "lies at {}, further than 1e9 m from the origin; move the mesh or give a smaller `scale`",
-                    exponents(v)
-                ),
-            })
+            let problem = format!(
+                "lies at {}, further than 1e9 m from the origin; move the mesh or give a smaller `scale`",
+                exponents(v)
+            );
+            Err(MeshFault::new(format!("vertex {i}"), problem).of(at, file))
         };
         mesh.vertices.iter().enumerate().map(place).collect()
     }
@@ -342,4 +346,83 @@ impl Placing {
 
 fn is_gltf(file: &Path) -> bool {
     matches!(extension(file).as_str(), "gltf" | "glb")
+}
+
+/// Largest robot file, in bytes.
+const MAX_ROBOT: u64 = 64 << 20;
+
+/// Shape of a robot's link.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub(crate) enum Geometry {
+    /// Edges along x, y, z in metres; the middle is the origin.
+    Box(DVec3),
+    /// Radius and length along z in metres; the middle is the origin.
+    Cylinder(f64, f64),
+    /// Radius in metres.
+    Sphere(f64),
+    /// A file, and metres a unit along its axes.
+    Mesh(PathBuf, DVec3),
+}
+
+/// A shape of a robot.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub(crate) struct RobotPart {
+    /// Shape in a frame of its own.
+    pub geometry: Geometry,
+    /// Takes the shape's frame to the root link's frame.
+    pub root_from_part: Pose,
+}
+
+/// Angles of an `<origin>`.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub(crate) struct OriginAngles {
+    /// The joint or link that has it, in words.
+    pub of: String,
+    /// Roll, pitch and yaw in radians.
+    pub angles: [f64; 3],
+}
+
+/// Shapes of a robot's links, with all joints at rest.
+#[derive(Debug)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub(crate) struct RobotShapes {
+    /// In the order of the file.
+    pub parts: Vec<RobotPart>,
+    /// Angles of all origins that count.
+    pub origins: Vec<OriginAngles>,
+    /// Names of links that have shapes of the other kind only, and so are missing among the parts.
+    pub missing: Vec<String>,
+}
+
+/// A URDF, and which of its shapes are meant.
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub(crate) struct RobotFile<'a> {
+    /// The file.
+    pub file: &'a Path,
+    /// Folder that holds the packages of `package://`.
+    pub packages: Option<&'a Path>,
+    /// `visual` or `collision`.
+    pub tag: &'a str,
+    /// Names of links that are left out.
+    pub without: &'a [String],
+}
+
+impl RobotFile<'_> {
+    /// Reads the shapes.
+    ///
+    /// # Errors
+    /// A file that is no URDF of known shapes; an error names the link or joint, and `at`.
+    pub(crate) fn parts(&self, at: &Location) -> Checked<RobotShapes> {
+        let text = read_text(self.file, MAX_ROBOT);
+        let text = text.map_err(|error| unread(error, at, self.file, "URDF"))?;
+        self.shapes(&text).map_err(|fault| fault.of(at, self.file))
+    }
+
+    #[cfg(not(feature = "mesh"))]
+    fn shapes(&self, _: &str) -> Parsed<RobotShapes> {
+        Err(MeshFault::new("file", "cannot be read: this build is without the feature `mesh`"))
+    }
 }

@@ -43,16 +43,7 @@ pub enum ProblemError {
         "require[{index}].{key}: `{name}` holds no cell of ground, so that no share of it can be seen: cells are 0.25 m \
          wide, and the middle of the nearest one lies {least} m from the own body; give {least} or more"
     )]
-    NoCell {
-        /// Position in the vehicle's `require`.
-        index: usize,
-        /// Name on the vehicle.
-        name: String,
-        /// Key of the distance.
-        key: &'static str,
-        /// Least distance that holds a cell, metres.
-        least: f64,
-    },
+    NoCell { index: usize, name: String, key: &'static str, least: f64 },
     /// A blind zone must end where no lane of cells lies before the edge.
     #[error(
         "require[{index}].blind_zone: no lane of `{name}` lies before the own body, which is narrower there than the \
@@ -64,14 +55,7 @@ pub enum ProblemError {
         "the vehicle requires `{name}`, and its body is {length:.0} m long or wide, more than the {most:.0} m around \
          which ground is counted; give `body` in metres, or leave the ground out of `require`"
     )]
-    LargeBody {
-        /// Name of the first rule on the ground.
-        name: String,
-        /// Longer side of the body, metres.
-        length: f64,
-        /// The limit, metres.
-        most: f64,
-    },
+    LargeBody { name: String, length: f64, most: f64 },
     /// Targets, ground or overlap are required where beams end at nothing.
     #[error(
         "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
@@ -111,14 +95,17 @@ pub struct Problem {
     rules: Option<Constraints>,
     /// Own bodies alone, in the ego frame of frame 0.
     body: Frame,
-    /// Targets that must be met.
-    target_rules: Arc<[TargetRule]>,
-    /// Ground that must be seen.
-    ground: Arc<GroundRequired>,
-    /// Overlap by which pairs must connect all LiDARs.
-    overlap: Arc<OverlapRequired>,
+    required: Arc<Required>,
+}
+
+/// Requirements of the vehicle beside its areas.
+#[derive(Debug, Default)]
+struct Required {
+    targets: Vec<TargetRule>,
+    ground: GroundRequired,
+    overlap: OverlapRequired,
     /// Position in the vehicle file of each requirement: areas, targets, ground, overlap.
-    require_order: Arc<[usize]>,
+    order: Vec<usize>,
 }
 
 /// Rules on the overlap of LiDARs, and which triangles of a frame are the own body's.
@@ -151,16 +138,7 @@ impl From<Task> for Problem {
     /// A problem without rules of a mount.
     fn from(task: Task) -> Self {
         let (constraints, body) = (Constraints::default(), Frame::default());
-        Self {
-            task: Arc::new(task),
-            constraints,
-            rules: None,
-            body,
-            target_rules: [].into(),
-            ground: Arc::default(),
-            overlap: Arc::default(),
-            require_order: [].into(),
-        }
+        Self { task: Arc::new(task), constraints, rules: None, body, required: Arc::default() }
     }
 }
 
@@ -187,34 +165,33 @@ impl Problem {
 
     /// Targets that must be met.
     pub fn target_rules(&self) -> &[TargetRule] {
-        &self.target_rules
+        &self.required.targets
     }
 
     /// Ground near the vehicle that must be seen.
     pub fn ground_required(&self) -> &GroundRequired {
-        &self.ground
+        &self.required.ground
     }
 
     /// Overlap by which pairs must connect all LiDARs.
     pub fn overlap_required(&self) -> &OverlapRequired {
-        &self.overlap
+        &self.required.overlap
     }
 
     /// True if the vehicle requires targets, ground or overlap, beside areas of voxels.
     pub fn requires_sight(&self) -> bool {
-        !self.target_rules.is_empty()
-            || !self.ground.rules.is_empty()
-            || !self.overlap.rules.is_empty()
+        let Required { targets, ground, overlap, .. } = &*self.required;
+        !(targets.is_empty() && ground.rules.is_empty() && overlap.rules.is_empty())
     }
 
     /// Puts one thing for each requirement, given as areas, targets, ground and overlap, into the order of the vehicle
     /// file. Lists of another length stay as they are: areas alone are in order.
     pub fn in_file_order<T>(&self, list: &mut Vec<T>) {
-        if list.len() != self.require_order.len() {
+        let order = &self.required.order;
+        if list.len() != order.len() {
             return;
         }
-        let mut placed: Vec<(usize, T)> =
-            self.require_order.iter().copied().zip(list.drain(..)).collect();
+        let mut placed: Vec<(usize, T)> = order.iter().copied().zip(list.drain(..)).collect();
         placed.sort_by_key(|(position, _)| *position);
         list.extend(placed.into_iter().map(|(_, thing)| thing));
     }
@@ -248,14 +225,7 @@ impl Problem {
     /// The problem of a vehicle that requires nothing.
     #[must_use]
     pub fn without_requirements(self) -> Self {
-        let free = self.changed(Task::without_areas);
-        Self {
-            target_rules: [].into(),
-            ground: Arc::default(),
-            overlap: Arc::default(),
-            require_order: [].into(),
-            ..free
-        }
+        Self { required: Arc::default(), ..self.changed(Task::without_areas) }
     }
 
     /// A copy with areas that must be seen.

@@ -23,8 +23,8 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use lidar_cast::geom::{Pose, TriangleSoup};
-use sightline_files::json::check;
+use lidar_cast::geom::Pose;
+use sightline_files::json::{Checked, check};
 use sightline_files::{Note, json};
 
 use crate::vehicle::{Constraints, Lidar, MountRules, SensorError, Sensors, Vehicle};
@@ -33,7 +33,8 @@ use description::{ActorDescription, EgoDescription, ShapeDescription};
 use parts::{OwnBodies, OwnBody};
 use route::Motion;
 use shapes::Builder;
-use solid::Solid;
+pub(crate) use solid::clipped;
+use solid::{Solid, around};
 
 pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
 pub use parts::{PartOwner, Track};
@@ -104,7 +105,7 @@ impl SceneGeometry {
         world: &[ShapeDescription],
         actors: &[ActorDescription],
         ego: Option<&EgoDescription>,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let world = builder.list(&top.key("static"), world)?;
         let actors = actors.iter().enumerate().map(|(i, actor)| {
             let at = top.key("actors").item(i);
@@ -115,14 +116,11 @@ impl SceneGeometry {
             let kind = ActorKind::read(&at.key("kind"), actor.kind.as_deref(), class)?;
             let (poses, route) = (actor.poses.as_deref(), actor.route.as_ref());
             let motion = Motion::new(&at, poses, route, !kind.rolls())?;
-            let missing = || DescriptionError::Missing {
-                at: Box::new(at),
-                key: "poses",
-                mend: "say where the actor is, with `poses` or `route`".to_owned(),
-            };
-            Ok(Actor { name, kind, parts, motion: motion.ok_or_else(missing)? })
+            let mend = "say where the actor is, with `poses` or `route`";
+            let motion = motion.ok_or_else(|| check::missing(&at, "poses", mend))?;
+            Ok(Actor { name, kind, parts, motion })
         });
-        let actors = actors.collect::<Result<_, DescriptionError>>()?;
+        let actors = actors.collect::<Checked<_>>()?;
         let none = EgoDescription::default();
         let (ego, at) = (ego.unwrap_or(&none), top.key("ego"));
         let own = OwnBodies::new(builder, &at, &ego.body, &ego.bodies)?;
@@ -137,7 +135,7 @@ impl SceneGeometry {
     }
 
     /// The number of frames: `given`, or as many as the ego has poses; whatever moves has as many.
-    fn frames(&self, top: &Location, given: Option<u64>) -> Result<usize, DescriptionError> {
+    fn frames(&self, top: &Location, given: Option<u64>) -> Checked<usize> {
         let frames = match (given, &self.ego) {
             (Some(n), _) => check::count(&top.key("frames"), n, 1, MAX_FRAMES)? as usize,
             (None, Some(Motion::Poses(poses))) => {
@@ -147,13 +145,9 @@ impl SceneGeometry {
             (None, _) => 1,
         };
         if !self.has_geometry() && frames > 1 {
-            return Err(DescriptionError::Misplaced {
-                at: Box::new(top.clone()),
-                key: "frames",
-                mend: "without geometry all frames are alike; add `static` or `actors`, or leave \
-                       it out"
-                    .to_owned(),
-            });
+            let mend =
+                "without geometry all frames are alike; add `static` or `actors`, or leave it out";
+            return Err(check::misplaced(top, "frames", mend));
         }
         if let Some(ego) = &self.ego {
             ego.check_frames(&top.key("ego"), frames)?;
@@ -205,7 +199,7 @@ impl Scene {
     ///
     /// # Errors
     /// The first missing name.
-    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
+    pub fn check_detection(&self, classes: &[String]) -> Checked<()> {
         self.classes.check_detection(classes)
     }
 
@@ -222,14 +216,9 @@ impl Scene {
     /// Adds rules to the mount; error messages call the scene `name_for_errors`.
     ///
     /// # Errors
-    ///
     /// A rule that the mount does not allow, or that leaves no room for a placement; any rule where mounts are those of a
     /// vehicle file.
-    pub fn with_rules(
-        self,
-        rules: &MountRules,
-        name_for_errors: &str,
-    ) -> Result<Self, DescriptionError> {
+    pub fn with_rules(self, rules: &MountRules, name_for_errors: &str) -> Checked<Self> {
         let at = Location::top(name_for_errors).key("mount");
         Ok(Self { vehicle: self.vehicle.narrowed(&at, rules)?, ..self })
     }
@@ -309,9 +298,7 @@ impl Scene {
 
     /// True if the static world, an actor or the ego body has a triangle.
     pub fn has_geometry(&self) -> bool {
-        let empty = |s: &Solid| s.faces.is_empty();
-        let no_body = empty(&self.body) && self.bodies.iter().all(|b| empty(&b.parts));
-        !(empty(&self.world) && no_body && self.actors.iter().all(|a| empty(&a.parts)))
+        self.triangles(EgoBody::Include) > 0
     }
 
     /// Number of frames, T; 1 without geometry.
@@ -327,36 +314,10 @@ impl Scene {
     /// Pose of the ego in frame `t`: takes ego coordinates to world coordinates.
     ///
     /// # Panics
-    ///
     /// If `t` is not below [`Scene::frame_count`].
     pub fn ego_pose(&self, t: usize) -> Pose {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.ego.pose(t)
-    }
-
-    /// Triangles of frame `t` in the ego frame, in metres.
-    ///
-    /// Order: static world, actors as listed, ego body, bodies of the ego that move; face ids are the same in every frame. The copy
-    /// is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
-    ///
-    /// # Panics
-    ///
-    /// If `t` is not below [`Scene::frame_count`].
-    pub fn frame(&self, t: usize, body: EgoBody) -> TriangleSoup {
-        let ego_from_world = self.ego_pose(t).inverse();
-        let mut soup = TriangleSoup::default();
-        self.world.append_to(&mut soup, &ego_from_world);
-        for actor in &self.actors {
-            let ego_from_actor = ego_from_world.compose(&actor.motion.pose(t));
-            actor.parts.append_to(&mut soup, &ego_from_actor);
-        }
-        if body == EgoBody::Include {
-            self.body.append_to(&mut soup, &Pose::IDENTITY);
-            for body in &self.bodies {
-                body.parts.append_to(&mut soup, &body.motion.pose(t));
-            }
-        }
-        soup
     }
 }
 

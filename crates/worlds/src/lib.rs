@@ -7,7 +7,6 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
-mod houses;
 mod network;
 mod opendrive;
 mod population;

@@ -13,14 +13,14 @@ use sightline_files::Note;
 
 /// A polyline with the length up to each of its points, in metres in plan.
 #[derive(Debug, Clone, Default)]
-pub struct Line {
+pub(crate) struct Line {
     points: Vec<DVec3>,
     along: Vec<f64>,
 }
 
 impl Line {
     /// Measures `points`; a point that repeats the one before is left out.
-    pub fn new(points: impl IntoIterator<Item = DVec3>) -> Self {
+    pub(crate) fn new(points: impl IntoIterator<Item = DVec3>) -> Self {
         let mut line = Self::default();
         points.into_iter().for_each(|p| line.push(p));
         line
@@ -43,26 +43,25 @@ impl Line {
     }
 
     /// Goes on along `other`.
-    pub fn extend(&mut self, other: &Self) {
+    pub(crate) fn extend(&mut self, other: &Self) {
         other.points.iter().for_each(|&p| self.push(p));
     }
 
-    pub fn points(&self) -> &[DVec3] {
+    pub(crate) fn points(&self) -> &[DVec3] {
         &self.points
     }
 
     /// Metres along the line up to each of its points.
-    pub fn along(&self) -> &[f64] {
+    pub(crate) fn along(&self) -> &[f64] {
         &self.along
     }
 
-    /// Whole length.
-    pub fn length(&self) -> f64 {
+    pub(crate) fn length(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0)
     }
 
     /// The point at `s`; the end segments go on straight.
-    pub fn at(&self, s: f64) -> DVec3 {
+    pub(crate) fn at(&self, s: f64) -> DVec3 {
         let Some(last) = self.points.len().checked_sub(2) else {
             return self.points.first().copied().unwrap_or_default();
         };
@@ -72,7 +71,7 @@ impl Line {
     }
 
     /// Unit direction in plan at `s`, of the chord half a metre to both sides.
-    pub fn heading(&self, s: f64) -> DVec2 {
+    pub(crate) fn heading(&self, s: f64) -> DVec2 {
         let chord = self.at(s + 0.5) - self.at(s - 0.5);
         chord.truncate().normalize_or(DVec2::X)
     }
@@ -82,15 +81,14 @@ impl Line {
         Self::new(self.points.iter().rev().copied())
     }
 
-    /// The part from `from` to `to`.
-    pub fn part(&self, from: f64, to: f64) -> Self {
+    pub(crate) fn part(&self, from: f64, to: f64) -> Self {
         let inner = self.points.iter().zip(&self.along);
         let inner = inner.filter(|(_, a)| **a > from && **a < to).map(|(p, _)| *p);
         Self::new(std::iter::once(self.at(from)).chain(inner).chain([self.at(to)]))
     }
 
     /// The line `to_left` metres to the left, point by point.
-    pub fn offset(&self, to_left: f64) -> Vec<DVec3> {
+    pub(crate) fn offset(&self, to_left: f64) -> Vec<DVec3> {
         let n = self.points.len();
         let side = |i: usize| {
             let before = self.points[i.saturating_sub(1)];
@@ -120,20 +118,18 @@ pub(crate) fn curve(a: DVec3, from_a: DVec2, b: DVec3, into_b: DVec2, step: f64)
 
 /// Use of a strip of the road network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StripUse {
+pub(crate) enum StripUse {
     /// Paved, for vehicles that drive, stop or park.
     Road,
     /// A side walk, a kerb above the road.
     Walk,
-    /// A strip of green between lanes.
     Green,
-    /// A track of rails.
     Rail,
 }
 
 /// A surface between two edges with as many points each.
 #[derive(Debug, Clone)]
-pub struct Strip {
+pub(crate) struct Strip {
     pub used: StripUse,
     pub left: Vec<DVec3>,
     pub right: Vec<DVec3>,
@@ -143,7 +139,7 @@ pub struct Strip {
 
 /// A lane for vehicles in the direction in which they drive.
 #[derive(Debug, Clone)]
-pub struct Lane {
+pub(crate) struct Lane {
     pub centre: Line,
     /// Least width, metres.
     pub width: f64,
@@ -156,7 +152,7 @@ pub struct Lane {
 
 /// One stretch of road between junctions, kerbs and outer edges in the direction of the road.
 #[derive(Debug, Clone)]
-pub struct Street {
+pub(crate) struct Street {
     /// Outer edges of all that belongs to the road, left and right.
     pub edges: [Line; 2],
     /// Metres of side walk inside each edge; 0 without one.
@@ -173,7 +169,7 @@ pub struct Street {
 
 impl Street {
     /// Metres that the walk of a side stands above its edge.
-    pub fn kerb(&self, side: usize, s: f64) -> f64 {
+    pub(crate) fn kerb(&self, side: usize, s: f64) -> f64 {
         let line = &self.kerbs[side];
         line.at(s.clamp(0.0, line.length())).z
     }
@@ -186,7 +182,7 @@ pub(crate) fn even_kerb(height: f64) -> Line {
 
 /// A solid, or paint, that the network itself brings.
 #[derive(Debug, Clone)]
-pub struct MapShape {
+pub(crate) struct MapShape {
     pub class: u16,
     pub faces: Vec<[DVec3; 3]>,
     /// Stands on the ground and keeps other things away.
@@ -195,7 +191,7 @@ pub struct MapShape {
 
 /// A plate that a map describes: its lower edge, its width and its height in metres.
 #[derive(Debug, Clone, Copy)]
-pub struct Plate {
+pub(crate) struct Plate {
     pub low: f64,
     pub width: f64,
     pub height: f64,
@@ -203,7 +199,7 @@ pub struct Plate {
 
 /// A sign or light that the network itself brings.
 #[derive(Debug, Clone, Copy)]
-pub struct Post {
+pub(crate) struct Post {
     pub foot: DVec3,
     /// Where the board looks.
     pub faces: DVec2,
@@ -212,9 +208,8 @@ pub struct Post {
     pub plate: Option<Plate>,
 }
 
-/// Roads of a world.
 #[derive(Debug, Clone, Default)]
-pub struct Network {
+pub(crate) struct Network {
     pub strips: Vec<Strip>,
     pub lanes: Vec<Lane>,
     pub streets: Vec<Street>,
@@ -228,14 +223,14 @@ pub struct Network {
 
 impl Network {
     /// Lower and upper corner of all strips; `None` without one.
-    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+    pub(crate) fn bounds(&self) -> Option<[DVec3; 2]> {
         let mut points = self.strips.iter().flat_map(|s| s.left.iter().chain(&s.right));
         let first = *points.next()?;
         Some(points.fold([first; 2], |[low, high], p| [low.min(*p), high.max(*p)]))
     }
 
     /// Applies `height` (metres at a place) to everything.
-    pub fn lift(&mut self, height: impl Fn(f64, f64) -> f64) {
+    pub(crate) fn lift(&mut self, height: impl Fn(f64, f64) -> f64) {
         let lift = |p: &mut DVec3| p.z += height(p.x, p.y);
         let lifted =
             |line: &Line| Line::new(line.points().iter().map(|p| *p + DVec3::Z * height(p.x, p.y)));
@@ -252,7 +247,7 @@ impl Network {
     }
 
     /// Paints a line of `width` metres along `line`, `dash` metres and as long a gap twice; 0 paints through.
-    pub fn paint(&mut self, line: &Line, width: f64, dash: f64) {
+    pub(crate) fn paint(&mut self, line: &Line, width: f64, dash: f64) {
         let step = if dash > 0.0 { dash } else { 4.0 };
         let period = if dash > 0.0 { 3.0 * dash } else { step };
         let mut s = 0.0;
@@ -272,7 +267,7 @@ pub(crate) const MARK: f64 = 0.008;
 pub(crate) const KERB: f64 = 0.13;
 
 /// Ids in [`sightline_scene::scene::DEFAULT_CLASSES`].
-pub mod class {
+pub(crate) mod class {
     pub(crate) const BUILDING: u16 = 0;
     pub(crate) const FENCE: u16 = 1;
     pub(crate) const OTHER: u16 = 2;
@@ -294,25 +289,29 @@ pub mod class {
 
 /// A rectangle in plan: its middle, the direction of its length, half its length and half its width.
 #[derive(Debug, Clone, Copy)]
-pub struct GroundRect {
+pub(crate) struct GroundRect {
     pub middle: DVec2,
     pub ahead: DVec2,
     pub half: DVec2,
 }
 
 impl GroundRect {
+    pub(crate) fn new(middle: DVec2, ahead: DVec2, half: [f64; 2]) -> Self {
+        Self { middle, ahead, half: half.into() }
+    }
+
     /// The point at (x, y) of the half sizes, each from −1 to 1.
-    pub fn at(&self, x: f64, y: f64) -> DVec2 {
+    pub(crate) fn at(&self, x: f64, y: f64) -> DVec2 {
         self.middle + self.ahead * (self.half.x * x) + left_of(self.ahead) * (self.half.y * y)
     }
 
     /// Corners, counter-clockwise.
-    pub fn corners(&self) -> [DVec2; 4] {
+    pub(crate) fn corners(&self) -> [DVec2; 4] {
         [self.at(-1.0, -1.0), self.at(1.0, -1.0), self.at(1.0, 1.0), self.at(-1.0, 1.0)]
     }
 
     /// A part of it, from −1 to 1 along each axis.
-    pub fn part(&self, x: [f64; 2], y: [f64; 2]) -> Self {
+    pub(crate) fn part(&self, x: [f64; 2], y: [f64; 2]) -> Self {
         let middle = self.at(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]));
         let half = self.half * DVec2::new(0.5 * (x[1] - x[0]), 0.5 * (y[1] - y[0]));
         Self { middle, half, ..*self }
@@ -321,7 +320,7 @@ impl GroundRect {
 
 /// Triangles so far.
 #[derive(Debug, Default)]
-pub struct Model {
+pub(crate) struct Model {
     pub soup: TriangleSoup,
 }
 
@@ -332,7 +331,7 @@ impl Model {
     }
 
     /// A triangle; one without an area is left out.
-    pub fn triangle(&mut self, corners: [DVec3; 3], class: u16) {
+    pub(crate) fn triangle(&mut self, corners: [DVec3; 3], class: u16) {
         let [a, b, c] = corners;
         if (b - a).cross(c - a).length_squared() < 1e-12 {
             return;
@@ -349,7 +348,7 @@ impl Model {
     }
 
     /// Walls and a flat lid over a convex base.
-    pub fn prism(&mut self, base: &[DVec2], [bottom, top]: [f64; 2], class: u16) {
+    pub(crate) fn prism(&mut self, base: &[DVec2], [bottom, top]: [f64; 2], class: u16) {
         for (i, &a) in base.iter().enumerate() {
             let b = base[(i + 1) % base.len()];
             let wall = [a.extend(bottom), b.extend(bottom), b.extend(top), a.extend(top)];
@@ -360,15 +359,14 @@ impl Model {
         }
     }
 
-    pub fn block(&mut self, plot: &GroundRect, z: [f64; 2], class: u16) {
+    pub(crate) fn block(&mut self, plot: &GroundRect, z: [f64; 2], class: u16) {
         self.prism(&plot.corners(), z, class);
     }
 
     /// A roof over a plot with its ridge along the plot's length; `hip` moves the ridge's ends in.
-    pub fn roof(&mut self, plot: &GroundRect, [eaves, ridge]: [f64; 2], hip: f64, class: u16) {
-        let [a, b, c, d] = plot.corners().map(|p| p.extend(eaves));
-        let [from, to] =
-            [plot.at(-1.0 + hip, 0.0), plot.at(1.0 - hip, 0.0)].map(|p| p.extend(ridge));
+    pub(crate) fn roof(&mut self, on: &GroundRect, [eaves, ridge]: [f64; 2], hip: f64, class: u16) {
+        let [a, b, c, d] = on.corners().map(|p| p.extend(eaves));
+        let [from, to] = [on.at(-1.0 + hip, 0.0), on.at(1.0 - hip, 0.0)].map(|p| p.extend(ridge));
         self.quad([a, b, to, from], class);
         self.quad([c, d, from, to], class);
         self.triangle([d, a, from], class);
@@ -376,7 +374,7 @@ impl Model {
     }
 
     /// An upright cylinder, open below.
-    pub fn pole(&mut self, foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) {
+    pub(crate) fn pole(&mut self, foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) {
         let corner = |k: u32| {
             foot.truncate() + DVec2::from_angle(TAU * f64::from(k) / f64::from(sides)) * radius
         };
@@ -385,13 +383,13 @@ impl Model {
     }
 
     /// `count` leaves in an ellipsoid, dense towards its surface: beams pass between them.
-    pub fn leaves(&mut self, middle: DVec3, radii: DVec3, count: usize, rng: &mut ChaCha8Rng) {
+    pub(crate) fn leaves(&mut self, at: DVec3, radii: DVec3, count: usize, rng: &mut ChaCha8Rng) {
         let size = 1.5 * radii.max_element() / (count.max(1) as f64).sqrt();
         let size = size.clamp(0.06, 0.6);
         for _ in 0..count {
             let out = ball(rng);
             let out = out.normalize_or(DVec3::Z) * maths::pow(out.length(), 0.4);
-            let centre = middle + out * radii;
+            let centre = at + out * radii;
             let corners = [0; 3].map(|_| centre + ball(rng) * size);
             self.triangle(corners, class::VEGETATION);
         }

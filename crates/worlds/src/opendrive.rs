@@ -3,7 +3,6 @@
 //! The crate `xodr` evaluates reference lines, widths, elevations, superelevations and links in `f64`
 //! and hands them over as lanes of `f32` points; here they become strips and lanes.
 
-mod density;
 mod document;
 mod doubts;
 mod objects;
@@ -119,13 +118,9 @@ pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     let pieces = roads.road_marks().iter().flat_map(|m| &m.lines).flat_map(|l| &l.pieces);
     network.marks = pieces.map(|q| q.map(|p| point(p) + DVec3::Z * super::network::MARK)).collect();
     network.posts = roads.signals().iter().map(post).collect();
-    if network.posts.len() > MAX_POSTS {
-        return Err(WorldError::TooLarge {
-            file: file.to_owned(),
-            what: "signals",
-            value: network.posts.len() as f64,
-            most: MAX_POSTS as f64,
-        });
+    let posts = network.posts.len();
+    if posts > MAX_POSTS {
+        return Err(WorldError::too_large(file, "signals", posts as f64, MAX_POSTS as f64));
     }
     objects::add(&roads, &mut network, file)?;
     Ok(network)
@@ -133,12 +128,8 @@ pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
 
 /// Refuses documents too large for a world, before it is made.
 fn check(roads: &RoadNetwork, file: &str) -> Result<(), WorldError> {
-    let large = |what, value: f64, most: f64| WorldError::TooLarge {
-        file: file.to_owned(),
-        what,
-        value: value.round(),
-        most,
-    };
+    let large =
+        |what, value: f64, most: f64| WorldError::too_large(file, what, value.round(), most);
     let lanes = roads.lanes();
     let painted = roads.road_marks().iter().flat_map(|m| &m.lines).map(|l| 4 * l.pieces.len());
     let points = lanes.iter().map(|l| l.center.points().len()).chain(painted).sum::<usize>();

@@ -10,7 +10,7 @@ use crate::network::{
 
 /// Cross section of a road, the same to both sides, in metres.
 #[derive(Debug, Clone, Copy)]
-pub struct CrossSection {
+pub(crate) struct CrossSection {
     /// Lanes in each direction.
     pub lanes: usize,
     pub lane_width: f64,
@@ -29,18 +29,16 @@ impl CrossSection {
     }
 }
 
-/// A road from node to node.
 #[derive(Debug, Clone)]
-pub struct Road {
+pub(crate) struct Road {
     pub from: usize,
     pub to: usize,
     pub line: Line,
     pub profile: CrossSection,
 }
 
-/// Where roads lead.
 #[derive(Debug, Clone, Default)]
-pub struct RoadPlan {
+pub(crate) struct RoadPlan {
     pub nodes: Vec<DVec2>,
     pub roads: Vec<Road>,
 }
@@ -64,45 +62,33 @@ impl Arm {
 }
 
 impl RoadPlan {
-    /// Adds a node.
-    pub fn node(&mut self, at: DVec2) -> usize {
+    pub(crate) fn node(&mut self, at: DVec2) -> usize {
         self.nodes.push(at);
         self.nodes.len() - 1
     }
 
-    /// Adds a road.
-    pub fn road(&mut self, from: usize, to: usize, line: Line, profile: CrossSection) {
+    pub(crate) fn road(&mut self, from: usize, to: usize, line: Line, profile: CrossSection) {
         self.roads.push(Road { from, to, line, profile });
     }
 
     /// The network of the plan, on level ground at z = 0.
-    pub fn network(&self) -> Network {
+    pub(crate) fn network(&self) -> Network {
         let mut network = Network::default();
         let mut arms: Vec<Vec<Arm>> = self.nodes.iter().map(|_| Vec::new()).collect();
         for road in &self.roads {
             let [start, end] = [self.radius(road.from), self.radius(road.to)];
             let whole = road.line.length();
             let line = road.line.part(start.unwrap_or(0.0), whole - end.unwrap_or(0.0));
-            let lanes = carriageway(&mut network, &line, &road.profile);
+            let [forward, backward] = carriageway(&mut network, &line, &road.profile);
             walks(&mut network, &line, &road.profile, [start.is_some(), end.is_some()]);
-            let [forward, backward] = lanes;
             let length = line.length();
-            let (first, last) = (line.at(0.0), line.at(length));
-            let [ahead, behind] = [line.heading(0.5), -line.heading(length - 0.5)];
-            arms[road.from].push(Arm {
-                away: ahead,
-                end: first,
-                profile: road.profile,
-                into: backward.clone(),
-                out: forward.clone(),
-            });
-            arms[road.to].push(Arm {
-                away: behind,
-                end: last,
-                profile: road.profile,
-                into: forward,
-                out: backward,
-            });
+            let ends = [
+                (road.from, line.heading(0.5), 0.0, [backward.clone(), forward.clone()]),
+                (road.to, -line.heading(length - 0.5), length, [forward, backward]),
+            ];
+            for (node, away, s, [into, out]) in ends {
+                arms[node].push(Arm { away, end: line.at(s), profile: road.profile, into, out });
+            }
         }
         for (node, mut arms) in arms.into_iter().enumerate() {
             if self.radius(node).is_some() {
@@ -143,14 +129,8 @@ fn carriageway(network: &mut Network, line: &Line, profile: &CrossSection) -> [V
             let centre = Line::new(line.offset(side * 0.5 * (inner + outer)));
             let centre = if side < 0.0 { centre } else { centre.reversed() };
             lanes.push(network.lanes.len());
-            let width = profile.lane_width;
-            network.lanes.push(Lane {
-                centre,
-                width,
-                next: Vec::new(),
-                junction: false,
-                left_hand: false,
-            });
+            let (width, next) = (profile.lane_width, Vec::new());
+            network.lanes.push(Lane { centre, width, next, junction: false, left_hand: false });
             let edge = Line::new(line.offset(side * (outer - 0.1)));
             let last = i + 1 == profile.lanes;
             network.paint(&edge, 0.13, if last { 0.0 } else { 3.0 });
@@ -172,14 +152,9 @@ fn carriageway(network: &mut Network, line: &Line, profile: &CrossSection) -> [V
 /// Side walks of a road, its edges, and the stripes where one crosses it.
 fn walks(network: &mut Network, line: &Line, profile: &CrossSection, meets: [bool; 2]) {
     let (kerb, edge) = (profile.kerb(), profile.kerb() + profile.walk);
-    let raised = |offset: f64, by: f64| -> Vec<DVec3> {
-        line.offset(offset).into_iter().map(|p| p + DVec3::Z * by).collect()
-    };
     if profile.walk > 0.0 {
         for side in [-1.0, 1.0] {
-            let [left, right] = [raised(side * kerb, KERB), raised(side * edge, KERB)];
-            let raised = vec![[KERB; 2]; left.len()];
-            network.strips.push(Strip { used: StripUse::Walk, left, right, raised });
+            walk(network, [side * kerb, side * edge].map(|offset| line.offset(offset)));
         }
         for (meets, at) in meets.into_iter().zip([2.5, line.length() - 2.5]) {
             if meets && line.length() > 20.0 {
@@ -191,6 +166,14 @@ fn walks(network: &mut Network, line: &Line, profile: &CrossSection, meets: [boo
     let (walks, parking) = ([profile.walk; 2], [profile.parking; 2]);
     let kerbs = [even_kerb(KERB), even_kerb(KERB)];
     network.streets.push(Street { edges, walks, parking, meets, kerbs, left_hand: false });
+}
+
+/// A side walk a kerb above two lines.
+fn walk(network: &mut Network, edges: [Vec<DVec3>; 2]) {
+    let up = |line: Vec<DVec3>| line.into_iter().map(|p| p + DVec3::Z * KERB).collect();
+    let [left, right]: [Vec<DVec3>; 2] = edges.map(up);
+    let raised = vec![[KERB; 2]; left.len()];
+    network.strips.push(Strip { used: StripUse::Walk, left, right, raised });
 }
 
 fn zebra(network: &mut Network, line: &Line, at: f64, kerb: f64) {
@@ -221,12 +204,7 @@ fn junction(network: &mut Network, node: DVec2, arms: &[Arm]) {
         border.push(arm.beside(-here.kerb()));
         if here.walk > 0.0 && there.walk > 0.0 {
             let outer = bend(here.kerb() + here.walk, there.kerb() + there.walk);
-            let raised = |line: &[DVec3]| -> Vec<DVec3> {
-                line.iter().map(|p| *p + DVec3::Z * KERB).collect()
-            };
-            let [left, right] = [raised(&kerb), raised(&outer)];
-            let raised = vec![[KERB; 2]; left.len()];
-            network.strips.push(Strip { used: StripUse::Walk, left, right, raised });
+            walk(network, [kerb.clone(), outer]);
         }
         border.extend(kerb);
     }
@@ -249,13 +227,7 @@ fn turn(network: &mut Network, from: &Arm, to: &Arm) {
     let last = from.into.len().saturating_sub(1);
     for (i, &into) in from.into.iter().enumerate() {
         let (j, most) = (i.min(to.out.len().saturating_sub(1)), to.out.len());
-        let wanted = if angle > 0.6 {
-            i == 0
-        } else if angle < -0.6 {
-            i == last
-        } else {
-            true
-        };
+        let wanted = (angle <= 0.6 || i == 0) && (angle >= -0.6 || i == last);
         if !wanted || most == 0 {
             continue;
         }

@@ -30,13 +30,7 @@ impl WorldKind {
 
     /// Name as written on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Street => "street",
-            Self::Highway => "highway",
-            Self::Residential => "residential",
-            Self::Yard => "yard",
-            Self::Town => "town",
-        }
+        ["street", "highway", "residential", "yard", "town"][self as usize]
     }
 
     /// Each row has a number for each kind, in the order of [`Self::ALL`].
@@ -70,7 +64,7 @@ impl WorldKind {
 
 /// Numbers by which a network is furnished; lengths in metres, shares from 0 to 1.
 #[derive(Debug, Clone, Copy)]
-pub struct Style {
+pub(crate) struct Style {
     pub house: House,
     /// Metres between trees, and between lamps, along a kerb; 0 for none.
     pub trees: f64,
@@ -90,9 +84,8 @@ pub struct Style {
     pub goods: bool,
 }
 
-/// How houses are built.
 #[derive(Debug, Clone, Copy)]
-pub struct House {
+pub(crate) struct House {
     pub width: [f64; 2],
     pub depth: [f64; 2],
     pub storeys: [u32; 2],
@@ -113,13 +106,8 @@ const STREET_SECTION: CrossSection =
 
 /// A plan of a kind by lot.
 pub(crate) fn plan(kind: WorldKind, rng: &mut ChaCha8Rng) -> RoadPlan {
-    match kind {
-        WorldKind::Street => street(rng),
-        WorldKind::Highway => highway(rng),
-        WorldKind::Residential => residential(rng),
-        WorldKind::Yard => yard(rng),
-        WorldKind::Town => town(rng),
-    }
+    let plans: [fn(&mut ChaCha8Rng) -> RoadPlan; 5] = [street, highway, residential, yard, town];
+    plans[kind as usize](rng)
 }
 
 /// Relief of the ground of a kind: metres up and metres from hill to hill.
@@ -295,14 +283,8 @@ fn residential(rng: &mut ChaCha8Rng) -> RoadPlan {
 }
 
 fn yard(rng: &mut ChaCha8Rng) -> RoadPlan {
-    let profile = CrossSection {
-        lanes: 1,
-        lane_width: 4.0,
-        median: 0.0,
-        parking: 3.2,
-        shoulder: 0.5,
-        walk: 0.0,
-    };
+    let profile =
+        CrossSection { lane_width: 4.0, parking: 3.2, shoulder: 0.5, walk: 0.0, ..STREET_SECTION };
     let mut plan = RoadPlan::default();
     let line = winding(120.0, 2, 8.0, rng);
     let at = places(line.length(), [60.0, 90.0], 50.0, rng);

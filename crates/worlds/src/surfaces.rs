@@ -6,9 +6,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec2, DVec3};
+use rand_chacha::ChaCha8Rng;
 
-use super::network::{MapShape, Network, Strip, StripUse};
-use crate::network::{Model, class};
+use crate::network::{GroundRect, MapShape, Model, Network, Strip, StripUse, class, left_of};
+use crate::style::Style;
 
 /// Metres of terrain around the network.
 const MARGIN: f64 = 70.0;
@@ -21,8 +22,40 @@ const BELOW: f64 = 0.06;
 /// Metres that the outer faces of roads and walks reach down.
 const SKIRT: f64 = 0.6;
 
+/// A static world that is being drawn: surfaces, then houses and things.
+pub(crate) struct WorldDraft<'a> {
+    pub network: &'a Network,
+    pub style: &'a Style,
+    pub terrain: Terrain,
+    pub mask: Mask,
+    pub model: Model,
+    /// Generator of the step that draws now.
+    pub rng: ChaCha8Rng,
+    /// Where the map itself has things.
+    pub of_map: MapObjects,
+    /// Ground plans of the houses, corner by corner.
+    pub houses: Vec<[DVec2; 4]>,
+    /// Feet of the trees.
+    pub trees: Vec<DVec2>,
+    /// Signals of the map that would stand on the road.
+    pub left_out: usize,
+}
+
+impl<'a> WorldDraft<'a> {
+    /// Draws the surfaces of a network and the shapes that it brings.
+    pub(crate) fn new(network: &'a Network, style: &'a Style, rng: ChaCha8Rng) -> Self {
+        let mut model = Model::default();
+        let open = if style.goods { class::GROUND } else { class::TERRAIN };
+        let (mut mask, terrain) = draw(network, &mut model, open);
+        pave_gaps(network, &mut mask, &mut model);
+        shapes(&network.shapes, &mut mask, &mut model);
+        let (of_map, houses, trees) = (MapObjects::of(network), Vec::new(), Vec::new());
+        Self { network, style, terrain, mask, model, rng, of_map, houses, trees, left_out: 0 }
+    }
+}
+
 /// Marks roads and walks, and draws all surfaces; the terrain is of the class `open`.
-pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Terrain) {
+fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Terrain) {
     let mut mask = Mask::default();
     for strip in &network.strips {
         if matches!(strip.used, StripUse::Road | StripUse::Rail) {
@@ -72,14 +105,18 @@ pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Te
 
 /// Faces down from both sides of a raised quad.
 fn sides(model: &mut Model, q: [DVec3; 4], class: u16) {
-    for [a, b] in [[q[0], q[1]], [q[3], q[2]]] {
-        let down = DVec3::Z * SKIRT;
-        model.quad([a, b, b - down, a - down], class);
-    }
+    skirt(model, [q[0], q[1]], class);
+    skirt(model, [q[3], q[2]], class);
+}
+
+/// A face down from an edge.
+fn skirt(model: &mut Model, [a, b]: [DVec3; 2], class: u16) {
+    let down = DVec3::Z * SKIRT;
+    model.quad([a, b, b - down, a - down], class);
 }
 
 /// Draws the shapes of the map, and keeps the ground under solid ones free of other things.
-pub(crate) fn shapes(shapes: &[MapShape], mask: &mut Mask, model: &mut Model) {
+fn shapes(shapes: &[MapShape], mask: &mut Mask, model: &mut Model) {
     for shape in shapes {
         for &[a, b, c] in &shape.faces {
             model.triangle([a, b, c], shape.class);
@@ -119,11 +156,8 @@ fn edges(network: &Network, model: &mut Model) {
     for street in &network.streets {
         for (edge, walk) in street.edges.iter().zip(street.walks) {
             if walk == 0.0 {
-                for pair in edge.points().windows(2) {
-                    let down = DVec3::Z * SKIRT;
-                    let face = [pair[0], pair[1], pair[1] - down, pair[0] - down];
-                    model.quad(face, class::TERRAIN);
-                }
+                let pairs = edge.points().windows(2);
+                pairs.for_each(|pair| skirt(model, [pair[0], pair[1]], class::TERRAIN));
             }
         }
     }
@@ -131,7 +165,7 @@ fn edges(network: &Network, model: &mut Model) {
 
 /// Heights of the ground around a network on a grid.
 #[derive(Debug)]
-pub struct Terrain {
+pub(crate) struct Terrain {
     low: DVec2,
     cell: f64,
     size: [usize; 2],
@@ -162,7 +196,7 @@ impl Terrain {
     }
 
     /// Height of the ground at a place; outside the grid, the height of its border.
-    pub fn height(&self, p: DVec2) -> f64 {
+    pub(crate) fn height(&self, p: DVec2) -> f64 {
         let at = (p - self.low) / self.cell;
         let clamp = |v: f64, n: usize| v.clamp(0.0, n as f64 - 1.001);
         let (x, y) = (clamp(at.x, self.size[0]), clamp(at.y, self.size[1]));
@@ -222,14 +256,14 @@ fn blended(below: &[f64], [n, m]: [usize; 2]) -> Vec<f64> {
 }
 
 /// Paves gaps of the mask inside junctions, at the height of the road around them.
-pub(crate) fn pave_gaps(network: &Network, mask: &mut Mask, model: &mut Model) {
+fn pave_gaps(network: &Network, mask: &mut Mask, model: &mut Model) {
     /// Largest gap in cells: 50 m².
     const LARGEST: usize = 200;
     let gaps = mask.gaps(ROAD | WALK, LARGEST);
     if gaps.is_empty() {
         return;
     }
-    let mut heights = std::collections::BTreeMap::new();
+    let mut heights = BTreeMap::new();
     let coarse = |p: DVec2| [(p.x / 4.0).floor() as i32, (p.y / 4.0).floor() as i32];
     for strip in network.strips.iter().filter(|s| s.used == StripUse::Road) {
         for p in strip.left.iter().chain(&strip.right) {
@@ -238,14 +272,12 @@ pub(crate) fn pave_gaps(network: &Network, mask: &mut Mask, model: &mut Model) {
     }
     for cell in gaps {
         let middle = Mask::middle(cell);
+        let tile = GroundRect::new(middle, DVec2::X, [0.5 * CELL; 2]);
         let [x, y] = coarse(middle);
         let near = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j]));
         let mut found = [[x, y]].into_iter().chain(near).filter_map(|c| heights.get(&c));
         if let Some(&z) = found.next() {
-            let half = 0.5 * CELL;
-            let corner = |a: f64, b: f64| (middle + DVec2::new(a, b) * half).extend(z - 0.005);
-            let quad = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-            model.quad(quad, class::ROAD);
+            model.quad(tile.corners().map(|p| p.extend(z - 0.005)), class::ROAD);
             mask.set(cell, ROAD);
         }
     }
@@ -258,42 +290,39 @@ pub(crate) const HOUSE: u8 = 4;
 pub(crate) const THING: u8 = 8;
 
 /// Edge of a cell, metres.
-pub(crate) const CELL: f64 = 0.5;
+const CELL: f64 = 0.5;
 /// Cells along the edge of a tile.
 const TILE: i32 = 64;
 
 /// Bits by cell; cells never marked are 0.
 #[derive(Debug, Clone, Default)]
-pub struct Mask {
+pub(crate) struct Mask {
     tiles: BTreeMap<[i32; 2], Vec<u8>>,
 }
 
 impl Mask {
-    /// The cell of a point.
-    pub fn cell(p: DVec2) -> [i32; 2] {
+    pub(crate) fn cell(p: DVec2) -> [i32; 2] {
         [(p.x / CELL).floor() as i32, (p.y / CELL).floor() as i32]
     }
 
-    /// Middle of a cell.
-    pub fn middle([x, y]: [i32; 2]) -> DVec2 {
+    pub(crate) fn middle([x, y]: [i32; 2]) -> DVec2 {
         DVec2::new((f64::from(x) + 0.5) * CELL, (f64::from(y) + 0.5) * CELL)
     }
 
     /// Bits of a cell.
-    pub fn get(&self, [x, y]: [i32; 2]) -> u8 {
+    pub(crate) fn get(&self, [x, y]: [i32; 2]) -> u8 {
         let tile = self.tiles.get(&[x.div_euclid(TILE), y.div_euclid(TILE)]);
         tile.map_or(0, |t| t[(x.rem_euclid(TILE) * TILE + y.rem_euclid(TILE)) as usize])
     }
 
-    /// Adds bits to a cell.
-    pub fn set(&mut self, [x, y]: [i32; 2], bits: u8) {
+    pub(crate) fn set(&mut self, [x, y]: [i32; 2], bits: u8) {
         let tile = self.tiles.entry([x.div_euclid(TILE), y.div_euclid(TILE)]);
         let tile = tile.or_insert_with(|| vec![0; (TILE * TILE) as usize]);
         tile[(x.rem_euclid(TILE) * TILE + y.rem_euclid(TILE)) as usize] |= bits;
     }
 
     /// All cells with one of `bits`, in the order of tiles.
-    pub fn cells(&self, bits: u8) -> impl Iterator<Item = [i32; 2]> {
+    pub(crate) fn cells(&self, bits: u8) -> impl Iterator<Item = [i32; 2]> {
         self.tiles.iter().flat_map(move |([tx, ty], tile)| {
             let marked = tile.iter().zip(0_i32..).filter(move |(cell, _)| **cell & bits != 0);
             marked.map(move |(_, i)| [tx * TILE + i / TILE, ty * TILE + i % TILE])
@@ -301,9 +330,11 @@ impl Mask {
     }
 
     /// Marks the cells whose middle lies in a quad that is convex in plan.
-    pub fn fill(&mut self, quad: [DVec3; 4], bits: u8) {
+    pub(crate) fn fill(&mut self, quad: [DVec3; 4], bits: u8) {
         let q = quad.map(|p| p.truncate());
-        for cell in cells_between(q) {
+        let low = Self::cell(q.iter().fold(q[0], |a, b| a.min(*b)));
+        let high = Self::cell(q.iter().fold(q[0], |a, b| a.max(*b)));
+        for cell in (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| [x, y])) {
             let p = Self::middle(cell);
             if in_triangle(p, q[0], q[1], q[2]) || in_triangle(p, q[0], q[2], q[3]) {
                 self.set(cell, bits);
@@ -321,35 +352,28 @@ impl Mask {
         }
     }
 
-    /// True if a rectangle (middle, unit direction, half sizes) touches a cell with one of `bits`.
-    pub(crate) fn touches(&self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) -> bool {
+    /// True if a rectangle touches a cell with one of `bits`.
+    pub(crate) fn touches(&self, rect: &GroundRect, bits: u8) -> bool {
         // Half a cell's diagonal more, so that no marked cell lies between two that are looked at.
-        let half = half + DVec2::splat(0.36);
+        let (half, left) = (rect.half + DVec2::splat(0.36), left_of(rect.ahead));
         let steps = |h: f64| (2.0 * h / CELL).ceil().max(1.0) as i32;
         let [n, m] = [steps(half.x), steps(half.y)];
-        let left = crate::network::left_of(ahead);
         (0..=n).any(|i| {
             (0..=m).any(|j| {
                 let at = |k: i32, n: i32, h: f64| h * (2.0 * f64::from(k) / f64::from(n) - 1.0);
-                let p = middle + ahead * at(i, n, half.x) + left * at(j, m, half.y);
+                let p = rect.middle + rect.ahead * at(i, n, half.x) + left * at(j, m, half.y);
                 self.get(Self::cell(p)) & bits != 0
             })
         })
     }
 
-    /// Marks a rectangle (middle, unit direction, half sizes).
-    pub fn block(&mut self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) {
-        let left = crate::network::left_of(ahead);
-        let corner = |x: f64, y: f64| (middle + ahead * half.x * x + left * half.y * y).extend(0.0);
-        self.fill(
-            [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
-            bits,
-        );
-        self.set(Self::cell(middle), bits);
+    pub(crate) fn block(&mut self, rect: &GroundRect, bits: u8) {
+        self.fill(rect.corners().map(|p| p.extend(0.0)), bits);
+        self.set(Self::cell(rect.middle), bits);
     }
 
     /// Unmarked cells in gaps of at most `most` cells between cells with one of `bits`.
-    pub fn gaps(&self, bits: u8, most: usize) -> Vec<[i32; 2]> {
+    pub(crate) fn gaps(&self, bits: u8, most: usize) -> Vec<[i32; 2]> {
         let mut known: BTreeMap<[i32; 2], bool> = BTreeMap::new();
         let mut found = Vec::new();
         for cell in self.cells(bits) {
@@ -358,7 +382,7 @@ impl Mask {
                     continue;
                 }
                 let (mut group, mut next, mut closed) = (vec![start], 0, true);
-                let mut seen = std::collections::BTreeSet::from([start]);
+                let mut seen = BTreeSet::from([start]);
                 while next < group.len() && closed {
                     for other in around(group[next]) {
                         if self.get(other) & bits == 0 && seen.insert(other) {
@@ -382,12 +406,6 @@ fn around([x, y]: [i32; 2]) -> [[i32; 2]; 4] {
     [[x + 1, y], [x - 1, y], [x, y + 1], [x, y - 1]]
 }
 
-fn cells_between(q: [DVec2; 4]) -> impl Iterator<Item = [i32; 2]> {
-    let low = Mask::cell(q.iter().fold(q[0], |a, b| a.min(*b)));
-    let high = Mask::cell(q.iter().fold(q[0], |a, b| a.max(*b)));
-    (low[0]..=high[0]).flat_map(move |x| (low[1]..=high[1]).map(move |y| [x, y]))
-}
-
 fn in_triangle(p: DVec2, a: DVec2, b: DVec2, c: DVec2) -> bool {
     let side = |a: DVec2, b: DVec2| (b - a).perp_dot(p - a);
     let [u, v, w] = [side(a, b), side(b, c), side(c, a)];
@@ -399,11 +417,11 @@ const NEAR: f64 = 2.0;
 
 /// Cells of [`NEAR`] metres in which a map itself has a thing of a class.
 #[derive(Debug, Default)]
-pub struct MapObjects(BTreeSet<(u16, [i32; 2])>);
+pub(crate) struct MapObjects(BTreeSet<(u16, [i32; 2])>);
 
 impl MapObjects {
     /// All posts and shapes of a network; barriers of all kinds are one class.
-    pub fn of(network: &Network) -> Self {
+    pub(crate) fn of(network: &Network) -> Self {
         let signs = network.posts.iter().map(|post| (class::TRAFFIC_SIGN, post.foot));
         let barrier = |class| match class {
             class::FENCE | class::WALL | class::GUARD_RAIL => class::GUARD_RAIL,
@@ -422,7 +440,7 @@ impl MapObjects {
     }
 
     /// True if the map has a thing of the class within 2 to 4 m.
-    pub fn near(&self, class: u16, p: DVec2) -> bool {
+    pub(crate) fn near(&self, class: u16, p: DVec2) -> bool {
         let [x, y] = cell(p);
         (-1..=1).any(|i| (-1..=1).any(|j| self.0.contains(&(class, [x + i, y + j]))))
     }
@@ -437,7 +455,6 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::network::MapShape;
 
     #[test]
     fn a_pole_takes_the_place_of_one_within_3_m_and_a_rail_of_all_along_it() {

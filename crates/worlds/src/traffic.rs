@@ -8,6 +8,8 @@ use serde::Serialize;
 
 use crate::network::{Line, Network, left_of};
 
+/// Frames a second of all worlds.
+pub(crate) const RATE: f64 = 10.0;
 /// Metres that no two boxes come nearer than.
 const CLEARANCE: f64 = 0.25;
 /// Seconds of a vehicle's own speed that it keeps free ahead, and metres at rest.
@@ -20,7 +22,7 @@ const SIDEWAYS: f64 = 2.2;
 
 /// Where something stands in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ActorPose {
+pub(crate) struct ActorPose {
     pub at: DVec3,
     pub yaw: f64,
     pub pitch: f64,
@@ -28,7 +30,7 @@ pub struct ActorPose {
 
 /// Something planned: a stand a frame, or one for all.
 #[derive(Debug, Clone)]
-pub struct Trajectory {
+pub(crate) struct Trajectory {
     /// Length, width, height.
     pub size: [f64; 3],
     pub stands: Vec<ActorPose>,
@@ -37,18 +39,12 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Something at rest.
-    pub fn parked(size: [f64; 3], stand: ActorPose) -> Self {
-        Self { size, stands: vec![stand], ahead: vec![0.0] }
-    }
-
-    /// Something that walks at its own speed and keeps nothing free.
+    /// Something at rest, or that walks at its own speed: it keeps nothing free.
     pub(crate) fn walking(size: [f64; 3], stands: Vec<ActorPose>) -> Self {
         Self { size, ahead: vec![0.0; stands.len()], stands }
     }
 
-    /// The stand in frame `t`.
-    pub fn stand(&self, t: usize) -> &ActorPose {
+    pub(crate) fn stand(&self, t: usize) -> &ActorPose {
         &self.stands[t.min(self.stands.len() - 1)]
     }
 
@@ -93,16 +89,15 @@ impl Rect {
     }
 }
 
-/// All that has been planned.
 #[derive(Debug, Default)]
-pub struct Traffic {
+pub(crate) struct Traffic {
     pub tracks: Vec<Trajectory>,
     pub frames: usize,
 }
 
 impl Traffic {
     /// True if `track` keeps clear of all others in every frame, and they keep their distance from it.
-    pub fn fits(&self, track: &Trajectory) -> bool {
+    pub(crate) fn fits(&self, track: &Trajectory) -> bool {
         let near = |other: &&Trajectory| {
             let apart = other.stand(0).at - track.stand(0).at;
             apart.length() < 60.0 + 6.0 * (self.frames as f64)
@@ -120,7 +115,7 @@ impl Traffic {
     }
 
     /// Adds a track that fits.
-    pub fn add(&mut self, track: Trajectory) -> bool {
+    pub(crate) fn add(&mut self, track: Trajectory) -> bool {
         let fits = self.fits(&track);
         if fits {
             self.tracks.push(track);
@@ -129,14 +124,7 @@ impl Traffic {
     }
 
     /// Drives along `way` from `start` metres at `speed`, slower in bends and behind obstacles.
-    pub fn drive(
-        &self,
-        way: &Line,
-        start: f64,
-        speed: f64,
-        rate: f64,
-        size: [f64; 3],
-    ) -> Trajectory {
+    pub(crate) fn drive(&self, way: &Line, start: f64, speed: f64, size: [f64; 3]) -> Trajectory {
         let mut track = Trajectory { size, stands: Vec::new(), ahead: Vec::new() };
         let (mut s, mut v) = (start, speed.min(bend_speed(way, start)));
         for t in 0..self.frames {
@@ -149,8 +137,8 @@ impl Traffic {
             }
             track.stands.push(stand_on(way, s, size[0]));
             track.ahead.push(v * 0.5 * HEADWAY);
-            v = wanted.clamp(v - BRAKE / rate, v + GAS / rate).max(0.0);
-            s += v / rate;
+            v = wanted.clamp(v - BRAKE / RATE, v + GAS / RATE).max(0.0);
+            s += v / RATE;
         }
         track
     }
@@ -225,7 +213,7 @@ pub(crate) fn way(network: &Network, first: usize, length: f64, rng: &mut ChaCha
 
 /// One primitive in the keys of a scene file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct BodyPart {
+pub(crate) struct BodyPart {
     class: &'static str,
     #[serde(flatten)]
     solid: Primitive,
@@ -243,7 +231,7 @@ enum Primitive {
 
 /// A shape that several actors share.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ActorModel {
+pub(crate) struct ActorModel {
     /// Name among the shapes of the scene.
     pub name: String,
     /// `kind` of the actors that have it.

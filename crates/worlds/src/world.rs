@@ -6,32 +6,25 @@ use std::io::Write;
 use glam::DVec2;
 use lidar_cast::geom::TriangleSoup;
 use lidar_cast::maths;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 use sightline_files::Note;
 use sightline_scene::scene::DEFAULT_CLASSES;
 
-use crate::houses::Houses;
-use crate::network::{GroundRect, Line, Model, Network, class, left_of};
-use crate::population::{Population, PopulationSettings};
+use crate::network::{GroundRect, Line, Network, Street, class, left_of};
+use crate::population::{Population, PopulationDraft};
 use crate::style::{Style, WorldKind};
-use crate::surfaces::{HOUSE, MapObjects, ROAD, THING, Terrain, WALK};
-use crate::things::StreetFurniture;
-use crate::traffic::{ActorPose, BodyPart, Trajectory};
-use crate::{opendrive, style, surfaces, traffic};
-
-/// Frames a second of all worlds.
-pub(crate) const RATE: f64 = 10.0;
+use crate::surfaces::{HOUSE, ROAD, THING, WALK, WorldDraft};
+use crate::traffic::{ActorPose, BodyPart, RATE, Trajectory};
+use crate::{opendrive, style, traffic};
 
 /// A world: its static triangles, and who moves through it.
 #[derive(Debug)]
 pub struct GeneratedWorld {
-    /// Everything that stands still.
-    pub model: TriangleSoup,
+    model: TriangleSoup,
     pub(crate) people: Population,
     pub(crate) frames: usize,
-    /// Ground plans of the houses, corner by corner.
     houses: Vec<[DVec2; 4]>,
     trees: Vec<DVec2>,
     network: Network,
@@ -86,12 +79,12 @@ pub fn generate(kind: WorldKind, seed: u64, frames: usize) -> Result<GeneratedWo
     network.lift(style::relief(kind, &mut rng));
     let mut style = kind.style();
     // Two worlds of a kind differ in how full they are, too.
-    let fill = 0.6 + 0.8 * rand::RngExt::random_range(&mut rng, 0.0..1.0);
+    let fill = 0.6 + 0.8 * rng.random_range(0.0..1.0);
     style.vehicles = (style.vehicles as f64 * fill).round() as usize;
     style.pedestrians = (style.pedestrians as f64 * fill).round() as usize;
-    furnished(network, style, seed, frames, kind.name(), |draw| match kind {
-        WorldKind::Highway => bridge(draw, seed),
-        WorldKind::Yard => rails(draw),
+    furnished(network, style, seed, frames, kind.name(), |draft| match kind {
+        WorldKind::Highway => draft.bridge(),
+        WorldKind::Yard => draft.rails(),
         _ => {}
     })
 }
@@ -117,149 +110,94 @@ pub fn import_opendrive(
     furnished(network, style, seed, frames, file, |_| {})
 }
 
-/// Parts of the world that one drawing step reads and fills.
-struct WorldDraft<'a> {
-    network: &'a Network,
-    terrain: &'a Terrain,
-    mask: &'a mut crate::surfaces::Mask,
-    model: &'a mut Model,
-}
-
 fn furnished(
-    network: Network,
+    mut network: Network,
     style: Style,
     seed: u64,
     frames: usize,
     file: &str,
     special: impl FnOnce(&mut WorldDraft<'_>),
 ) -> Result<GeneratedWorld, WorldError> {
-    let settings =
-        PopulationSettings { network: &network, style: &style, frames: frames.max(1), rate: RATE };
-    let people = settings.populate(&mut lot(seed, 20)).map_err(|no| WorldError::NoWay {
-        file: file.to_owned(),
-        wanted: no.wanted,
-        longest: no.longest,
-    })?;
-    let mut model = Model::default();
-    let open = if style.goods { class::GROUND } else { class::TERRAIN };
-    let (mut mask, terrain) = surfaces::draw(&network, &mut model, open);
-    surfaces::pave_gaps(&network, &mut mask, &mut model);
-    surfaces::shapes(&network.shapes, &mut mask, &mut model);
-    special(&mut WorldDraft {
-        network: &network,
-        terrain: &terrain,
-        mask: &mut mask,
-        model: &mut model,
-    });
-    let mut houses = Houses {
-        style: &style,
-        terrain: &terrain,
-        mask: &mut mask,
-        model: &mut model,
-        rng: lot(seed, 21),
-        plots: Vec::new(),
-    };
-    houses.line(&network);
-    let houses = houses.plots.iter().map(GroundRect::corners).collect();
-    let mut things = StreetFurniture {
-        style: &style,
-        terrain: &terrain,
-        mask: &mut mask,
-        model: &mut model,
-        rng: lot(seed, 22),
-        trees: Vec::new(),
-        of_map: MapObjects::of(&network),
-        left_out: 0,
-    };
-    things.furnish(&network);
-    let (trees, left_out) = (things.trees, things.left_out);
-    let mut network = network;
+    let (frames, people, rng) = (frames.max(1), Population::default(), lot(seed, 20));
+    let draft = PopulationDraft { network: &network, style: &style, frames, people, rng };
+    let no_way =
+        |[wanted, longest]: [f64; 2]| WorldError::NoWay { file: file.to_owned(), wanted, longest };
+    let people = draft.populate().map_err(no_way)?;
+    let mut draft = WorldDraft::new(&network, &style, lot(seed, 23));
+    special(&mut draft);
+    draft.rng = lot(seed, 21);
+    draft.build();
+    draft.rng = lot(seed, 22);
+    draft.furnish();
+    let WorldDraft { model, houses, trees, left_out, .. } = draft;
     if left_out > 0 {
         network.notes.push(Note::fact(format!(
             "{file}: {left_out} signals would stand on the road and are left out; give them the height of a plate over it"
         )));
     }
-    Ok(GeneratedWorld { model: model.soup, people, frames: frames.max(1), houses, trees, network })
+    Ok(GeneratedWorld { model: model.soup, people, frames, houses, trees, network })
 }
 
-/// A bridge across the motorway, and walls against noise.
-fn bridge(draw: &mut WorldDraft<'_>, seed: u64) {
-    let Some(street) = draw.network.streets.first() else { return };
-    let mut rng = lot(seed, 23);
-    let [left, right] = &street.edges;
-    let s = rand::RngExt::random_range(&mut rng, 0.4..0.6) * left.length();
-    let (a, b) = (left.at(s), right.at(s / left.length() * right.length()));
-    let (middle, across) = ((a + b) * 0.5, (a - b).truncate());
-    let half = 0.5 * across.length() + 8.0;
-    let deck = GroundRect {
-        middle: middle.truncate(),
-        ahead: across.normalize_or(DVec2::Y),
-        half: DVec2::new(half, 4.5),
-    };
-    let z = middle.z + 5.2;
-    draw.model.block(&deck, [z, z + 0.9], class::BRIDGE);
-    let under: Vec<_> = deck.corners().iter().map(|p| p.extend(z)).collect();
-    draw.model.quad([under[0], under[1], under[2], under[3]], class::BRIDGE);
-    for side in [-1.0, 1.0] {
-        draw.model.block(
-            &deck.part([-1.0, 1.0], [side * 0.97, side * 0.93]),
-            [z + 0.9, z + 1.9],
-            class::BRIDGE,
-        );
-        let pier = deck.part([side * 0.97, side * 0.8], [-0.9, 0.9]);
-        let foot = draw.terrain.height(pier.middle) - 0.5;
-        if !draw.mask.touches(pier.middle, pier.ahead, pier.half, ROAD) {
-            draw.model.block(&pier, [foot, z], class::BRIDGE);
-        }
-    }
-    draw.mask.block(deck.middle, deck.ahead, deck.half, THING);
-    let wall = Line::new(left.offset(6.0)).part(0.0, 0.3 * left.length());
-    for pair in wall.points().windows(2) {
-        let middle = (pair[0] + pair[1]).truncate() * 0.5;
-        let ahead = (pair[1] - pair[0]).truncate();
-        let half = DVec2::new(0.5 * ahead.length(), 0.12);
-        let panel = GroundRect { middle, ahead: ahead.normalize_or(DVec2::X), half };
-        let z = draw.terrain.height(middle);
-        draw.model.block(&panel, [z - 0.3, z + 3.5], class::WALL);
-        draw.mask.block(middle, panel.ahead, half, THING);
-    }
-}
-
-/// A siding beside the main road of a yard: two rails on sleepers.
-fn rails(draw: &mut WorldDraft<'_>) {
-    let streets = draw.network.streets.iter();
-    let Some(street) = streets.max_by(|a, b| a.edges[1].length().total_cmp(&b.edges[1].length()))
-    else {
-        return;
-    };
-    let track = Line::new(street.edges[1].offset(-3.2));
-    let mut beds = Vec::new();
-    let mut s = 0.0;
-    while s + 1.0 < track.length() {
-        let (at, ahead) = (track.at(s + 0.5), track.heading(s + 0.5));
-        let middle = at.truncate();
-        let z = draw.terrain.height(middle);
-        let bed = GroundRect { middle, ahead, half: DVec2::new(0.5, 1.3) };
-        if !draw.mask.touches(middle, ahead, bed.half, ROAD | WALK | HOUSE) {
-            draw.model.block(
-                &bed.part([-0.25, 0.25], [-1.0, 1.0]),
-                [z, z + 0.14],
-                class::RAIL_TRACK,
-            );
-            for side in [-0.75, 0.75] {
-                let rail = GroundRect {
-                    middle: middle + left_of(ahead) * side,
-                    ahead,
-                    half: DVec2::new(0.5, 0.05),
-                };
-                draw.model.block(&rail, [z, z + 0.3], class::RAIL_TRACK);
+impl WorldDraft<'_> {
+    /// A bridge across the motorway, and walls against noise.
+    fn bridge(&mut self) {
+        let Some(street) = self.network.streets.first() else { return };
+        let [left, right] = &street.edges;
+        let s = self.rng.random_range(0.4..0.6) * left.length();
+        let (a, b) = (left.at(s), right.at(s / left.length() * right.length()));
+        let (middle, across) = ((a + b) * 0.5, (a - b).truncate());
+        let half = 0.5 * across.length() + 8.0;
+        let deck = GroundRect::new(middle.truncate(), across.normalize_or(DVec2::Y), [half, 4.5]);
+        let z = middle.z + 5.2;
+        self.model.block(&deck, [z, z + 0.9], class::BRIDGE);
+        self.model.quad(deck.corners().map(|p| p.extend(z)), class::BRIDGE);
+        for side in [-1.0, 1.0] {
+            let railing = deck.part([-1.0, 1.0], [side * 0.97, side * 0.93]);
+            self.model.block(&railing, [z + 0.9, z + 1.9], class::BRIDGE);
+            let pier = deck.part([side * 0.97, side * 0.8], [-0.9, 0.9]);
+            let foot = self.terrain.height(pier.middle) - 0.5;
+            if !self.mask.touches(&pier, ROAD) {
+                self.model.block(&pier, [foot, z], class::BRIDGE);
             }
-            beds.push(bed);
         }
-        s += 1.0;
+        self.mask.block(&deck, THING);
+        let wall = Line::new(left.offset(6.0)).part(0.0, 0.3 * left.length());
+        for pair in wall.points().windows(2) {
+            let middle = (pair[0] + pair[1]).truncate() * 0.5;
+            let ahead = (pair[1] - pair[0]).truncate();
+            let half = [0.5 * ahead.length(), 0.12];
+            let panel = GroundRect::new(middle, ahead.normalize_or(DVec2::X), half);
+            let z = self.terrain.height(middle);
+            self.model.block(&panel, [z - 0.3, z + 3.5], class::WALL);
+            self.mask.block(&panel, THING);
+        }
     }
-    for bed in beds {
-        draw.mask.block(bed.middle, bed.ahead, bed.half, THING | HOUSE);
+
+    /// A siding beside the main road of a yard: two rails on sleepers.
+    fn rails(&mut self) {
+        let length = |street: &&Street| street.edges[1].length();
+        let streets = self.network.streets.iter();
+        let Some(street) = streets.max_by(|a, b| length(a).total_cmp(&length(b))) else { return };
+        let track = Line::new(street.edges[1].offset(-3.2));
+        let mut beds = Vec::new();
+        let mut s = 0.0;
+        while s + 1.0 < track.length() {
+            let (at, ahead) = (track.at(s + 0.5), track.heading(s + 0.5));
+            let middle = at.truncate();
+            let z = self.terrain.height(middle);
+            let bed = GroundRect::new(middle, ahead, [0.5, 1.3]);
+            if !self.mask.touches(&bed, ROAD | WALK | HOUSE) {
+                let sleeper = bed.part([-0.25, 0.25], [-1.0, 1.0]);
+                self.model.block(&sleeper, [z, z + 0.14], class::RAIL_TRACK);
+                for side in [-0.75, 0.75] {
+                    let rail = GroundRect::new(middle + left_of(ahead) * side, ahead, [0.5, 0.05]);
+                    self.model.block(&rail, [z, z + 0.3], class::RAIL_TRACK);
+                }
+                beds.push(bed);
+            }
+            s += 1.0;
+        }
+        beds.iter().for_each(|bed| self.mask.block(bed, THING | HOUSE));
     }
 }
 
@@ -282,59 +220,43 @@ fn no_way(wanted: f64, longest: f64) -> String {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum WorldError {
-    /// The file cannot be read as OpenDRIVE.
     #[error("{file}: {source}; give an OpenDRIVE document with at least one road")]
     OpenDrive { file: String, source: Box<xodr::ImportError> },
-    /// The XML is too deep or too wide to be read.
     #[error("{file}: {what}")]
     Xml { file: String, what: String },
-    /// An element of the document that cannot be read.
     #[error("{file}: {place} {what}")]
     Element { file: String, place: String, what: String },
-    /// A part of the map that would be missing.
     #[error("{file}: {what}; correct it, or take it out of the map")]
     Part { file: String, what: String },
-    /// The file cannot be read at all.
     #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
     File { file: String, source: std::io::Error },
     #[error("{file}: is compressed; unpack it first: gunzip --keep {file}")]
     Compressed { file: String },
-    /// No lane in which a vehicle may drive.
     #[error("{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on")]
     NoLane { file: String },
-    /// No way long enough for the ego.
+    /// No way long enough for the ego: metres that it drives, and metres of the longest way tried.
     #[error("{file}: {}; ask for fewer frames or give a larger network", no_way(*wanted, *longest))]
-    NoWay {
-        file: String,
-        /// Metres that the ego drives.
-        wanted: f64,
-        /// Metres of the longest way tried.
-        longest: f64,
-    },
-    /// More than a world can hold.
+    NoWay { file: String, wanted: f64, longest: f64 },
     #[error(
         "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, \
          and move it to the origin"
     )]
     TooLarge { file: String, what: &'static str, value: f64, most: f64 },
-    /// Lanes whose points lie on one another.
+    /// Lanes whose points lie on one another; `place` is the middle of the cell that holds them, in metres.
     #[error(
         "{file}: {count} points of its lanes lie within 4 m of x = {}, y = {}, at most {most} are read; correct the \
          curvature of the road that turns there, or take roads out that lie on one another",
         place[0], place[1]
     )]
-    TooDense {
-        file: String,
-        /// Number of points.
-        count: f64,
-        /// Middle of the cell that holds them, in metres.
-        place: [f64; 2],
-        /// The limit.
-        most: f64,
-    },
-    /// A file larger than any map.
+    TooDense { file: String, count: f64, place: [f64; 2], most: f64 },
     #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
     FileTooLarge { file: String, most: u64 },
+}
+
+impl WorldError {
+    pub(crate) fn too_large(file: &str, what: &'static str, value: f64, most: f64) -> Self {
+        Self::TooLarge { file: file.to_owned(), what, value, most }
+    }
 }
 
 impl GeneratedWorld {

@@ -9,8 +9,10 @@ use crate::report::svg::COLOURS;
 use crate::report::text::{mount_text, phase_text};
 use crate::vehicle::millimetres;
 
-/// Titles of poses in the units of a workshop.
-const SMALL: [&str; 6] = ["x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
+/// Titles of positions and of angles in the units of a workshop.
+const SMALL: [[&str; 3]; 2] = [["x mm", "y mm", "z mm"], ["roll °", "pitch °", "yaw °"]];
+/// Columns of a table beyond which a phone shows some alone.
+const FEW_COLUMNS: usize = 6;
 
 /// Poses of the result, and for each LiDAR its gain alone and the gain that only it has.
 pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
@@ -29,34 +31,38 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
             (false, row)
         })
         .collect();
-    let mut workshop = vec!["LiDAR"];
-    workshop.extend((!mounts.is_empty()).then_some("mount"));
-    workshop.extend(named.then_some("sensor"));
-    workshop.extend(SMALL);
+    let mut positions = vec!["LiDAR"];
+    positions.extend((!mounts.is_empty()).then_some("mount"));
+    positions.extend(named.then_some("sensor"));
+    positions.extend(SMALL[0]);
+    let angles: Vec<&str> = ["LiDAR"].into_iter().chain(SMALL[1]).collect();
+    // Two tables, each of which fits a phone.
     let small = poses.iter().enumerate().map(|(index, pose)| {
-        let mut row = vec![text(index.to_string())];
-        row.extend((!mounts.is_empty()).then(|| text(mount_text(mounts, index))));
-        row.extend(named.then(|| text(pose.sensor.to_string())));
-        row.extend(millimetres(pose).map(|(_, value)| text(value.to_string())));
-        (false, row)
+        let mut at = vec![text(index.to_string())];
+        let mut turned = at.clone();
+        at.extend((!mounts.is_empty()).then(|| text(mount_text(mounts, index))));
+        at.extend(named.then(|| text(pose.sensor.to_string())));
+        let mut values = millimetres(pose).map(|(_, value)| text(value.to_string())).into_iter();
+        at.extend(values.by_ref().take(3));
+        turned.extend(values);
+        ((false, at), (false, turned))
     });
-    let small: Vec<_> = small.collect();
+    let (at, turned): (Vec<_>, Vec<_>) = small.unzip();
     let active = run.map_or(&[][..], |run| &run.active_bounds);
     html! {
         section aria-labelledby="placement" {
             h2 #placement { "The placement" }
             @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
-            (table(
-                "Poses in millimetres and degrees: x ahead, y left, z up; positive pitch looks down, positive yaw turns left",
-                &workshop,
-                &small,
-            ))
+            div.beside {
+                (table("Positions in millimetres: x ahead, y left, z up", &positions, &at))
+                (table("Angles in degrees: positive pitch looks down, positive yaw turns left", &angles, &turned))
+            }
             details {
                 summary { "Poses in metres and radians, for programs" }
                 (table("Poses in metres and radians", &titles, &rows))
             }
             @if !active.is_empty() {
-                p { "On a bound or a rule of the mount: " (active.join("; ")) "." }
+                p { (active.join("; ")) "." }
             }
             (each_lidar(subject, figures))
         }
@@ -80,7 +86,7 @@ fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     html! {
         h3 { "Gain of each LiDAR" }
         (table(
-            "Per cent of the placement's gain that a LiDAR has alone, without the others, and that is lost with it, if it fails",
+            "Each LiDAR alone, and the loss if it fails, in % of the gain of all",
             &["LiDAR", "alone %", "lost with it %", ""],
             &rows,
         ))
@@ -97,10 +103,11 @@ pub(super) fn figure(svg: &str, label: &str) -> Markup {
     html! { figure.wide tabindex="0" role="group" aria-label=(label) { (PreEscaped(svg)) } }
 }
 
-/// A table that may be wider than the page; a row is a name and its cells, `best` rows stand out.
+/// A table that may be wider than the page, which a phone says of many columns; a row is a name and its cells, `best` rows
+/// stand out.
 pub(super) fn table(caption: &str, titles: &[&str], rows: &[(bool, Vec<Markup>)]) -> Markup {
     html! {
-        div.wide tabindex="0" role="group" aria-label=(caption) {
+        div.wide.many[titles.len() > FEW_COLUMNS] tabindex="0" role="group" aria-label=(caption) {
             table {
                 caption { span { (caption) } }
                 thead { tr { @for title in titles { th scope="col" { (title) } } } }
@@ -260,5 +267,19 @@ pub(super) fn script(figures: &Figures) -> Markup {
             script.view-bytes type="text/plain" { (PreEscaped(bytes)) }
         }
         script { (PreEscaped(include_str!("../view/gl.js"))) (PreEscaped(code)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_of_many_columns_says_so_to_a_phone() {
+        let is_marked = |columns: usize| {
+            let titles = vec!["x"; columns];
+            table("numbers", &titles, &[]).into_string().contains("class=\"wide many\"")
+        };
+        assert!(is_marked(FEW_COLUMNS + 1) && !is_marked(FEW_COLUMNS));
     }
 }

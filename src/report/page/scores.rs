@@ -5,9 +5,8 @@ use maud::{Markup, html};
 use super::layout::{bar, difference, table, text};
 use super::{Figures, Subject};
 use crate::job::Tolerance;
-use crate::json::spoken;
 use crate::report::tables::rows_by_scene;
-use crate::report::text::{Against, COUNTED_FROM, against as compared};
+use crate::report::text::{Against, COUNTED_FROM, against as compared, value_in_words};
 use crate::report::view::sight::InformationShare;
 use crate::report::{RunRecord, ScoreColumn};
 use crate::score::{Guard, HOLDS, Scores, Seen, percent_down, percent_up};
@@ -53,8 +52,8 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
             section aria-labelledby="against" {
                 h2 #against { "Against every baseline" }
                 p {
-                    @if let Some(meaning) = near_gain(column) {
-                        "Near gain (" (meaning) "), in per cent of what "
+                    @if near_gain(column).is_some() {
+                        a href="#near-gain" { "Near gain" } ", in per cent of what "
                     } @else {
                         "Information gained, in per cent of what "
                     }
@@ -78,18 +77,21 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
 }
 
 /// Meaning of the near gain.
-const NEAR_GAIN: &str = "the information gained where what is farther than 10 m from the vehicle counts for \
-                                    less, by its distance, and the ground within 10 m for a fifth by itself";
+const NEAR_GAIN: &str = "Near gain: share of the scene's uncertainty that beams reach. Beyond 10 m a voxel counts less the \
+                         farther it is. Ground within 10 m makes up a fifth of the score.";
 
-/// Meaning of a near gain; `None` of another score.
-pub(super) fn near_gain(column: ScoreColumn) -> Option<String> {
-    let times = match column {
-        ScoreColumn::NearGain => return Some(NEAR_GAIN.to_owned()),
-        ScoreColumn::NearGain2 => "two",
-        ScoreColumn::NearGain3 => "three",
-        _ => return None,
-    };
-    Some(format!("{NEAR_GAIN}; each voxel counts for every LiDAR that covers it, up to {times}"))
+/// More of the meaning of a near gain; `None` of another score.
+fn near_gain(column: ScoreColumn) -> Option<&'static str> {
+    match column {
+        ScoreColumn::NearGain => Some(""),
+        ScoreColumn::NearGain2 => {
+            Some(" Each voxel counts for every LiDAR that covers it, up to two.")
+        }
+        ScoreColumn::NearGain3 => {
+            Some(" Each voxel counts for every LiDAR that covers it, up to three.")
+        }
+        _ => None,
+    }
 }
 
 /// All that is said against the result and the baselines, by name.
@@ -156,7 +158,8 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     let row = |(scored, is_best): (&Scored, bool)| {
         let mut cells: Vec<Markup> =
             columns.iter().map(|column| text(column.cell(&scored.scores))).collect();
-        cells.push(text(scored.objective.map_or("–".into(), spoken)));
+        let said = |value| value_in_words(subject.objective, value);
+        cells.push(text(scored.objective.map_or("–".into(), said)));
         (is_best, cells)
     };
     let result = subject.result.into_iter().map(|best| (best, true));
@@ -172,10 +175,12 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
             (table(caption, &titles, &rows))
             p.small {
                 "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
-                 the more of what changes in the scene the beams reach, the larger it is. Near gain is "
-                (near_gain(argued).unwrap_or_else(|| NEAR_GAIN.to_owned())) "; it is the default for the near ground that its optima see, not for what \
-                 learners recognize. M-SOG is the negative mean of the gain, −(1/N)·ΣH, and can be raised by looking at \
-                 what never changes. The objective is " code { (subject.objective) } "."
+                 the more of what changes in the scene the beams reach, the larger it is. M-SOG is the negative \
+                 mean of the gain, −(1/N)·ΣH, and can be raised by looking at what never changes. The objective is " code { (subject.objective) } "."
+            }
+            p.small #near-gain {
+                (NEAR_GAIN) (near_gain(argued).unwrap_or_default()) " It is the default for the near ground that its optima \
+                 see, not for what learners recognize."
             }
         }
     }
@@ -223,8 +228,8 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 (counted(first.gains().frames, "frame"))
                 @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
                 ". A voxel in which several classes occur counts with the rarest of them."
-                @if let Some(meaning) = near_gain(ScoreColumn::argued(subject.objective)) {
-                    " The near gain weighs this information: it is " (meaning) "."
+                @if near_gain(ScoreColumn::argued(subject.objective)).is_some() {
+                    " The " a href="#near-gain" { "near gain" } " weighs this information."
                 }
             }
             @for view in &figures.views {
@@ -284,10 +289,11 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 @if all.iter().any(|seen| seen.holds_in.is_some()) {
                     p.small { "Copies are mounted up to " (tolerance_of(&subject.command).in_words()) " off, at random." }
                 }
-                p {
-                    "How far each LiDAR may be off, and the body may tilt, until a requirement breaks: "
-                    code { "sightline study tolerance SCENE PLACEMENTS" }
-                    ", with the scenes and the vehicle of the command below."
+                @if !subject.tolerance.is_empty() {
+                    p { "How far each LiDAR may be off, and the body may tilt, until a requirement breaks:" }
+                    pre.wide tabindex="0" role="group" aria-label="Command for tolerances" {
+                        code { (subject.tolerance) }
+                    }
                 }
             }
         }
@@ -421,7 +427,7 @@ mod tests {
         };
         let said = told(&best, &[plain, center.clone()]);
         assert!(said.contains("Warnings of found: none. Some baselines have warnings."), "{said}");
-        let words = "<b>Center</b>: blind_sector: ahead (in the sector of 30° from -15° to 15°)";
+        let words = "<b>Center</b>: BLIND: ahead (in the sector of 30° from -15° to 15°)";
         assert!(said.contains(words) && said.matches("<li>").count() == 1, "{said}");
         assert!(!said.contains("Reasons not to believe"), "{said}");
         assert!(told(&best, &[]).contains("None: found keeps all rules and passes all checks."));

@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::record::{evaluations_in_words, steps_of_generations};
+use crate::report::text::{limit_of, rule_lines, told_findings};
 use crate::report::words::{climbs_in_words, frames_in_words};
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 use sightline_files::json::counted;
@@ -47,9 +48,11 @@ fn steps(run: &RunRecord) -> Markup {
 /// Rules, restarts, layouts left out and frames, a sentence each.
 fn notes(run: &RunRecord) -> Markup {
     html! {
-        @for (title, lines) in [("Rules kept", &run.constraints), ("Restarts", &run.ended)] {
-            @if !lines.is_empty() { p { (title) ": " (lines.join("; ")) "." } }
+        @if !run.constraints.is_empty() {
+            p { "Rules kept:" }
+            ul.guards { @for line in rule_lines(&run.constraints) { li { (line) } } }
         }
+        @if !run.ended.is_empty() { p { "Restarts: " (run.ended.join("; ")) "." } }
         @for layout in &run.left_out {
             p { "Not started from " (layout.name) ": " (layout.why.join("; ")) "." }
         }
@@ -67,7 +70,7 @@ fn findings(run: &RunRecord) -> Markup {
         row.push(text(optional(finding.beside_height, 2)));
         (false, row)
     };
-    let rows: Vec<_> = run.findings.iter().map(row).collect();
+    let rows: Vec<_> = told_findings(&run.findings).map(row).collect();
     html! {
         @if !rows.is_empty() {
             h3 { "Properties that go with the score" }
@@ -75,7 +78,7 @@ fn findings(run: &RunRecord) -> Markup {
                 "Rank correlations (Spearman) of properties of layouts with the objective over random \
                  placements, and what is left of them with mean height, the null model, held fixed."
             }
-            (table("Properties of layouts", &["property", "correlation", "beside mean height"], &rows))
+            (table("Properties of layouts", &["property", "rank correlation", "with mean height held fixed"], &rows))
         }
     }
 }
@@ -88,7 +91,7 @@ fn facts(run: &RunRecord) -> Markup {
         false => String::new(),
     };
     let facts = [
-        ("stopped by", run.stopped.clone()),
+        ("stopped by", limit_of(run).map_or(run.stopped.clone(), |words| words.concat())),
         (
             "evaluations",
             format!(
@@ -110,7 +113,7 @@ fn facts(run: &RunRecord) -> Markup {
             ),
         ),
         ("found by", methods_in_words(run)),
-        ("draw", climbs_in_words(run).unwrap_or_else(|| "nothing was swapped".into())),
+        ("how sure", climbs_in_words(run).unwrap_or_else(|| "nothing was swapped".into())),
         ("bound", certificate_in_words(run)),
     ];
     html! {

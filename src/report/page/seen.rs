@@ -5,7 +5,9 @@ use maud::{Markup, html};
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
 use crate::report::svg::trimmed;
-use crate::report::targets::{overlap_in_words, range_card_rows, range_card_svg, reach_in_words};
+use crate::report::targets::{
+    overlap_in_words, range_card_rows, range_card_svgs, reach_in_words, sizes_in_words,
+};
 use sightline_files::json::counted;
 
 /// Distances of detection, and the sectors in which the result is blind.
@@ -35,11 +37,14 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
             @if figures.has_moving_bodies {
                 p { "Bodies of the vehicle move: range card, blind sectors and requirements on targets are for frame 0." }
             }
+            p.small {
+                (sizes_in_words(card))
+                @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { " " (words) }
+            }
             div.polar {
-                (figure(&range_card_svg(&best.placement.name, card), "Distances at which targets are met"))
+                @for (title, svg) in range_card_svgs(&best.placement.name, card) { (figure(&svg, &title)) }
             }
             (table("Metres from the origin at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
-            @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { p.small { (words) } }
         }
     }
 }
@@ -72,13 +77,13 @@ pub(super) fn maps(figures: &Figures) -> Markup {
         @if !figures.maps.is_empty() {
             section #map aria-labelledby="seen" {
                 h2 #seen { "Voxels seen, from above" }
-                p {
+                p.meaning {
                     "Information of each column of voxels: red where the beams gain it, grey where it stays \
                      unseen."
                 }
                 @for (scene, map) in &figures.maps {
                     @if figures.maps.len() > 1 { h3 { (scene) } }
-                    div.paper { (figure(map, "Information gained, from above")) }
+                    div.paper.information { (figure(map, "Information gained, from above")) }
                 }
                 @if !figures.lidars.is_empty() { p { "Columns by the number of LiDARs that see a voxel of them." } }
                 @for (scene, map) in &figures.lidars {

@@ -66,11 +66,11 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
         section aria-labelledby="lost" {
             h2 #lost { "If one LiDAR fails" }
             p {
-                "Rest without each LiDAR: " (column.title()) " (" (column.cell(&found.scores)) " with all)"
+                "Left when one LiDAR fails: " (column.title()) " (" (column.cell(&found.scores)) " with all)"
                 @if requires { ", requirements that are met with all and fail without it (others are told as " code { "already" } ")" }
                 ", and the width of all blind sectors."
             }
-            (table("Rest without each LiDAR", &titles, &rows))
+            (table("Left when one LiDAR fails", &titles, &rows))
             ul.guards {
                 @for loss in found.losses.iter().filter(|loss| !told(loss).is_empty()) {
                     li { b { "without " (loss.name) } ": " (told(loss)) }
@@ -114,12 +114,12 @@ pub(super) fn overlap(figures: &Figures) -> Markup {
             h2 #overlap { "Overlap of the LiDARs" }
             p {
                 @if found.overlap_up_to > 0.0 {
-                    "Pairs connect all LiDARs up to an overlap of " (percent(found.overlap_up_to)) " %"
+                    "All LiDARs can be calibrated through pairs that overlap by " (percent(found.overlap_up_to)) " % or more."
                 } @else {
-                    "No chain of pairs connects all LiDARs"
+                    "Not all LiDARs can be calibrated against each other: no chain of pairs connects them."
                 }
-                ": surface voxels that two LiDARs share, as a share of those of the LiDAR that has fewer, over "
-                (counted(found.frames, "frame")) ". Calibration against each other needs it."
+                " Overlap: surface voxels that two LiDARs share, as a share of those of the LiDAR that has fewer, over "
+                (counted(found.frames, "frame")) "."
             }
             (table("Overlap of each pair, %", &titles, &rows))
         }

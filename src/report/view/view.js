@@ -82,8 +82,13 @@ function start() {
   if (!paint) {
     document.body.dataset.state = "fallback";
     by("view-fallback").hidden = false;
-    const map = document.querySelector("#map figure");
-    if (map) by("view-fallback").append(map);
+    const maps = document.querySelectorAll("#map .information");
+    if (maps.length === 0) return;
+    // Other scenes and the LiDARs of a column keep their maps, and the first of them the meaning.
+    const meaning = document.querySelector("#map .meaning");
+    by("view-fallback").append(meaning.cloneNode(true), maps[0]);
+    if (maps.length === 1) meaning.remove();
+    by("map").hidden = !document.querySelector("#map figure");
     return;
   }
   by("view").hidden = false;

@@ -41,6 +41,7 @@ pub(in crate::report) fn planted(name: &str, m_sog_scaled: f64, gain: f64) -> Sc
         unique_share: vec![1.0],
         required: Vec::new(),
         requirements_hold_in: None,
+        copies_off: None,
         range_card: None,
         car_missing: None,
         guards: Vec::new(),
@@ -64,37 +65,37 @@ fn the_first_sentence_compares_by_objective_and_by_gain() {
         (
             -1.5,
             550.0,
-            "25.0 % better than Center, the best baseline, by m_sog_scaled, and it gains 10.0 % more information than that one",
+            "25.0 % better than Center, the only baseline, by m_sog_scaled, and it gains 10.0 % more information than that one",
         ),
         (
             -1.5,
             450.0,
-            "25.0 % better than Center, the best baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
+            "25.0 % better than Center, the only baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
         ),
         (
             -1.5,
             500.0,
-            "25.0 % better than Center, the best baseline, by m_sog_scaled, but it gains as much information as that one",
+            "25.0 % better than Center, the only baseline, by m_sog_scaled, but it gains as much information as that one",
         ),
         (
             -3.0,
             550.0,
-            "50.0 % worse than Center, the best baseline, by m_sog_scaled, but it gains 10.0 % more information than that one",
+            "50.0 % worse than Center, the only baseline, by m_sog_scaled, but it gains 10.0 % more information than that one",
         ),
         (
             -3.0,
             450.0,
-            "50.0 % worse than Center, the best baseline, by m_sog_scaled, and it gains 10.0 % less information than that one",
+            "50.0 % worse than Center, the only baseline, by m_sog_scaled, and it gains 10.0 % less information than that one",
         ),
         (
             -2.0,
             450.0,
-            "as good as Center, the best baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
+            "as good as Center, the only baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
         ),
         (
             -1.9999,
             500.1,
-            "less than 0.1 % better than Center, the best baseline, by m_sog_scaled, and it gains less than 0.1 % more information than that one",
+            "less than 0.1 % better than Center, the only baseline, by m_sog_scaled, and it gains less than 0.1 % more information than that one",
         ),
     ] {
         let found = planted("found", m_sog, gain);
@@ -113,19 +114,31 @@ fn a_result_that_gains_less_than_any_honest_baseline_says_so() {
 }
 
 #[test]
+fn plain_alone_is_told_by_its_meaning() {
+    let plain = [planted("plain", -2.0, 500.0), planted("other", -3.0, 400.0)];
+    let found = planted("found", -1.5, 550.0);
+    let start = "The placement found is 25.0 % better than";
+    let first = first_sentence(&found, &plain[..1], "m_sog_scaled");
+    let alone = "`plain`, the same sensors placed without a search, by m_sog_scaled";
+    assert!(first.starts_with(&format!("{start} {alone}")), "{first}");
+    let first = first_sentence(&found, &plain, "m_sog_scaled");
+    assert!(first.starts_with(&format!("{start} plain, the best baseline, by")), "{first}");
+}
+
+#[test]
 fn a_single_scene_calls_a_loss_no_gain_and_names_the_penalty() {
     let words = |best: &Scored, objective: &str| {
         single_scene_in_words(best, &planted("plain", -2.0, 500.0), objective)
     };
-    let none = "A single scene cannot say whether";
+    let none = "One scene only: give several to see whether";
     let gain = words(&planted("found", -1.5, 500.0), "near_gain");
-    assert!(gain.starts_with(&format!("{none} the gain over plain is more")), "{gain}");
+    assert!(gain.starts_with(&format!("{none} the lead over plain holds")), "{gain}");
     let equal = words(&planted("found", -2.0, 500.0), "near_gain");
-    assert!(equal.starts_with(&format!("{none} a difference from plain is more")), "{equal}");
+    assert!(equal.starts_with(&format!("{none} the tie with plain holds")), "{equal}");
     let mut worse = planted("found", -2.5, 500.0);
     let told = words(&worse, "near_gain");
     assert!(
-        told.starts_with(&format!("By near_gain the result is below plain. {none} a ")),
+        told.starts_with(&format!("By near_gain the result is below plain. {none} the ")),
         "{told}"
     );
     let targets = Vec::new();
@@ -158,10 +171,10 @@ fn a_baseline_of_other_sensors_has_their_number_and_price_beside_it() {
         ),
     ] {
         let first = first_sentence(&best, std::slice::from_ref(&rival), "m_sog_scaled");
-        let words = format!("better than Center, the best baseline{beside}, by m_sog_scaled");
+        let words = format!("better than Center, the only baseline{beside}, by m_sog_scaled");
         assert!(first.contains(&words), "{first}");
         let words = single_scene_in_words(&best, &rival, "m_sog_scaled");
-        assert!(words.contains(&format!("the gain over Center{beside} is more")), "{words}");
+        assert!(words.contains(&format!("the lead over Center{beside} holds")), "{words}");
     }
 }
 
@@ -192,7 +205,7 @@ fn the_gain_as_objective_is_said_once_and_guards_are_named() {
     let words = verdict(Some(&found), &centre, "information_gain");
     assert_eq!(
         words,
-        "The placement found is 10.0 % better than Center, the best baseline, by \
+        "The placement found is 10.0 % better than Center, the only baseline, by \
          information_gain. Its beams gain 55.0 % of the information that the scene holds. No warning: \
          all checks passed."
     );
@@ -327,13 +340,13 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
     let start = "The placement found meets all 2 requirements at a price of 9200 (budget 12000). ";
     assert!(words.starts_with(start), "{words}");
-    found.scores.requirements_hold_in = Some(0.92);
+    (found.scores.requirements_hold_in, found.scores.copies_off) = (Some(0.92), Some([5.0, 0.5]));
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
     let start = "The placement found meets all 2 requirements at a price of 9200 (budget 12000), but on paper only: \
-                 92 % of copies mounted within the tolerance do. ";
+                 of 200 copies mounted up to 5 mm and 0.5° off, 92 % still meet them, and 95 % must. ";
     assert!(words.starts_with(start), "{words}");
-    let end = "1 warning: requirements hold on paper only (above).";
-    assert!(words.ends_with(end), "{words}");
+    // Nothing is left to warn of that the first sentence does not tell.
+    assert!(words.ends_with("of the information that the scene holds."), "{words}");
     found.scores.requirements_hold_in = Some(0.95);
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
     assert!(!words.contains("paper"), "{words}");
@@ -391,11 +404,14 @@ fn checks_are_not_all_passed_where_a_requirement_or_a_sector_is_missed() {
     let words = |found: &Scored| verdict(Some(found), &[], "m_sog_scaled");
     assert!(words(&found).ends_with("No warning: all checks passed."), "{}", words(&found));
     found.scores.required = vec![Seen::of("child", 0.5), Seen::of("ring", 0.8)];
-    let end = "2 warnings: 2 requirements are not met (above).";
-    assert!(words(&found).ends_with(end), "{}", words(&found));
-    found.scores.required.pop();
-    let end = "1 warning: 1 requirement is not met (above).";
-    assert!(words(&found).ends_with(end), "{}", words(&found));
+    let end = "of the information that the scene holds.";
+    assert!(words(&found).ends_with(end), "requirements are told above: {}", words(&found));
+    found.scores.guards = vec![Guard::RedundantLidar { lidar: 2, share: 0.001 }];
+    let idle = "Warning: with LiDAR 2 less than 1 % of the information is lost, so that it could be left out.";
+    assert!(words(&found).ends_with(idle), "{}", words(&found));
+    found.violations = vec!["LiDAR 0: z is 1 outside the mount".to_owned()];
+    let told = "Warning: LiDAR 0: z is 1 outside the mount, and with LiDAR 2 less";
+    assert!(words(&found).contains(told), "{}", words(&found));
 }
 
 #[test]

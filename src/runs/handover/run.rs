@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::job::Tolerance;
 use crate::runs::RunError;
 use crate::runs::inputs::{PLACEMENTS, RESULT, best_of, file_and_name, result_of};
-use crate::score::{Lost, SEEN, Seen, WorstFrame};
+use crate::score::{BLIND_SECTOR, Lost, SEEN, Seen, WorstFrame};
 
 /// Most placements of a front that an error names.
 const MOST_NAMED: usize = 24;
@@ -109,14 +109,17 @@ impl RunFound {
     }
 }
 
-/// Lines about a placement of a run: the result, a line each guard, and the command. Runs of older programs tell less.
+/// Lines about a placement of a run: the result, a line each guard with `BLIND` before a blind sector, and the command. Runs of older programs tell less.
 fn words(result: &Value, found: &Value) -> Vec<String> {
     let verdict = result["verdict"].as_str().map(|words| format!("Result: {words}"));
     let guards = found["scores"]["guards"].as_array();
     let guards = guards.into_iter().flatten().filter_map(Value::as_str);
     let command = result["command"].as_str().zip(result["backend"].as_str());
     let repeat = command.map(|(command, backend)| format!("Repeat: {command} --backend {backend}"));
-    let guards = guards.map(|guard| format!("Warning: {guard}"));
+    let guards = guards.map(|guard| match guard.strip_prefix(BLIND_SECTOR) {
+        Some(sector) => format!("BLIND{sector}"),
+        None => format!("Warning: {guard}"),
+    });
     verdict.into_iter().chain(guards).chain(repeat).collect()
 }
 

@@ -106,7 +106,11 @@ pub fn front(
     outputs::check_figures(figures)?;
     let (folder, mut saved) = opened(from, watcher)?;
     let time = max_seconds.map(|s| TimeLimit { start, length: Duration::from_secs_f64(s) });
-    let mut loaded = opening::job_within(&saved.begun.files, time, computing)?;
+    let loaded = opening::job_within(&saved.begun.files, time, computing);
+    let mut loaded = loaded.map_err(|error| match from {
+        FrontStart::New(new, _) => new.as_given(error),
+        FrontStart::Resume(_) => error,
+    })?;
     loaded.suite(computing)?;
     let inputs = loaded.inputs()?;
     let job = loaded.job.search(saved.settings.clone());

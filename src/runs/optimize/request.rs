@@ -9,7 +9,7 @@ use crate::files::holds_run;
 use crate::job::{JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
-use crate::report::words::word;
+use crate::report::words::{from_here, word};
 use crate::runs::inputs::{Given, RESULT, note_unpriced, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
@@ -136,6 +136,18 @@ impl NewRun {
         Ok(Begun { files, baselines: rigs(&self.baselines)?, inject: rigs(&self.inject)? })
     }
 
+    /// An error of reading the scenes, which names files as they were given where reading them again tells it.
+    pub(super) fn as_given(&self, error: RunError) -> RunError {
+        // A pipe is read once.
+        let is_plain = |path: &PathBuf| path.is_file() || !path.exists();
+        let files = &self.files;
+        if !files.scenes().chain(&files.vehicle).all(is_plain) {
+            return error;
+        }
+        let again = files.scenes().find_map(|path| files.read_scene(path).err());
+        again.map_or(error, RunError::from)
+    }
+
     /// The settings with the objective and the placements of the request.
     pub(super) fn settings(&self) -> Result<Settings, RunError> {
         let mut settings = self.settings.clone();
@@ -206,6 +218,18 @@ fn whole_path(path: &Path) -> std::io::Result<PathBuf> {
     }
     let leads_to = |path: &Path| path.canonicalize().ok();
     Ok(if leads_to(&plain) == leads_to(&given) { plain } else { given })
+}
+
+/// The command that asks how far each LiDAR of a run's result may be off, for a shell in the same folder.
+pub(super) fn tolerance_command(begun: &Begun, folder: &Path) -> String {
+    let files = &begun.files;
+    let mut words = vec!["sightline study tolerance".to_owned()];
+    let paths = files.scenes().map(PathBuf::as_path).chain([folder]);
+    words.extend(paths.map(|path| word(&from_here(path))));
+    let vehicle = files.vehicle.as_deref().map(from_here);
+    words.extend(vehicle.map(|file| format!("--vehicle {}", word(&file))));
+    words.extend(files.conditions.iter().map(|one| format!("--condition {}", word(one))));
+    words.join(" ")
 }
 
 /// A file as `result.json` names it in the command: the same from every folder.

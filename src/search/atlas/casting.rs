@@ -23,7 +23,8 @@ impl<'a> Pace<'a> {
         Self { go_on, casts: 0 }
     }
 
-    /// Counts some casts more; asks, with the number of poses cast, where that makes too many since the last question.
+    /// Adds `casts` to the count. If that makes too many since the last question, asks `go_on` with the poses cast; false if
+    /// it says no.
     fn allows(&mut self, casts: usize, poses_cast: u64) -> bool {
         self.casts += casts;
         if self.casts <= CASTS_AT_ONCE {
@@ -35,7 +36,7 @@ impl<'a> Pace<'a> {
 }
 
 impl Atlas {
-    /// The pages of poses; `None` once the pace is over.
+    /// Casts poses into new pages; `None` once `pace` says no.
     pub(super) fn cast(
         &mut self,
         backend: &mut dyn Backend,
@@ -48,7 +49,7 @@ impl Atlas {
         }
         let (frames, each, used) = (self.problem.frame_count(), self.order.words(), self.clock);
         memory::check("bitmaps of sensor poses", (numbers.len() * self.page_bytes()) as u64)?;
-        // By the threads that fill them: the first touch of new memory takes as long as the copy.
+        // Allocated by the threads that fill them: the first touch of new memory takes as long as the copy.
         let area_words = self.areas.words();
         let page = |_| Page {
             occupied: vec![0; frames * each].into(),

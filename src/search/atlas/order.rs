@@ -24,7 +24,7 @@ pub(super) struct LevelOrder {
     mixed_entropies: Vec<[u32; KINDS]>,
 }
 
-/// The way of each bit from an engine's order to the level order.
+/// Map of bits from an engine's order to the level order.
 #[derive(Debug)]
 pub(super) struct ToLevels {
     pub(super) from: BitOrder,

@@ -7,7 +7,7 @@ use multiversion::multiversion;
 pub(super) struct Sparse {
     /// A bit for each word of the bitmap, set where it is not zero.
     places: Box<[u64]>,
-    /// The others, in order.
+    /// Words that are not zero, in order.
     words: Box<[u64]>,
 }
 

@@ -2,6 +2,7 @@
 
 mod branch_and_bound;
 mod certificate;
+mod first_poses;
 mod on_grid;
 mod open_sets;
 mod pair_overlaps;

@@ -115,18 +115,18 @@ fn gain(
     let poses = search.atlas().grid().len();
     watch.note(&format!("bounding the gain over {poses} sensor poses"));
     let all: Vec<u32> = (0..poses).collect();
-    let effort = Effort::of(settings.evaluations);
-    let total = effort.sets;
-    let mut go_on = |done: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
+    let effort = Effort::of(settings.evaluations, settings.gap);
+    let mut go_on =
+        |[done, total]: [u64; 2]| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
     let late = || Ok(Err("no bound was computed: the time was over before".into()));
-    if search.hold_while(evaluator, &all, &mut |_| go_on(0))?.len() < all.len() {
+    if search.hold_while(evaluator, &all, &mut |_| go_on([0, 1]))?.len() < all.len() {
         return late();
     }
     let Some(greedy) = search.greedy(evaluator, &all)? else {
         return Ok(Err("no placement on the grid keeps the distance asked for".into()));
     };
     let anywhere = Moves::Anywhere;
-    let ask = &mut |_| go_on(0);
+    let ask = &mut |_| go_on([0, 1]);
     let Some(top) = search.ascend(evaluator, &greedy.poses, anywhere, Check::Nothing, ask)? else {
         return late();
     };

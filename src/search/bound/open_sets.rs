@@ -2,59 +2,36 @@
 
 use std::collections::BinaryHeap;
 
-use crate::search::grid_search::better_first;
+use crate::search::grid_search::{Places, better_first};
 use crate::vehicle::MAX_LIDARS;
 
 /// Relative rounding error of the sums of gains behind a bound, at most.
 pub(super) const ROUNDING: f64 = 1e-12;
 
-/// A set of sensors to be extended by candidates.
+/// Poses that may still join a set, of one kind of slot.
 #[derive(Debug, Clone)]
-pub(super) struct Node {
-    pub chosen: Vec<u32>,
-    /// Worth that the set covers; an upper bound of it where `exact` is false.
-    pub value: f64,
-    /// (pose, most worth that it adds); an extension takes `candidates[next]` or a later one first.
-    pub candidates: Vec<(u32, f64)>,
-    /// True if the candidates are sorted, the largest addition first.
-    pub sorted: bool,
-    pub next: usize,
-    /// No extension is above this.
-    pub bound: f64,
-    /// True if values are gains, and not bounds from pairs.
-    pub exact: bool,
+pub(super) struct Candidates {
+    /// LiDARs of the kind that the set lacks.
+    pub left: usize,
+    /// (pose, most worth that it adds); the largest addition comes last once the node is sorted.
+    pub poses: Vec<(u32, f64)>,
 }
 
-impl Node {
-    /// Lowers the bound to that of extensions of which `candidates[next]` is the first: a pose never
-    /// adds more than it does now. False if there is no extension.
-    fn tighten(&mut self, lidars: usize) -> bool {
-        let wanted = lidars - self.chosen.len();
-        let Some(added) = self.candidates.get(self.next..self.next + wanted) else { return false };
-        let bound = (self.value + added.iter().map(|c| c.1).sum::<f64>()) * (1.0 + ROUNDING);
-        self.bound = self.bound.min(bound);
-        true
-    }
-
-    /// Drops candidates that stay below `floor` even beside the best of the others.
-    fn drop_below(&mut self, floor: f64, lidars: usize) {
-        let others = lidars - self.chosen.len() - 1;
-        let rest = &self.candidates[self.next..];
-        let others: f64 = rest.iter().take(others).map(|c| c.1).sum();
-        let least = floor / (1.0 + ROUNDING) - self.value - others;
-        self.candidates.truncate(self.next + rest.partition_point(|c| c.1 > least));
-        self.candidates.shrink_to_fit();
-    }
-
-    /// [`Self::tighten`] and [`Self::drop_below`] for candidates in any order, which are sorted only if the node is
-    /// extended: most never are. False if no extension is above `floor`.
-    fn cut(&mut self, floor: f64, lidars: usize) -> bool {
-        let wanted = lidars - self.chosen.len();
-        // The `wanted` largest additions, falling.
+impl Candidates {
+    /// Sum of the largest additions, one for each LiDAR left, and the smallest of these.
+    fn best(&self, sorted: bool) -> [f64; 2] {
+        if self.left == 0 {
+            return [0.0; 2];
+        }
+        if sorted {
+            let top = &self.poses[self.poses.len() - self.left..];
+            return [top.iter().rev().map(|c| c.1).sum(), top[0].1];
+        }
+        // Falling.
         let mut top = [f64::NEG_INFINITY; MAX_LIDARS];
-        let top = &mut top[..wanted];
-        for &(_, added) in &self.candidates {
-            if added <= top[wanted - 1] {
+        let top = &mut top[..self.left];
+        for &(_, added) in &self.poses {
+            if added <= top[self.left - 1] {
                 continue;
             }
             let mut added = added;
@@ -64,17 +41,82 @@ impl Node {
                 }
             }
         }
-        let bound = (self.value + top.iter().sum::<f64>()) * (1.0 + ROUNDING);
-        if self.candidates.len() < wanted || bound <= floor {
-            return false;
+        [top.iter().sum(), top[self.left - 1]]
+    }
+}
+
+/// A set of sensors, and the poses that may extend it.
+#[derive(Debug, Clone)]
+pub(super) struct Node {
+    pub chosen: Vec<u32>,
+    /// Worth that the set covers, or more.
+    pub value: f64,
+    pub kinds: Vec<Candidates>,
+    pub sorted: bool,
+    /// No extension is above this.
+    pub bound: f64,
+    /// True if additions are gains beside all of the set, and not bounds from pairs.
+    pub exact: bool,
+}
+
+impl Node {
+    /// The empty set, or a first sensor.
+    pub fn root(chosen: Vec<u32>, value: f64, kinds: Vec<Candidates>) -> Self {
+        Self { chosen, value, kinds, sorted: false, bound: f64::INFINITY, exact: false }
+    }
+
+    /// LiDARs that the set lacks.
+    pub fn left(&self) -> usize {
+        self.kinds.iter().map(|kind| kind.left).sum()
+    }
+
+    /// Candidates of all kinds.
+    pub fn candidates(&self) -> usize {
+        self.kinds.iter().map(|kind| kind.poses.len()).sum()
+    }
+
+    /// Lowers the bound to that of the best additions of each kind: a pose never adds more than it does now. Drops
+    /// candidates that stay at or below `floor` beside the best of the others. False if no extension is above `floor`.
+    fn cut(&mut self, floor: f64) -> bool {
+        let (mut sum, mut weakest) = (self.value, [0.0; MAX_LIDARS]);
+        for (kind, weakest) in self.kinds.iter().zip(&mut weakest) {
+            if kind.poses.len() < kind.left {
+                return false;
+            }
+            let best = kind.best(self.sorted);
+            sum += best[0];
+            *weakest = best[1];
         }
-        let others: f64 = top[..wanted - 1].iter().sum();
-        let least = floor / (1.0 + ROUNDING) - self.value - others;
-        self.candidates.retain(|c| c.1 > least);
-        self.candidates.shrink_to_fit();
-        self.sorted = false;
-        self.bound = self.bound.min(bound);
-        self.candidates.len() >= wanted && self.bound > floor
+        self.bound = self.bound.min(sum * (1.0 + ROUNDING));
+        let least = floor / (1.0 + ROUNDING) - sum;
+        for (kind, weakest) in self.kinds.iter_mut().zip(weakest) {
+            kind.poses.retain(|c| kind.left > 0 && c.1 - weakest > least);
+            kind.poses.shrink_to_fit();
+        }
+        self.bound > floor && self.kinds.iter().all(|kind| kind.poses.len() >= kind.left)
+    }
+
+    /// Takes the best candidate of the kind with the fewest out of a sorted node that lacks a LiDAR. The child has it and
+    /// the candidates that fit beside it, each at the least of its addition and `added(candidate, taken)`.
+    pub fn split(&mut self, places: &Places, added: impl Fn(u32, u32) -> f64) -> Self {
+        let lacking = self.kinds.iter().enumerate().filter(|(_, kind)| kind.left > 0);
+        let fewest =
+            lacking.min_by_key(|(_, kind)| kind.poses.len()).expect("a LiDAR is lacking").0;
+        let (taken, gain) = self.kinds[fewest].poses.pop().expect("a cut node has candidates");
+        let kinds = self.kinds.iter().enumerate().map(|(index, kind)| {
+            let left = kind.left - usize::from(index == fewest);
+            let fitting = kind.poses.iter().filter(|c| left > 0 && places.fits(c.0, &[taken]));
+            let poses = fitting.map(|&(pose, most)| (pose, most.min(added(pose, taken)))).collect();
+            Candidates { left, poses }
+        });
+        Self {
+            chosen: [&self.chosen[..], &[taken]].concat(),
+            value: self.value + gain,
+            kinds: kinds.collect(),
+            sorted: false,
+            bound: self.bound,
+            exact: false,
+        }
     }
 }
 
@@ -97,24 +139,20 @@ impl Ord for Node {
 
 /// Sets of sensors yet to be looked at, the largest bound first.
 pub(super) struct Open {
-    pub heap: BinaryHeap<Node>,
-    pub lidars: usize,
-    /// Nodes with no bound above this are dropped.
+    heap: BinaryHeap<Node>,
+    /// Sets none of whose extensions is above this are dropped.
     pub floor: f64,
 }
 
 impl Open {
-    /// Adds a set, unless no extension of it is above the floor.
-    pub fn push(&mut self, mut node: Node) {
-        node.drop_below(self.floor, self.lidars);
-        if node.tighten(self.lidars) && node.bound > self.floor {
-            self.heap.push(node);
-        }
+    /// No set yet.
+    pub fn new(floor: f64) -> Self {
+        Self { heap: BinaryHeap::new(), floor }
     }
 
-    /// Adds a set whose candidates come in any order.
-    pub fn push_unsorted(&mut self, mut node: Node) {
-        if node.cut(self.floor, self.lidars) {
+    /// Adds a set, unless no extension of it is above the floor.
+    pub fn push(&mut self, mut node: Node) {
+        if node.cut(self.floor) {
             self.heap.push(node);
         }
     }
@@ -124,11 +162,13 @@ impl Open {
         self.heap.peek().map_or(f64::NEG_INFINITY, |node| node.bound)
     }
 
-    /// The node of largest bound, unless nothing above the floor is left.
+    /// The set of largest bound, sorted, unless nothing above the floor is left.
     pub fn pop(&mut self) -> Option<Node> {
         let mut node = self.heap.pop().filter(|node| node.bound > self.floor)?;
         if !node.sorted {
-            node.candidates.sort_unstable_by(better_first);
+            for kind in &mut node.kinds {
+                kind.poses.sort_unstable_by(|a, b| better_first(b, a));
+            }
             node.sorted = true;
         }
         Some(node)

@@ -2,11 +2,7 @@
 
 use super::voxel_groups::Columns;
 use super::worths::Worths;
-use crate::search::atlases::{Atlases, Units};
 
-/// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of
-/// [`Worths::even_share`].
-const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
 /// Poses of which all pairs are remembered, at most: some hundred MiB.
 const MOST_POSES: usize = 3000;
 
@@ -44,13 +40,10 @@ impl PairBound {
         self.has_overlaps() || (!self.counts_overlaps && self.poses <= MOST_POSES)
     }
 
-    /// Most worth that a pose adds to a set with `beside` in it; `added` is the bound without that overlap.
-    pub fn added(&self, pose: u32, beside: u32, added: f64) -> f64 {
-        if self.overlaps.is_empty() {
-            return added;
-        }
-        let overlap = self.overlaps[beside as usize * self.poses + pose as usize];
-        added.min(self.singles[pose as usize] - overlap)
+    /// Most worth that a pose adds to a set with `beside` in it.
+    pub fn added(&self, pose: u32, beside: u32) -> f64 {
+        let overlap = self.overlaps.get(beside as usize * self.poses + pose as usize);
+        self.singles[pose as usize] - overlap.unwrap_or(&0.0)
     }
 
     /// (pose, worth of the voxels outside `base` that it covers).
@@ -61,44 +54,30 @@ impl PairBound {
     /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its value.
     ///
     /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count without them.
-    /// The worth of a voxel is `units` of its scene × its entropies. The bound holds for any `typical` poses; it is
-    /// tight if good placements are made of poses like them. `go_on` is asked while the voxels are grouped and the
-    /// overlaps added up; once it says no the splits so far are all that were tried.
+    /// `go_on` is asked while the overlaps are added up; once it says no the splits so far are all that were tried.
     pub fn tightest(
-        atlas: &Atlases,
-        lidars: usize,
-        units: &[Units],
-        typical: &[u32],
+        columns: &Columns,
+        worths: &Worths,
         most_words: u64,
         go_on: &dyn Fn() -> bool,
         mut bound_of: impl FnMut(&Self) -> f64,
     ) -> (Self, f64) {
-        let poses = atlas.grid().len();
-        let n = poses as usize;
-        let worths = Worths::new(atlas, lidars, units);
-        let (unit, once) = (worths.unit, &worths.once);
-        let shares = SHARES.map(|share| share * worths.even_share(lidars));
-        let scaled = |sum: u64| unit * sum as f64;
+        let n = columns.poses();
+        let scaled = |sum: u64| worths.unit * sum as f64;
         let in_full = |sum: u64| scaled(sum) * worths.in_full;
-        let bare = |base: f64| Self {
+        let groups = &columns.groups;
+        let mut base = groups.iter().map(|group| group.total).sum::<u64>();
+        let mut now = Self {
             poses: n,
-            base,
+            base: in_full(base),
             singles: vec![0.0; n],
             overlaps: vec![],
             counts_overlaps: worths.overlap > 0.0,
         };
-        let Some(columns) = Columns::new(atlas, poses, once, &shares, typical, go_on) else {
-            let frames = 64 * atlas.occupied_of(0).len() / once.len().max(1);
-            let all = in_full(frames as u64 * once.iter().map(|&w| u64::from(w)).sum::<u64>());
-            return (bare(all), all);
-        };
-        let groups = &columns.groups;
-        let base = columns.rest + groups.iter().map(|group| group.total).sum::<u64>();
-        let mut now = bare(in_full(base));
         let has_overlaps = n <= MOST_POSES && worths.overlap > 0.0;
         let mut overlaps = vec![0.0; if has_overlaps { n * n } else { 0 }];
         let mut best = (now.clone(), now.base);
-        let (mut base, mut singles) = (base, vec![0u64; n]);
+        let mut singles = vec![0u64; n];
         let mut words = 0;
         for (index, group) in groups.iter().enumerate() {
             base -= group.total;
@@ -112,7 +91,7 @@ impl PairBound {
                 if !columns.add_overlaps(index, &mut overlaps, go_on) {
                     break;
                 }
-                let unit = unit * worths.overlap;
+                let unit = worths.unit * worths.overlap;
                 now.overlaps = overlaps.iter().map(|sum| unit * sum).collect();
             }
             let bound = bound_of(&now);

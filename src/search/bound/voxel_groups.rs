@@ -8,9 +8,8 @@ use rayon::prelude::*;
 
 use crate::search::atlases::Atlases;
 
-/// Largest worth of a level as a multiple of its least one: overlaps of pairs count at the least worth,
-/// so that a bound from them stays one.
-const WORTH_SPREAD: f64 = 1.05;
+/// Share of the overlaps of all pairs that the leading columns have, at least.
+const LEAD: f64 = 0.96;
 /// Rows of a matrix of overlaps that are filled together.
 const ROWS: usize = 8;
 /// Words of a bitmap that are read at once: those of all rows together fit into the smallest cache.
@@ -21,62 +20,48 @@ const WORDS: usize = 256;
 const WORDS_AT_ONCE: u64 = if cfg!(test) { 1 << 12 } else { 1 << 30 };
 
 /// The columns of a maximum coverage problem: every voxel of every frame that some pose covers, in
-/// groups by the share of some typical poses that cover it.
+/// groups by the share of some typical poses that cover it, and by worth within a group.
 pub(in crate::search) struct Columns {
     poses: usize,
     words: usize,
     /// `[poses × words]`.
     bitmaps: Vec<u64>,
-    /// Columns that few typical poses cover first.
+    /// Worth of each column, and the least and the most of each word: these differ little.
+    worths: Vec<u32>,
+    least: Vec<u32>,
+    most: Vec<u32>,
+    /// Columns that few typical poses cover first; the last group has those that more cover than any limit says.
     pub groups: Vec<Group>,
-    /// Σ worth of the columns that more typical poses cover than those of any group.
-    pub rest: u64,
+    /// First word of the columns that have most of the overlaps.
+    lead: usize,
 }
 
 /// Columns that similar shares of the typical poses cover.
 pub(in crate::search) struct Group {
-    levels: Vec<WorthLevel>,
+    words: Range<usize>,
     /// Σ worth of the columns that each pose covers.
     pub singles: Vec<u64>,
     /// Σ worth of the columns.
     pub total: u64,
-}
-
-impl Group {
-    fn none(poses: usize) -> Self {
-        Self { levels: vec![], singles: vec![0; poses], total: 0 }
-    }
+    /// Σ worth × (typical poses that cover the column)².
+    shared: f64,
 }
 
 /// Group, worth and number of a column.
 type SortedColumn = (usize, u32, usize);
 
-/// Covered columns of some worth in the group of the first limit that is not below their count, and Σ worth of those
-/// above every limit.
-fn in_groups(
-    covered: &[u64],
-    counts: &[u32],
-    worths: &[u32],
-    limits: &[f64],
-) -> (Vec<SortedColumn>, u64) {
-    let (mut columns, mut rest) = (Vec::new(), 0);
+/// Covered columns of some worth in the group of the first limit that is not below their count, or in one after all.
+fn in_groups(covered: &[u64], counts: &[u32], worths: &[u32], limits: &[f64]) -> Vec<SortedColumn> {
+    let mut columns = Vec::new();
     for (column, &count) in counts.iter().enumerate() {
         let worth = worths[column % worths.len()];
         if covered[column / 64] >> (column % 64) & 1 == 0 || worth == 0 {
             continue;
         }
-        match limits.iter().position(|&limit| f64::from(count) <= limit) {
-            Some(group) => columns.push((group, worth, column)),
-            None => rest += u64::from(worth),
-        }
+        let group = limits.iter().position(|&limit| f64::from(count) <= limit);
+        columns.push((group.unwrap_or(limits.len()), worth, column));
     }
-    (columns, rest)
-}
-
-/// Columns of about equal worth.
-struct WorthLevel {
-    words: Range<usize>,
-    least: u64,
+    columns
 }
 
 /// Bit, group and worth of a column of the atlas.
@@ -123,7 +108,7 @@ impl Columns {
         let some: Vec<&[u64]> = typical.iter().map(|&pose| pages[pose as usize]).collect();
         let counts = counts(&some);
         let limits: Vec<f64> = shares.iter().map(|share| share * typical.len() as f64).collect();
-        let (mut sorted, rest) = in_groups(&covered, &counts, worths, &limits);
+        let mut sorted = in_groups(&covered, &counts, worths, &limits);
         if !go_on() {
             return None;
         }
@@ -131,41 +116,62 @@ impl Columns {
         if !go_on() {
             return None;
         }
+        let poses = poses as usize;
         let mut columns = Self {
-            poses: poses as usize,
+            poses,
             words: 0,
             bitmaps: Vec::new(),
-            groups: shares.iter().map(|_| Group::none(poses as usize)).collect(),
-            rest,
+            worths: Vec::new(),
+            least: Vec::new(),
+            most: Vec::new(),
+            groups: Vec::new(),
+            lead: 0,
         };
-        let places = columns.place(&sorted, counts.len());
-        columns.bitmaps = vec![0; columns.poses * columns.words];
+        let places = columns.place(&sorted, &counts, shares.len() + 1);
+        columns.lead = columns.lead_start();
+        columns.bitmaps = vec![0; poses * columns.words];
         columns.fill(&pages, &places);
         Some(columns)
     }
 
-    /// Lays the sorted columns out in levels of about equal worth, each from a word of its own on.
-    fn place(&mut self, sorted: &[SortedColumn], count: usize) -> ColumnPlaces {
-        let mut places = ColumnPlaces::none(count);
-        let alike = |a: &SortedColumn, b: &SortedColumn| {
-            a.0 == b.0 && f64::from(b.1) <= WORTH_SPREAD * f64::from(a.1)
-        };
+    /// Lays the sorted columns out, each group from a word of its own on.
+    fn place(&mut self, sorted: &[SortedColumn], counts: &[u32], groups: usize) -> ColumnPlaces {
+        let mut places = ColumnPlaces::none(counts.len());
         let mut left = sorted;
-        while let Some(first) = left.first() {
-            let (level, after) = left.split_at(left.partition_point(|column| alike(first, column)));
+        for number in 0..groups {
+            let (group, after) = left.split_at(left.partition_point(|column| column.0 == number));
             left = after;
             let start = self.words;
-            for (bit, column) in level.iter().enumerate() {
+            for (bit, &(_, worth, column)) in group.iter().enumerate() {
                 let bit = (64 * start + bit) as u32;
-                places.put(column.2, Place { bit, group: first.0 as u32, worth: column.1 });
+                places.put(column, Place { bit, group: number as u32, worth });
             }
-            self.words += level.len().div_ceil(64);
-            let group = &mut self.groups[first.0];
-            group.total += level.iter().map(|column| u64::from(column.1)).sum::<u64>();
-            let (words, least) = (start..self.words, u64::from(first.1));
-            group.levels.push(WorthLevel { words, least });
+            self.words += group.len().div_ceil(64);
+            self.worths.extend(group.iter().map(|column| column.1));
+            self.worths.resize(64 * self.words, 0);
+            self.least.extend(group.chunks(64).map(|word| word[0].1));
+            self.most.extend(group.chunks(64).map(|word| word[word.len() - 1].1));
+            let shared =
+                |column: &SortedColumn| f64::from(column.1) * f64::from(counts[column.2]).powi(2);
+            self.groups.push(Group {
+                words: start..self.words,
+                singles: vec![0; self.poses],
+                total: group.iter().map(|column| u64::from(column.1)).sum(),
+                shared: group.iter().map(shared).sum(),
+            });
         }
         places
+    }
+
+    /// First word of the last groups that have [`LEAD`] of the overlaps.
+    fn lead_start(&self) -> usize {
+        let all: f64 = self.groups.iter().map(|group| group.shared).sum();
+        let mut left = all;
+        let leading = self.groups.iter().find(|group| {
+            left -= group.shared;
+            left < LEAD * all
+        });
+        leading.map_or(0, |group| group.words.start)
     }
 
     /// Sets the bits of the poses, and sums up the worth of the columns that each covers alone.
@@ -197,11 +203,78 @@ impl Columns {
 
     /// Words that [`Self::add_overlaps`] reads of each pair.
     pub fn group_words(&self, group: usize) -> u64 {
-        self.groups[group].levels.iter().map(|level| level.words.len() as u64).sum()
+        self.groups[group].words.len() as u64
     }
 
-    /// Adds to `[poses × poses]` a lower bound on the worth that two poses both cover in a group, too low by at most
-    /// the spread of the worths; the diagonal stays. False once `go_on`, which is asked after every [`WORDS_AT_ONCE`]
+    /// Poses that have a bitmap.
+    pub fn poses(&self) -> usize {
+        self.poses
+    }
+
+    /// Words of the columns that many poses cover, which have most of the overlaps.
+    pub fn lead(&self) -> Range<usize> {
+        self.lead..self.words
+    }
+
+    fn map(&self, pose: u32) -> &[u64] {
+        &self.bitmaps[pose as usize * self.words..][..self.words]
+    }
+
+    /// Worth that a pose covers.
+    pub fn single(&self, pose: u32) -> u64 {
+        self.groups.iter().map(|group| group.singles[pose as usize]).sum()
+    }
+
+    /// Columns that none of some poses covers.
+    pub fn outside(&self, poses: &[u32]) -> Vec<u64> {
+        let mut outside = vec![!0; self.words];
+        for &pose in poses {
+            outside.iter_mut().zip(self.map(pose)).for_each(|(left, word)| *left &= !word);
+        }
+        outside
+    }
+
+    /// Worth that a pose covers of some columns, or a little more: each counts as the most of its word.
+    pub fn most(&self, pose: u32, columns: &[u64]) -> u64 {
+        overlap(self.map(pose), columns, &self.most)
+    }
+
+    /// Worth that some poses cover.
+    pub fn union(&self, poses: &[u32]) -> u64 {
+        let outside = self.outside(poses);
+        let words = outside.iter().zip(self.worths.chunks(64));
+        let of = |(outside, worths): (&u64, &[u32])| -> u64 {
+            let bits = worths.iter().enumerate();
+            bits.map(|(bit, &worth)| u64::from(worth) * (!outside >> bit & 1)).sum()
+        };
+        words.map(of).sum()
+    }
+
+    /// Lower bounds, `[poses × poses]`, on the worth of the leading columns of `within` that two poses both cover; the
+    /// diagonal is 0.
+    pub fn lead_overlaps(&self, poses: &[u32], within: &[u64]) -> Vec<u64> {
+        let (n, words) = (poses.len(), self.lead().len());
+        let least = &self.least[self.lead()];
+        let mut bitmaps = Vec::with_capacity(n * words);
+        for &pose in poses {
+            let bits = self.map(pose)[self.lead()].iter().zip(&within[self.lead()]);
+            bitmaps.extend(bits.map(|(word, within)| word & within));
+        }
+        let map = |index: usize| &bitmaps[index * words..][..words];
+        let mut overlaps = vec![0; n * n];
+        for first in (0..n).step_by(ROWS) {
+            for j in first + 1..n {
+                for i in first..(first + ROWS).min(j) {
+                    let both = overlap(map(i), map(j), least);
+                    (overlaps[i * n + j], overlaps[j * n + i]) = (both, both);
+                }
+            }
+        }
+        overlaps
+    }
+
+    /// Adds to `[poses × poses]` a lower bound on the worth that two poses both cover in a group; the diagonal
+    /// stays. False once `go_on`, which is asked after every [`WORDS_AT_ONCE`]
     /// words, says no: only some pairs are added then.
     pub fn add_overlaps(
         &self,
@@ -228,23 +301,21 @@ impl Columns {
 
     /// Adds to the rows of a matrix of overlaps from `start` on, right of the diagonal.
     fn add_rows(&self, group: usize, start: usize, rows: &mut [f64]) {
-        let levels = &self.groups[group].levels;
+        let words = self.groups[group].words.clone();
         let n = self.poses;
-        let map = |pose: usize| &self.bitmaps[pose * self.words..(pose + 1) * self.words];
         rows.par_chunks_mut(ROWS * n).enumerate().for_each(|(block, rows)| {
             let first = start + block * ROWS;
             let last = first + rows.len() / n;
             let mut sums = vec![0u64; rows.len()];
-            let alike = |a: &WorthLevel, b: &WorthLevel| b.words.end - a.words.start <= WORDS;
-            let mut left = levels.as_slice();
-            while let Some(start) = left.first() {
-                let some = left.partition_point(|level| alike(start, level)).max(1);
+            for from in words.clone().step_by(WORDS) {
+                let some = from..(from + WORDS).min(words.end);
+                let (map, least) =
+                    (|pose: usize| &self.map(pose as u32)[some.clone()], &self.least[some.clone()]);
                 for j in first + 1..n {
                     for i in first..last.min(j) {
-                        sums[(i - first) * n + j] += overlap(map(i), map(j), &left[..some]);
+                        sums[(i - first) * n + j] += overlap(map(i), map(j), least);
                     }
                 }
-                left = &left[some..];
             }
             for (to, sum) in rows.iter_mut().zip(sums) {
                 *to += sum as f64;
@@ -288,17 +359,12 @@ fn counts(pages: &[&[u64]]) -> Vec<u32> {
     (0..words).into_par_iter().flat_map_iter(of_word).collect()
 }
 
-/// Σ popcount(a ∧ b) × worth over levels.
+/// Σ popcount(a ∧ b) × worth of the word.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn overlap(a: &[u64], b: &[u64], levels: &[WorthLevel]) -> u64 {
-    let mut sum = 0;
-    for level in levels {
-        let (a, b) = (&a[level.words.clone()], &b[level.words.clone()]);
-        let both = a.iter().zip(b).map(|(a, b)| u64::from((a & b).count_ones()));
-        sum += level.least * both.sum::<u64>();
-    }
-    sum
+fn overlap(a: &[u64], b: &[u64], worths: &[u32]) -> u64 {
+    let words = a.iter().zip(b).zip(worths);
+    words.map(|((a, b), &worth)| u64::from((a & b).count_ones()) * u64::from(worth)).sum()
 }

@@ -35,6 +35,11 @@ impl Worths {
         Self { once, unit, in_full, overlap: overlap.max(0.0) }
     }
 
+    /// True if only the first sensor that covers a voxel counts.
+    pub fn is_plain(&self) -> bool {
+        self.in_full == 1.0 && self.overlap == 1.0
+    }
+
     /// Share p of the poses that cover a voxel at which n = `lidars` random poses count as much as all sensors.
     ///
     /// They cover it n·p times, joined by (n − 1)·p² edges of a tree. The smaller solution is meant: 1 / (n − 1) where

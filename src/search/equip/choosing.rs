@@ -75,7 +75,7 @@ impl Choosing {
         Self { grid: poses, ..Self::default() }
     }
 
-    /// True if each end is a rig whose poses are all on a grid of `poses` poses, and were so.
+    /// True if the state was saved on a grid of `poses` poses, and each end is a rig on it.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
         let is_rig = |end: &Vec<u32>| {

@@ -26,7 +26,7 @@ use crate::vehicle::{Equipment, MAX_LIDARS, Placement, SensorName, Vehicle, is_w
 
 /// Said where the time is over before the choice.
 const OUT_OF_TIME: &str = "the time ended while the sensors were chosen; the best so far are taken, and more time may find better ones";
-/// Budgets of a front, beside the one that wants for nothing.
+/// Budgets of a front, beside one without a limit.
 const BUDGETS: u32 = 8;
 
 /// A choice of equipment under way, step by step.
@@ -34,7 +34,7 @@ pub struct Equipping {
     search: Search,
     state: Choosing,
     deadline: Option<Instant>,
-    /// Taken where no rig of the coarse grid keeps all rules.
+    /// Result if no rig of the coarse grid keeps all rules.
     spare: Spare,
 }
 
@@ -293,8 +293,8 @@ fn spare(
     Ok(Spare { rig, cost, suite, objective, limits, memory })
 }
 
-/// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up; by the rules where that
-/// layout breaks one.
+/// The only equipment of a vehicle that leaves no choice, placed as in the reference layout. If that breaks a rule, a
+/// placement that keeps them.
 fn plain(
     suite: &Suite,
     vehicle: &Vehicle,

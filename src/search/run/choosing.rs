@@ -84,7 +84,7 @@ impl Run {
         self.state.levels.as_ref().is_some_and(|levels| levels.level() != level)
     }
 
-    /// Lets the generations go on over a level of frames. False, as before, where the run is to end before the best
+    /// Lets the generations go on over a level of frames. False, and the level stays, if the run is to end before the best
     /// are scored there.
     fn go_on_over(&mut self, level: usize, watch: &mut Watch) -> Result<bool, SearchError> {
         let (kept, heeds_time) = (self.state.levels.clone(), self.heeds_time());
@@ -104,8 +104,8 @@ impl Run {
         Ok(true)
     }
 
-    /// Goes to a level of frames and scores the finalists there, unless it is the present one. False, as before, where
-    /// the run is to end before that.
+    /// Goes to a level of frames and scores the finalists there, unless it is the present one. False, and the level stays,
+    /// if the run is to end before that.
     pub(super) fn go_to(&mut self, level: usize, watch: &mut Watch) -> Result<bool, SearchError> {
         if !self.is_other(level) {
             return Ok(true);

@@ -289,7 +289,7 @@ impl Run {
         Ok(MethodResult::One(method, Box::new(scored)))
     }
 
-    /// The bounds beside the result, which is scored over the frames of the bounds for that.
+    /// Bounds; the result is scored over the bounds' frames to compare.
     fn certificate(
         &mut self,
         best: &Placement,
@@ -320,8 +320,8 @@ impl Run {
         Ok(Some(certificate))
     }
 
-    /// Tells whether the result gains more than the best baseline, or where none keeps all rules the best of those that do
-    /// not, by more than the scenes' own spread; `None` for one scene, or without a baseline.
+    /// Tests whether the lead over the best baseline exceeds the spread between scenes. If no baseline keeps all rules, the
+    /// best of all counts. `None` for one scene, or without a baseline.
     fn spread(
         &self,
         best: &Scored,

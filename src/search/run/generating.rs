@@ -29,7 +29,7 @@ impl Run {
         self.evaluator(watch)?;
         let evaluator = self.sitting.evaluator.as_mut().expect("opened in the line above");
         let frames = evaluator.frame_count();
-        // A run that was cut before takes few frames already.
+        // A run that was cut before is over few frames already.
         let heeds_time = !is_first || frames > FRAMES_AT_ONCE && self.before_cut.is_none();
         let before = self.heeds_time().then(|| self.state_without_history());
         let start = Instant::now();

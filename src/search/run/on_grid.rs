@@ -23,20 +23,20 @@ struct Refinement {
 
 /// Work of refinements, in casts of a pose in a frame.
 struct Refining {
-    /// Most of one refinement.
+    /// Limit of one refinement.
     casts: u64,
-    /// Done so far, counted as if each refinement before took its most.
+    /// Done so far; a finished refinement counts with its limit.
     done: u64,
 }
 
-/// First the ends of the swaps on the grid, then the best of them between its poses. Where sensors are of several kinds and
-/// the frames are few, swaps anywhere over all frames take the place of the first.
+/// Refinements, in order: of the ends of the swaps on the grid, then of the best of them between its poses. If sensors are
+/// of several kinds and the frames are few, swaps anywhere over all frames take the place of the first.
 const REFINEMENTS: [Refinement; 2] = [
     Refinement { frames: 2, radius: 2, halvings: 0 },
     Refinement { frames: 12, radius: 1, halvings: 2 },
 ];
 
-/// Frames of each scene that refinements count with where the first swaps are over fewer.
+/// Frames of each scene that refinements count from if the first swaps are over fewer.
 const LEAST_FRAMES: usize = 4;
 
 /// True if LiDARs may be mounted a little off.
@@ -44,7 +44,7 @@ fn is_roomy(settings: &Settings) -> bool {
     settings.tolerance.is_some_and(|tolerance| tolerance.is_some())
 }
 
-/// Casts of the swaps over all frames, in refinements: 1 is the casts of one.
+/// Casts of the swaps over all frames, as a multiple of a refinement's.
 const AGAIN: f64 = 1.2;
 /// Least sensor poses a LiDAR of these swaps, or they are left out: fewer are spread too thin. On a van with 40 frames they
 /// found less than the first refinement, in twice the time.

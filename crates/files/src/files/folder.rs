@@ -19,16 +19,11 @@ use super::{FileError, guard, is_forced};
 const BETWEEN_TRIES: Duration = Duration::from_millis(50);
 
 /// Folders that are missing before a run makes them; those that are empty at its end go again.
-pub struct MissingFolders(Vec<PathBuf>);
+pub(super) struct MissingFolders(Vec<PathBuf>);
 
 impl MissingFolders {
-    /// Empty list, for a folder that exists: nothing is removed at the end.
-    pub fn none() -> Self {
-        Self(Vec::new())
-    }
-
-    /// The folder and those around it.
-    pub fn of(path: &Path) -> Self {
+    /// The folder and those around it; none of a folder that exists.
+    pub(super) fn of(path: &Path) -> Self {
         let missing = path.ancestors().take_while(|folder| !folder.exists());
         Self(missing.filter(|f| !f.as_os_str().is_empty()).map(Path::to_owned).collect())
     }
@@ -115,7 +110,6 @@ pub fn shared_folder(path: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Bytes that are read at once.
 const AT_ONCE: usize = 1 << 16;
 
 /// A file and the SHA-256 of its bytes.

@@ -24,7 +24,6 @@ struct FileGuard {
     read: BTreeMap<PathBuf, Option<(u64, u64)>>,
     /// Outputs that were announced.
     outputs: BTreeSet<PathBuf>,
-    /// Files that are being written now.
     temporaries: BTreeSet<PathBuf>,
 }
 
@@ -55,7 +54,7 @@ impl Session {
         session
     }
 
-    /// A command inside of another one, or of a caller of the library, whose outputs may replace files.
+    /// A nested command, or a library call; it may replace files.
     pub fn begin() -> Self {
         guard().sessions += 1;
         Self(())
@@ -224,7 +223,9 @@ pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
     if is_sink(&target) {
         return Ok(());
     }
-    is_new(path)?;
+    if !overwrites() && path.exists() {
+        return Err(exists(path));
+    }
     let folder = folder_of(&target).canonicalize().unwrap_or_default();
     let place = folder.join(target.file_name().unwrap_or_default());
     let mut guard = guard();
@@ -235,14 +236,6 @@ pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
         )));
     }
     Ok(())
-}
-
-/// Checks that a file does not exist, unless outputs may replace files.
-fn is_new(path: &Path) -> std::result::Result<(), FileError> {
-    if overwrites() || !path.exists() {
-        return Ok(());
-    }
-    Err(exists(path))
 }
 
 /// The refusal of a file that exists.

@@ -139,15 +139,6 @@ pub struct FileNames {
 }
 
 impl FileNames {
-    /// No name yet, under the rules of this system.
-    pub fn new() -> Self {
-        Self {
-            taken: HashMap::new(),
-            ignores_case: cfg!(any(windows, target_os = "macos")),
-            has_devices: cfg!(windows),
-        }
-    }
-
     /// Takes the name of a thing followed by `ending`, `.npy` for example; without an ending it is the name of a folder.
     ///
     /// # Errors
@@ -172,8 +163,13 @@ impl FileNames {
 }
 
 impl Default for FileNames {
+    /// No name yet, under the rules of this system.
     fn default() -> Self {
-        Self::new()
+        Self {
+            taken: HashMap::new(),
+            ignores_case: cfg!(any(windows, target_os = "macos")),
+            has_devices: cfg!(windows),
+        }
     }
 }
 
@@ -266,7 +262,7 @@ mod tests {
         ] {
             assert_eq!(safe_name(name), safe, "{name:?}");
         }
-        let mut names = FileNames::new();
+        let mut names = FileNames::default();
         for name in ["a", ".a", "..", ".", "a.npy"] {
             assert_eq!(names.take(name, ".npy").unwrap(), format!("{name}.npy"));
         }

@@ -14,7 +14,7 @@ use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
 use super::folder::{MissingFolders, is_empty, lock_folder, lock_new_folder};
-use super::{FileError, Input, guard, is_forced, paths, read_own, write_own};
+use super::{FileError, Input, Output, guard, is_forced, paths, read_own, write_as};
 
 /// File of the state, in every run folder.
 const CHECKPOINT: &str = "checkpoint.json";
@@ -126,19 +126,9 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
             Ok(state) => state,
             Err(error) => return refuse(format!("its state cannot be read: {error}")),
         };
-        let (path, made) = (path.to_owned(), MissingFolders::none());
-        Ok((
-            Self {
-                path,
-                command,
-                inputs: saved.inputs,
-                written: None,
-                _made: made,
-                _lock: lock,
-                state: PhantomData,
-            },
-            state,
-        ))
+        let (path, inputs, _made) = (path.to_owned(), saved.inputs, MissingFolders::of(path));
+        let (written, _lock) = (None, lock);
+        Ok((Self { path, command, inputs, written, _made, _lock, state: PhantomData }, state))
     }
 
     /// Saves the state, to go on from there.
@@ -201,7 +191,7 @@ impl<S> RunDir<S> {
     /// Writes a file of JSON, indented.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), FileError> {
         let path = self.file(name);
-        write_own(&path, |file| {
+        write_as(Output::Own, &path, |file| {
             serde_json::to_writer_pretty(&mut *file, value).map_err(FileError::json(&path))?;
             file.write_all(b"\n").map_err(FileError::write(&path))
         })
@@ -214,7 +204,7 @@ impl<S> RunDir<S> {
         values: impl IntoIterator<Item = impl Serialize>,
     ) -> Result<(), FileError> {
         let path = self.file(name);
-        write_own(&path, |file| {
+        write_as(Output::Own, &path, |file| {
             for value in values {
                 serde_json::to_writer(&mut *file, &value).map_err(FileError::json(&path))?;
                 file.write_all(b"\n").map_err(FileError::write(&path))?;
@@ -226,7 +216,9 @@ impl<S> RunDir<S> {
     /// Writes a file of text.
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), FileError> {
         let path = self.file(name);
-        write_own(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::write(&path)))
+        write_as(Output::Own, &path, |file| {
+            file.write_all(text.as_bytes()).map_err(FileError::write(&path))
+        })
     }
 }
 

@@ -11,8 +11,8 @@ use super::guard::{self, Temporary};
 use super::paths::{folder_of, is_sink, is_stdout, target};
 
 /// Which files a write may replace, and when the bytes must be on the disk.
-#[derive(Clone, Copy, PartialEq)]
-enum Output {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Output {
     /// Named by the user: replaces a file only with `--force`.
     Named,
     /// One of many files of a folder, whose disk is synchronized once by [`sync_disk`].
@@ -33,29 +33,11 @@ pub fn write_whole<E: From<FileError>>(
     write_as(Output::Named, path, write)
 }
 
-/// Like [`write_whole`], for one of many files: [`sync_disk`] is to follow the last one.
+/// Like [`write_whole`], for any output; [`sync_disk`] is to follow the last one of many.
 ///
 /// # Errors
-/// See [`write_whole`].
-pub fn write_many<E: From<FileError>>(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
-) -> Result<(), E> {
-    write_as(Output::OneOfMany, path, write)
-}
-
-/// Like [`write_whole`], for a file of a folder that the command holds: replaces the one from before.
-///
-/// # Errors
-/// See [`write_whole`], existing files left aside.
-pub fn write_own<E: From<FileError>>(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
-) -> Result<(), E> {
-    write_as(Output::Own, path, write)
-}
-
-fn write_as<E: From<FileError>>(
+/// See [`write_whole`]; an own file may exist.
+pub fn write_as<E: From<FileError>>(
     output: Output,
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,

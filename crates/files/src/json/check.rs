@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::{FileKind, ForeignJson};
+use super::{FileKind, ForeignJson, nearest};
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub const MAX_METRES: f64 = 1.0e9;
@@ -29,6 +29,55 @@ pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> De
     DescriptionError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
 }
 
+/// Result of a reader: a checked value, or the first fault of the description.
+pub type Checked<T> = Result<T, DescriptionError>;
+
+/// Error of a key that the object at `at` lacks; `mend` says what to write.
+pub fn missing(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
+    DescriptionError::Missing { at: Box::new(at.clone()), key, mend: mend.into() }
+}
+
+/// Error of a key that has no meaning in the object at `at`.
+pub fn misplaced(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
+    DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.into() }
+}
+
+/// Error of none or several of the keys `of` in the object at `at`, of which it has `found`.
+pub fn choice(
+    at: &Location,
+    found: Vec<&'static str>,
+    of: &'static [&'static str],
+) -> DescriptionError {
+    DescriptionError::Choice { at: Box::new(at.clone()), found, of }
+}
+
+/// Error of a name that is none of the `known` ones, each of which is a `kind`.
+pub fn unknown_name<'a>(
+    at: &Location,
+    kind: &'static str,
+    name: &str,
+    known: impl Iterator<Item = &'a str> + Clone,
+) -> DescriptionError {
+    DescriptionError::UnknownName {
+        at: Box::new(at.clone()),
+        kind,
+        name: name.to_owned(),
+        nearest: nearest(name, known.clone()),
+        known: known.map(str::to_owned).collect(),
+    }
+}
+
+/// Error of more things of a kind than a place holds.
+pub fn too_many(
+    at: &Location,
+    what: &'static str,
+    count: u64,
+    limit: u64,
+    mend: &'static str,
+) -> DescriptionError {
+    DescriptionError::TooMany { at: Box::new(at.clone()), what, count, limit, mend }
+}
+
 /// A text for tables and drawings, without control characters.
 pub fn text(at: &Location, value: String) -> Result<String, DescriptionError> {
     if !value.contains(char::is_control) {
@@ -47,49 +96,39 @@ pub fn name(at: &Location, value: String) -> Result<String, DescriptionError> {
     text(at, value)
 }
 
+/// A value where it `fits`; else the error that it is not `wanted`.
+fn fitting(at: &Location, value: f64, fits: bool, wanted: &str) -> Result<f64, DescriptionError> {
+    if fits { Ok(value) } else { Err(bad(at, value, wanted)) }
+}
+
 /// A coordinate in metres.
 pub fn metres(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value.abs() <= MAX_METRES {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a coordinate within 1e9 m of the origin"))
+    fitting(at, value, value.abs() <= MAX_METRES, "a coordinate within 1e9 m of the origin")
 }
 
 /// A length in metres above 0.
 pub fn length(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value > 0.0 && value <= MAX_METRES {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a positive length"))
+    fitting(at, value, value > 0.0 && value <= MAX_METRES, "a positive length")
 }
 
 /// So many a second, above 0.
 pub fn rate(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if (1e-3..=1e4).contains(&value) {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a number a second from 0.001 to 10000"))
+    fitting(at, value, (1e-3..=1e4).contains(&value), "a number a second from 0.001 to 10000")
 }
 
 /// A heading in radians; logs add up turns.
 pub fn heading(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.
-    if value.abs() <= MAX_METRES {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a heading in radians within ±1e9"))
+    fitting(at, value, value.abs() <= MAX_METRES, "a heading in radians within ±1e9")
 }
 
 /// An angle in radians.
 pub fn radians(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value.abs() <= MAX_RADIANS {
-        return Ok(value);
-    }
     let radians = value.to_radians();
     let wanted = format!(
         "an angle in radians within one turn (-6.2832 to 6.2832); {value}° are {radians:.4} rad"
     );
-    Err(bad(at, value, wanted))
+    fitting(at, value, value.abs() <= MAX_RADIANS, &wanted)
 }
 
 /// A point `[x, y, z]` in metres.
@@ -98,6 +137,17 @@ pub fn point(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionErro
         metres(&at.item(i), v)?;
     }
     Ok(value)
+}
+
+/// Lower and upper corner of a box, in metres; `empty` ends the error of one without an extent.
+pub fn corners(at: &Location, min: [f64; 3], max: [f64; 3], empty: &str) -> Checked<[[f64; 3]; 2]> {
+    let (min, max) = (point(&at.key("min"), min)?, point(&at.key("max"), max)?);
+    match (0..3).find(|&i| min[i] >= max[i]) {
+        Some(i) => {
+            Err(bad(&at.key("max").item(i), max[i], format!("above min ({}){empty}", min[i])))
+        }
+        None => Ok([min, max]),
+    }
 }
 
 /// A size `[x, y, z]` in metres, each above 0.
@@ -114,11 +164,8 @@ pub fn point_2_or_3(at: &Location, value: &[f64]) -> Result<[f64; 3], Descriptio
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
         _ => {
-            return Err(bad(
-                at,
-                format!("a list of {} numbers", value.len()),
-                "[x, y] or [x, y, z]",
-            ));
+            let numbers = format!("a list of {} numbers", value.len());
+            return Err(bad(at, numbers, "[x, y] or [x, y, z]"));
         }
     };
     point(at, xyz)
@@ -130,6 +177,22 @@ pub fn count(at: &Location, value: u64, lo: u64, hi: u64) -> Result<u32, Descrip
         return Ok(value as u32);
     }
     Err(bad(at, value, format!("a whole number from {lo} to {hi}")))
+}
+
+/// A number from `lo` to `hi`, if one is given under `key` of the object at `at`.
+pub fn within(
+    at: &Location,
+    key: &str,
+    value: Option<f64>,
+    lo: f64,
+    hi: f64,
+) -> Checked<Option<f64>> {
+    match value {
+        Some(value) if !(lo..=hi).contains(&value) => {
+            Err(bad(&at.key(key), value, format!("a number from {lo} to {hi}")))
+        }
+        other => Ok(other),
+    }
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.
@@ -150,10 +213,7 @@ pub fn fov(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError>
 
 /// An elevation in degrees.
 pub fn elevation(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value.abs() <= 90.0 {
-        return Ok(value);
-    }
-    Err(bad(at, value, "an elevation from -90 to 90 degrees"))
+    fitting(at, value, value.abs() <= 90.0, "an elevation from -90 to 90 degrees")
 }
 
 fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
@@ -165,10 +225,7 @@ fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError>
 
 /// Range of a LiDAR in metres.
 pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    if value > 0.0 && value <= 1.0e5 {
-        return Ok(value);
-    }
-    Err(bad(at, value, "a range above 0 and at most 100000 m"))
+    fitting(at, value, value > 0.0 && value <= 1.0e5, "a range above 0 and at most 100000 m")
 }
 
 /// Why a scene file, or a sensor or mesh file that it names, could not be read.
@@ -178,32 +235,20 @@ pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the message tells the fields")]
 pub enum DescriptionError {
-    /// A file could not be opened or read.
     #[error("{file}: cannot be read: {source}")]
     Read { file: PathBuf, source: std::io::Error },
-    /// A file that is named here has a fault.
     #[error("{at}: {source}")]
     InFile { at: Box<Location>, source: Box<DescriptionError> },
-    /// A file is larger than this program reads.
     #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
-    TooLarge {
-        file: PathBuf,
-        /// Largest size in bytes.
-        limit: u64,
-    },
-    /// A text in another encoding than UTF-8.
+    TooLarge { file: PathBuf, limit: u64 },
     #[error("{file}: is UTF-16 text; save it as UTF-8")]
     Utf16 { file: PathBuf },
-    /// The text is not JSON or YAML, or a value has the wrong type.
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json { at: Box<Location>, problem: String, line: usize, column: usize },
-    /// A comment before the JSON.
     #[error("{file}: line {line} is a comment, and JSON has no comments; remove it")]
     Comment { file: String, line: usize },
-    /// A text that is no JSON.
-    #[error("{file}: {told}; a {} file begins with {{", .wanted.word())]
+    #[error("{file}: {told}; a {} file begins with {{", .wanted.words()[0])]
     NotJson { file: String, told: String, wanted: FileKind },
-    /// A key that no scene has at this place.
     #[error(
         "{at}: unknown key `{key}`{} (line {line}, column {column})",
         did_you_mean(.nearest, .known)
@@ -216,28 +261,20 @@ pub enum DescriptionError {
         line: usize,
         column: usize,
     },
-    /// The file has another version, or none.
     #[error("{at}: {found}; this program reads version 1, write `\"sightline\": 1`")]
     Version { at: Box<Location>, found: String },
-    /// A file of another kind than expected.
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
     OtherKind { file: String, found: FileKind, wanted: String },
-    /// A file that is no description.
     #[error("{file}: is {found}, where {wanted} belongs; {}", .found.mend())]
     Foreign { file: String, found: ForeignJson, wanted: String },
-    /// A number, name or list that the place does not allow.
     #[error("{at}: {value} is not {wanted}")]
     Value { at: Box<Location>, value: String, wanted: String },
-    /// A required key is missing.
     #[error("{at}: `{key}` is missing: {mend}")]
     Missing { at: Box<Location>, key: &'static str, mend: String },
-    /// Keys that exclude each other, or a key that has no meaning here.
     #[error("{at}: `{key}` cannot stand here: {mend}")]
     Misplaced { at: Box<Location>, key: &'static str, mend: String },
-    /// None or several of a choice of keys.
     #[error("{at}: has {}; give exactly one of {}", listed(.found, "none of the keys"), listed(.of, ""))]
     Choice { at: Box<Location>, found: Vec<&'static str>, of: &'static [&'static str] },
-    /// A name that nothing defines.
     #[error("{at}: no {kind} is called `{name}`{}", did_you_mean(.nearest, .known))]
     UnknownName {
         at: Box<Location>,
@@ -246,35 +283,25 @@ pub enum DescriptionError {
         nearest: Option<String>,
         known: Vec<String>,
     },
-    /// A number of things above its limit.
     #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
     TooMany { at: Box<Location>, what: &'static str, count: u64, limit: u64, mend: &'static str },
-    /// The mount leaves the ROI sideways, or lies below it or more than 10 m above.
+    /// The mount leaves the ROI of `scene` sideways, or lies below it or more than 10 m above; corners in metres.
     #[error(
         "{at}: the mount runs from {min:?} to {max:?}, outside of the region of {scene} ({roi_min:?} to \
          {roi_max:?}) in {axis}; {}",
         in_metres(min, max)
     )]
     MountOutside {
-        /// Place of the fault.
         at: Box<Location>,
-        /// The scene file with the ROI.
         scene: String,
-        /// `x`, `y` or `z`.
         axis: char,
-        /// Lower corner of the mount in metres.
         min: [f64; 3],
-        /// Upper corner of the mount in metres.
         max: [f64; 3],
-        /// Lower corner of the ROI in metres.
         roi_min: [f64; 3],
-        /// Upper corner of the ROI in metres.
         roi_max: [f64; 3],
     },
-    /// A mesh file that cannot be used.
     #[error("{at}: mesh {mesh}: {element}: {problem}")]
     Mesh { at: Box<Location>, mesh: PathBuf, element: String, problem: String },
-    /// A material of a mesh has no class, and the shape has no default.
     #[error(
         "{at}: mesh {mesh}: material `{material}` has no class; name it in `classes` or give the \
          shape a `class` for the rest"
@@ -308,10 +335,7 @@ impl DescriptionError {
 }
 
 fn listed(keys: &[&str], none: &str) -> String {
-    if keys.is_empty() {
-        return none.to_owned();
-    }
-    keys.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ")
+    if keys.is_empty() { none.to_owned() } else { super::quoted(keys) }
 }
 
 /// End of an error about an unknown name: the nearest known name, or the list of known ones.
@@ -319,10 +343,7 @@ pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
     match nearest {
         Some(name) => format!("; did you mean `{name}`?"),
         None if known.is_empty() => "; nothing is known here".to_owned(),
-        None => {
-            let known: Vec<_> = known.iter().map(|k| format!("`{k}`")).collect();
-            format!("; known are {}", known.join(", "))
-        }
+        None => format!("; known are {}", super::quoted(known)),
     }
 }
 

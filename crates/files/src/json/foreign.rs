@@ -5,20 +5,11 @@ use std::path::Path;
 use serde::de::IgnoredAny;
 
 /// Bytes or words that files of other kinds begin with.
+#[rustfmt::skip] // Words of a list stand side by side.
 const BEGINNINGS: &[(&str, &str)] = &[
-    ("ply\n", "a PLY mesh"),
-    ("ply\r", "a PLY mesh"),
-    ("PK\u{3}\u{4}", "a ZIP archive"),
-    ("glTF", "a glTF mesh"),
-    ("solid ", "an STL mesh"),
-    ("<", "XML"),
-    ("NUMPY", "a NumPy array"),
-    ("\u{1f}", "a gzip file"),
-    ("---", "YAML"),
-    ("v ", "an OBJ mesh"),
-    ("o ", "an OBJ mesh"),
-    ("mtllib ", "an OBJ mesh"),
-    ("# .PCD", "a PCD point cloud"),
+    ("ply\n", "a PLY mesh"), ("ply\r", "a PLY mesh"), ("PK\u{3}\u{4}", "a ZIP archive"), ("glTF", "a glTF mesh"),
+    ("solid ", "an STL mesh"), ("<", "XML"), ("NUMPY", "a NumPy array"), ("\u{1f}", "a gzip file"), ("---", "YAML"),
+    ("v ", "an OBJ mesh"), ("o ", "an OBJ mesh"), ("mtllib ", "an OBJ mesh"), ("# .PCD", "a PCD point cloud"),
     ("VERSION ", "a PCD point cloud"),
 ];
 

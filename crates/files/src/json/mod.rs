@@ -8,15 +8,14 @@ mod parse;
 mod xml;
 mod yaml;
 
-pub use check::{DescriptionError, Location, did_you_mean};
+pub use check::{Checked, DescriptionError, Location, did_you_mean};
 pub use foreign::{is_utf_16, kind_of_bytes, leading_comment, not_json};
 pub use lidar_cast::sensor::nearest;
-pub use numbers::{Quantity, counted, fixed, shortened, spoken, written};
+pub use numbers::{Quantity, counted, fixed, quoted, shortened, spoken, written};
 pub use objects::{Objects, from_text};
 pub use parse::{
-    FileKind, ForeignJson, check_version, check_xml, comma_too_many, line_and_column, parse,
-    plain_words, read_limited, read_text, refuse_comment, refuse_foreign, refuse_own_kinds,
-    refuse_utf_16, unknown_key, version_1,
+    FileKind, ForeignJson, check_version, comma_too_many, parse, plain_words, read_limited,
+    read_text, refuse_comment, refuse_foreign, refuse_own_kinds, unknown_key, version_1,
 };
-pub use xml::{has_no_prefix, plain_names};
+pub use xml::{check_xml, has_no_prefix, plain_names};
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

@@ -30,6 +30,11 @@ pub fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
+/// Names in backquotes, with commas between them.
+pub fn quoted<T: std::fmt::Display>(names: impl IntoIterator<Item = T>) -> String {
+    names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
+
 /// A number with `decimals` decimals, without the sign of a −0.
 pub fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
@@ -154,7 +159,7 @@ pub(super) fn check_collection(tag: &str, kind: &str) -> Result<(), String> {
 
 fn unknown_tag(tag: &str) -> String {
     let tag = tag.strip_prefix(CORE).map_or_else(|| tag.to_owned(), |name| format!("!!{name}"));
-    let units = UNITS.map(|(name, ..)| format!("`{name}`")).join(", ");
+    let units = quoted(UNITS.map(|(name, ..)| name));
     format!("the tag {} is not known; units are {units}", shown(&tag))
 }
 
@@ -176,7 +181,6 @@ fn plain(text: &str) -> Value {
     }
 }
 
-/// A finite number.
 fn number(text: &str) -> Option<Number> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     if let Some(hex) = digits.strip_prefix("0x") {

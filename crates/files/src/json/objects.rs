@@ -7,7 +7,8 @@ use serde::de::{
     VariantAccess, Visitor,
 };
 
-/// Most keys that an error names.
+use super::quoted;
+
 const MOST_NAMED: usize = 6;
 /// Words that such an error begins with.
 pub(super) const IS_A_LIST: &str = "is a list; ";
@@ -40,9 +41,9 @@ impl<V> Keys<V> {
 
 fn is_a_list<E: Error>(keys: &[&str]) -> E {
     let own = || keys.iter().filter(|key| !key.starts_with('$'));
-    let named: Vec<String> = own().take(MOST_NAMED).map(|key| format!("`{key}`")).collect();
+    let named = quoted(own().take(MOST_NAMED));
     let more = if own().count() > MOST_NAMED { ", …" } else { "" };
-    E::custom(format!("{IS_A_LIST}write an object with {}{more}", named.join(", ")))
+    E::custom(format!("{IS_A_LIST}write an object with {named}{more}"))
 }
 
 /// Methods that hand the visitor over, wrapped, behind their other arguments.

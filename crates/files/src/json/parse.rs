@@ -175,7 +175,7 @@ pub fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, DescriptionError
 }
 
 /// Line and column, both from 1, of the place behind a text.
-pub fn line_and_column(before: &str) -> (usize, usize) {
+fn line_and_column(before: &str) -> (usize, usize) {
     let last = before.rsplit('\n').next().unwrap_or_default();
     (1 + before.matches('\n').count(), 1 + last.chars().count())
 }
@@ -186,31 +186,20 @@ pub fn line_and_column(before: &str) -> (usize, usize) {
 /// Like [`read_limited`], and a text that is no UTF-8.
 pub fn read_text(file: &Path, limit: u64) -> Result<String, DescriptionError> {
     let bytes = read_limited(file, limit)?;
-    refuse_utf_16(&bytes, file)?;
+    if is_utf_16(&bytes) {
+        return Err(DescriptionError::Utf16 { file: file.to_owned() });
+    }
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let (line, column) = line_and_column(&String::from_utf8_lossy(before));
         let at = Box::new(Location::top(&file.display().to_string()));
         let other = kind_of_bytes(error.as_bytes(), file);
         let other = other.map(|kind| format!("is no text, it looks like {kind}; give a text file"));
-        let problem = other.unwrap_or_else(|| NO_UTF_8.to_owned());
+        // Latin-1, for example.
+        let problem = other.unwrap_or_else(|| "is not UTF-8 text; save it as UTF-8".to_owned());
         DescriptionError::Json { at, problem, line, column }
     })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
-}
-
-/// Fault of a text in another encoding, Latin-1 for example.
-const NO_UTF_8: &str = "is not UTF-8 text; save it as UTF-8";
-
-/// Refuses the bytes of a text in UTF-16, as some editors save it.
-///
-/// # Errors
-/// [`DescriptionError::Utf16`].
-pub fn refuse_utf_16(bytes: &[u8], file: &Path) -> Result<(), DescriptionError> {
-    match is_utf_16(bytes) {
-        true => Err(DescriptionError::Utf16 { file: file.to_owned() }),
-        false => Ok(()),
-    }
 }
 
 /// Error for a file with the keys of another kind.
@@ -266,7 +255,7 @@ impl ForeignJson {
             asset: Option<serde_json::Value>,
         }
         let ForeignKeys { settings, stopped, asset } = from_text(text).ok()?;
-        if (ResultKeys { settings, stopped }).are_there() {
+        if settings.is_some() && stopped.is_some() {
             return Some(Self::RunResult);
         }
         // Every glTF file has an asset with its version.
@@ -286,22 +275,7 @@ impl ForeignJson {
 
 impl fmt::Display for ForeignJson {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::RunResult => "the result of a run",
-            Self::Gltf => "a glTF mesh",
-        })
-    }
-}
-
-/// Keys that results alone have together.
-struct ResultKeys {
-    settings: Option<IgnoredAny>,
-    stopped: Option<IgnoredAny>,
-}
-
-impl ResultKeys {
-    fn are_there(&self) -> bool {
-        self.settings.is_some() && self.stopped.is_some()
+        f.write_str(if *self == Self::Gltf { "a glTF mesh" } else { "the result of a run" })
     }
 }
 
@@ -336,7 +310,7 @@ impl FileKind {
         }
         let keys: FileKeys = from_text(text).ok()?;
         // A result has mounts and is no vehicle.
-        if (ResultKeys { settings: keys.settings, stopped: keys.stopped }).are_there() {
+        if keys.settings.is_some() && keys.stopped.is_some() {
             return None;
         }
         let vehicle = keys.mounts.or(keys.sensors);
@@ -349,121 +323,32 @@ impl FileKind {
 
     /// How such a file is given to the program.
     pub fn place(self) -> &'static str {
+        self.words()[1]
+    }
+
+    /// The word before `file`, and the place.
+    pub(super) fn words(self) -> [&'static str; 2] {
         match self {
-            Self::Scene => "as SCENE",
-            Self::Vehicle => "by --vehicle",
-            Self::Placements => "behind the scenes, or by --placement, --baselines or --inject",
-            Self::Target => "by --target",
+            Self::Scene => ["scene", "as SCENE"],
+            Self::Vehicle => ["vehicle", "by --vehicle"],
+            Self::Placements => {
+                ["placements", "behind the scenes, or by --placement, --baselines or --inject"]
+            }
+            Self::Target => ["target", "by --target"],
         }
     }
 }
 
 impl fmt::Display for FileKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Scene => "a scene",
-            Self::Vehicle => "a vehicle",
-            Self::Placements => "a file of placements",
-            Self::Target => "a target",
-        })
+        let of = if *self == Self::Placements { "file of " } else { "" };
+        write!(f, "a {of}{}", self.words()[0])
     }
-}
-
-impl FileKind {
-    /// The kind as the word before `file`.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Scene => "scene",
-            Self::Vehicle => "vehicle",
-            Self::Placements => "placements",
-            Self::Target => "target",
-        }
-    }
-}
-
-/// Most attributes of one element: the library compares each with all before it.
-const MAX_ATTRIBUTES: usize = 256;
-/// Most declarations of namespaces: the library looks each up for every name.
-const MAX_NAMESPACES: usize = 64;
-/// Deepest element: readers recurse into elements.
-const MAX_DEPTH: usize = 128;
-
-/// Refuses constructs that an XML library takes more than linear time or stack for.
-pub fn check_xml(text: &str) -> Result<(), String> {
-    let (mut rest, mut depth, mut namespaces) = (text, 0_usize, 0);
-    while let Some(at) = rest.find('<') {
-        let line = || 1 + text[..text.len() - rest.len() + at].matches('\n').count();
-        let tag = &rest[at..];
-        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">")];
-        if let Some((start, end)) = skipped.iter().find(|(start, _)| tag.starts_with(start)) {
-            let Some(to) = tag[start.len()..].find(end) else { return Ok(()) };
-            rest = &tag[start.len() + to + end.len()..];
-            continue;
-        }
-        let (inside, attributes) = tag_of(tag);
-        if attributes > MAX_ATTRIBUTES {
-            return Err(format!(
-                "line {}: an element has {attributes} attributes, at most {MAX_ATTRIBUTES} are read; split the element",
-                line()
-            ));
-        }
-        namespaces += inside.matches("xmlns").count();
-        if namespaces > MAX_NAMESPACES {
-            return Err(format!(
-                "line {}: more than {MAX_NAMESPACES} namespaces are declared; declare each once, at the root",
-                line()
-            ));
-        }
-        if tag.starts_with("</") {
-            depth = depth.saturating_sub(1);
-        } else if !inside.ends_with('/') {
-            depth += 1;
-        }
-        if depth > MAX_DEPTH {
-            return Err(format!(
-                "line {}: elements are nested more than {MAX_DEPTH} deep; leave the nesting out",
-                line()
-            ));
-        }
-        rest = &tag[(inside.len() + 1).min(tag.len())..];
-    }
-    Ok(())
-}
-
-/// A tag without its closing bracket, and the number of its attributes.
-fn tag_of(tag: &str) -> (&str, usize) {
-    let (mut quote, mut attributes) = (None, 0);
-    for (at, byte) in tag.bytes().enumerate() {
-        match (quote, byte) {
-            (Some(open), _) if byte == open => quote = None,
-            (Some(_), _) => {}
-            (None, b'"' | b'\'') => quote = Some(byte),
-            (None, b'=') => attributes += 1,
-            (None, b'>') => return (&tag[..at], attributes),
-            _ => {}
-        }
-    }
-    (tag, attributes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn many_attributes_namespaces_and_levels_are_refused_with_their_line() {
-        let attributes: String = (0..60_000).map(|k| format!(" a{k}='='")).collect();
-        let namespaces: String =
-            (0..70).map(|k| format!("<a xmlns:n{k}='u'>")).collect::<Vec<_>>().join("\n");
-        for (text, told) in [
-            (format!("<a>\n<b{attributes}/></a>"), "line 2: an element has 60000 attributes"),
-            (namespaces, "line 65: more than 64 namespaces"),
-            ("<a>".repeat(5000), "nested more than 128 deep"),
-        ] {
-            let error = check_xml(&text).unwrap_err();
-            assert!(error.contains(told), "{error}");
-        }
-    }
 
     #[test]
     fn a_comma_before_a_bracket_is_told_in_values_that_are_read_or_skipped() {
@@ -473,16 +358,5 @@ mod tests {
             let skipped = parse::<IgnoredAny>(text, "f").unwrap_err().to_string();
             assert!(read.contains(&told) && skipped.contains(&told), "{read}; {skipped}");
         }
-    }
-
-    #[test]
-    fn signs_in_values_comments_and_data_count_nothing() {
-        let equals = "=".repeat(300);
-        let text = format!(
-            "<?x {equals}?><!-- <a {equals} --><a b='{equals}>' c=\"'\"><![CDATA[<b {equals}>]]></a>"
-        );
-        assert_eq!(check_xml(&text), Ok(()));
-        assert_eq!(check_xml("<a b='"), Ok(()));
-        assert_eq!(check_xml(&"<a></a><b/>".repeat(500)), Ok(()));
     }
 }

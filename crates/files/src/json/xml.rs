@@ -1,4 +1,4 @@
-//! XML names with prefixes, read as robot files mean them.
+//! XML: names with prefixes, read as robot files mean them, and limits of a document.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -20,9 +20,21 @@ pub fn has_no_prefix(name: &str) -> bool {
 /// Two hyphens in a comment, and space before the declaration, are read as they read them, too.
 pub fn plain_names(text: &str) -> Cow<'_, str> {
     let declared = declared(text);
-    let mut changed: Vec<(usize, u8)> = odd_places(text).map(|at| (at, b' ')).collect();
+    let mut changed: Vec<(usize, u8)> = Vec::new();
+    let begin = text.len() - text.trim_start().len();
+    if begin > 0 && text[begin..].starts_with("<?xml ") {
+        let end = text[begin..].find("?>").map_or(begin, |end| begin + end + 2);
+        let inside = (begin..end).filter(|at| text.is_char_boundary(*at));
+        changed.extend(inside.map(|at| (at, b' ')));
+    }
     let mut root: Option<&str> = None;
-    for (start, tag) in tags(text) {
+    for (start, tag, attributes) in parts(text) {
+        if attributes.is_none() {
+            let inside = tag.strip_prefix("!--").unwrap_or_default().bytes().enumerate();
+            let hyphens = inside.filter(|(_, byte)| *byte == b'-');
+            changed.extend(hyphens.map(|(k, _)| (start + "!--".len() + k, b' ')));
+            continue;
+        }
         let from = usize::from(tag.starts_with('/'));
         for (k, (at, name)) in names(tag, from).into_iter().enumerate() {
             let Some((prefix, _)) = name.split_once(':') else {
@@ -49,35 +61,6 @@ pub fn plain_names(text: &str) -> Cow<'_, str> {
     String::from_utf8(bytes).map_or(Cow::Borrowed(text), Cow::Owned)
 }
 
-/// Hyphens inside comments, and a declaration behind white space: bytes that may be spaces.
-fn odd_places(text: &str) -> impl Iterator<Item = usize> {
-    let mut places = Vec::new();
-    let start = text.len() - text.trim_start().len();
-    if start > 0 && text[start..].starts_with("<?xml ") {
-        let end = text[start..].find("?>").map_or(start, |end| start + end + 2);
-        places.extend((start..end).filter(|at| text.is_char_boundary(*at)));
-    }
-    let mut at = 0;
-    while let Some(open) = text[at..].find('<') {
-        at += open;
-        let Some((skipped, end)) = [("<!--", "-->"), ("<![CDATA[", "]]>")]
-            .into_iter()
-            .find(|(start, _)| text[at..].starts_with(start))
-        else {
-            at += 1;
-            continue;
-        };
-        let from = at + skipped.len();
-        let Some(length) = text[from..].find(end) else { break };
-        let hyphens = text[from..from + length].bytes().enumerate();
-        if skipped == "<!--" {
-            places.extend(hyphens.filter(|(_, byte)| *byte == b'-').map(|(k, _)| from + k));
-        }
-        at = from + length + end.len();
-    }
-    places.into_iter()
-}
-
 /// Prefixes that the text declares anywhere, and whether each is one of xacro.
 fn declared(text: &str) -> HashMap<&str, bool> {
     let after = text.split("xmlns:").skip(1);
@@ -89,34 +72,76 @@ fn declared(text: &str) -> HashMap<&str, bool> {
     after.filter_map(|rest| one(rest).map(|(end, is_macro)| (&rest[..end], is_macro))).collect()
 }
 
-/// Tags and their places behind `<`, without comments, data, instructions and declarations.
-fn tags(text: &str) -> Vec<(usize, &str)> {
-    let (mut tags, mut at) = (Vec::new(), 0);
-    while let Some(open) = text[at..].find('<') {
-        at += open + 1;
+/// Constructs that are no tags: how they begin behind `<`, and how they end.
+const NO_TAGS: [(&str, &str); 4] = [("!--", "-->"), ("![CDATA[", "]]>"), ("?", "?>"), ("!", ">")];
+
+/// Everything behind a `<`, without its end: the place, the text, and the number of attributes of a tag. A tag at the end
+/// of the text may lack its bracket.
+fn parts(text: &str) -> impl Iterator<Item = (usize, &str, Option<usize>)> {
+    let mut next = 0;
+    std::iter::from_fn(move || {
+        let at = next + text[next..].find('<')? + 1;
         let rest = &text[at..];
-        let skipped = [("!--", "-->"), ("![CDATA[", "]]>"), ("?", "?>"), ("!", ">")];
-        if let Some((start, end)) = skipped.iter().find(|(start, _)| rest.starts_with(start)) {
-            let Some(to) = rest[start.len()..].find(end) else { break };
-            at += start.len() + to + end.len();
-            continue;
+        if let Some((start, end)) = NO_TAGS.iter().find(|(start, _)| rest.starts_with(start)) {
+            let length = start.len() + rest[start.len()..].find(end)?;
+            next = at + length + end.len();
+            return Some((at, &rest[..length], None));
         }
-        let mut quote = None;
-        let close = rest.bytes().position(|byte| match quote {
-            Some(open) => {
-                quote = quote.filter(|_| byte != open);
-                false
+        let (mut quote, mut attributes) = (None, 0);
+        let close = rest.bytes().position(|byte| {
+            match quote {
+                Some(open) => quote = quote.filter(|_| byte != open),
+                None => {
+                    attributes += usize::from(byte == b'=');
+                    quote = Some(byte).filter(|byte| matches!(byte, b'"' | b'\''));
+                    return byte == b'>';
+                }
             }
-            None => {
-                quote = Some(byte).filter(|byte| matches!(byte, b'"' | b'\''));
-                byte == b'>'
-            }
+            false
         });
-        let Some(close) = close else { break };
-        tags.push((at, &rest[..close]));
-        at += close;
+        let tag = &rest[..close.unwrap_or(rest.len())];
+        next = at + tag.len();
+        Some((at, tag, Some(attributes)))
+    })
+}
+
+/// Most attributes of one element: the library compares each with all before it.
+const MAX_ATTRIBUTES: usize = 256;
+/// Most declarations of namespaces: the library looks each up for every name.
+const MAX_NAMESPACES: usize = 64;
+/// Deepest element: readers recurse into elements.
+const MAX_DEPTH: usize = 128;
+
+/// Refuses constructs that an XML library takes more than linear time or stack for.
+pub fn check_xml(text: &str) -> Result<(), String> {
+    let (mut depth, mut namespaces) = (0_usize, 0);
+    for (at, tag, attributes) in parts(text) {
+        let Some(attributes) = attributes else { continue };
+        let refused =
+            |fault: String| Err(format!("line {}: {fault}", 1 + text[..at].matches('\n').count()));
+        if attributes > MAX_ATTRIBUTES {
+            return refused(format!(
+                "an element has {attributes} attributes, at most {MAX_ATTRIBUTES} are read; split the element"
+            ));
+        }
+        namespaces += tag.matches("xmlns").count();
+        if namespaces > MAX_NAMESPACES {
+            return refused(format!(
+                "more than {MAX_NAMESPACES} namespaces are declared; declare each once, at the root"
+            ));
+        }
+        if tag.starts_with('/') {
+            depth = depth.saturating_sub(1);
+        } else if !tag.ends_with('/') {
+            depth += 1;
+        }
+        if depth > MAX_DEPTH {
+            return refused(format!(
+                "elements are nested more than {MAX_DEPTH} deep; leave the nesting out"
+            ));
+        }
     }
-    tags
+    Ok(())
 }
 
 /// Names of an element and of its attributes, with their places in the tag.
@@ -142,7 +167,7 @@ fn names(tag: &str, from: usize) -> Vec<(usize, &str)> {
 
 #[cfg(test)]
 mod tests {
-    use super::plain_names;
+    use super::{check_xml, plain_names};
 
     #[test]
     fn undeclared_prefixes_become_part_of_the_name() {
@@ -167,5 +192,31 @@ mod tests {
         for (text, wanted) in cases {
             assert_eq!(plain_names(text), wanted);
         }
+    }
+
+    #[test]
+    fn many_attributes_namespaces_and_levels_are_refused_with_their_line() {
+        let attributes: String = (0..60_000).map(|k| format!(" a{k}='='")).collect();
+        let namespaces: String =
+            (0..70).map(|k| format!("<a xmlns:n{k}='u'>")).collect::<Vec<_>>().join("\n");
+        for (text, told) in [
+            (format!("<a>\n<b{attributes}/></a>"), "line 2: an element has 60000 attributes"),
+            (namespaces, "line 65: more than 64 namespaces"),
+            ("<a>".repeat(5000), "nested more than 128 deep"),
+        ] {
+            let error = check_xml(&text).unwrap_err();
+            assert!(error.contains(told), "{error}");
+        }
+    }
+
+    #[test]
+    fn signs_in_values_comments_and_data_count_nothing() {
+        let equals = "=".repeat(300);
+        let text = format!(
+            "<?x {equals}?><!-- <a {equals} --><a b='{equals}>' c=\"'\"><![CDATA[<b {equals}>]]></a>"
+        );
+        assert_eq!(check_xml(&text), Ok(()));
+        assert_eq!(check_xml("<a b='"), Ok(()));
+        assert_eq!(check_xml(&"<a></a><b/>".repeat(500)), Ok(()));
     }
 }

@@ -18,7 +18,7 @@ const REPEATS: (usize, usize) = (4, 1 << 16);
 const NODE: usize = 16;
 
 /// Quantity under a key, by the key of the object that holds it and the key itself.
-pub type Quantities = fn(&str, &str) -> Option<Quantity>;
+type Quantities = fn(&str, &str) -> Option<Quantity>;
 
 /// A YAML document as JSON: numbers that are not finite stay texts, as do keys that are none.
 #[derive(Debug)]
@@ -142,12 +142,13 @@ pub fn parse_documents(
     Ok(documents)
 }
 
-/// A fault and its place.
 #[derive(Debug)]
 struct YamlFault {
     problem: String,
     mark: (u32, u32),
 }
+
+type Read<T> = Result<T, YamlFault>;
 
 impl YamlFault {
     fn in_file(self, file: &str) -> DescriptionError {
@@ -169,7 +170,7 @@ fn mark(at: Marker) -> (u32, u32) {
 }
 
 /// All parts of a text, and the part that each anchor stands before.
-fn parts(text: &str) -> Result<(Vec<YamlEvent<'_>>, Vec<usize>), YamlFault> {
+fn parts(text: &str) -> Read<(Vec<YamlEvent<'_>>, Vec<usize>)> {
     let (mut parts, mut anchors, mut depth) = (Vec::new(), Vec::new(), 0);
     for event in Parser::new_from_str(text) {
         let (event, Span { start, .. }) = event.map_err(|error| YamlFault {
@@ -204,7 +205,6 @@ fn too_deep(mark: (u32, u32)) -> YamlFault {
     YamlFault { problem, mark }
 }
 
-/// Where a value stands.
 #[derive(Clone, Copy)]
 struct Spot<'a> {
     /// Key of the object that holds `key`.
@@ -227,7 +227,7 @@ struct YamlBuilder<'a> {
 
 impl YamlBuilder<'_> {
     /// The value that begins at the part `next`, which moves behind it.
-    fn value(&mut self, next: &mut usize, spot: &Spot) -> Result<Value, YamlFault> {
+    fn value(&mut self, next: &mut usize, spot: &Spot) -> Read<Value> {
         let parts = self.parts;
         let Some(YamlEvent { event, mark }) = parts.get(*next) else { return Ok(Value::Null) };
         *next += 1;
@@ -239,6 +239,9 @@ impl YamlBuilder<'_> {
         let tag = |tag: &Option<std::borrow::Cow<saphyr_parser::Tag>>| {
             tag.as_ref().map(|tag| format!("{}{}", tag.handle, tag.suffix))
         };
+        let check = |its_tag, kind| {
+            tag(its_tag).map_or(Ok(()), |tag| numbers::check_collection(&tag, kind))
+        };
         match event {
             Event::Alias(anchor) => self.repeated(*anchor, &deeper, *mark),
             Event::Scalar(text, style, _, its_tag) => {
@@ -249,9 +252,7 @@ impl YamlBuilder<'_> {
                 numbers::value(text, is_plain, tag(its_tag).as_deref(), quantity).map_err(fault)
             }
             Event::SequenceStart(_, its_tag) => {
-                tag(its_tag)
-                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "seq"))
-                    .map_err(fault)?;
+                check(its_tag, "seq").map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
                 let mut list = Vec::new();
@@ -262,9 +263,7 @@ impl YamlBuilder<'_> {
                 Ok(Value::Array(list))
             }
             Event::MappingStart(_, its_tag) => {
-                tag(its_tag)
-                    .map_or(Ok(()), |tag| numbers::check_collection(&tag, "map"))
-                    .map_err(fault)?;
+                check(its_tag, "map").map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
                 let mut map = Map::new();
@@ -279,13 +278,7 @@ impl YamlBuilder<'_> {
         }
     }
 
-    /// One key and its value.
-    fn entry(
-        &mut self,
-        next: &mut usize,
-        spot: &Spot,
-        map: &mut Map<String, Value>,
-    ) -> Result<(), YamlFault> {
+    fn entry(&mut self, next: &mut usize, spot: &Spot, map: &mut Map<String, Value>) -> Read<()> {
         let parts = self.parts;
         let Some(part) = parts.get(*next) else { return Ok(()) };
         *next += 1;
@@ -316,12 +309,7 @@ impl YamlBuilder<'_> {
     }
 
     /// The value of an anchor, once more.
-    fn repeated(
-        &mut self,
-        anchor: usize,
-        spot: &Spot,
-        mark: (u32, u32),
-    ) -> Result<Value, YamlFault> {
+    fn repeated(&mut self, anchor: usize, spot: &Spot, mark: (u32, u32)) -> Read<Value> {
         let Some(mut at) = anchor.checked_sub(1).and_then(|k| self.anchors.get(k)).copied() else {
             return Err(YamlFault { problem: "an alias names no anchor".to_owned(), mark });
         };
@@ -329,7 +317,7 @@ impl YamlBuilder<'_> {
     }
 
     /// Takes a repeated value from the budget.
-    fn take(&mut self, spot: &Spot, bytes: usize, mark: (u32, u32)) -> Result<(), YamlFault> {
+    fn take(&mut self, spot: &Spot, bytes: usize, mark: (u32, u32)) -> Read<()> {
         if !spot.repeats {
             return Ok(());
         }

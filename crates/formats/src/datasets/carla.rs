@@ -11,6 +11,7 @@ use glam::Vec3;
 
 use super::ground::{self, MOST_SCANS, NearRoad};
 use super::kitti::above_ground;
+use super::sequence::entries;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
 use frames::{ActorPoints, Record, TimedPose, frame_of};
 use lidar_cast::geom::Pose;
@@ -282,10 +283,8 @@ fn is_actor(record: &Record, (_, boxed, _): &Tag) -> bool {
 }
 
 fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
-    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
     let mut scans = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(to_read)? {
-        let path = entry.map_err(to_read)?.path();
+    for path in entries(folder)? {
         let ending = path.extension().and_then(|ending| ending.to_str());
         if matches!(ending, Some("ply" | "bin" | "npy")) {
             let Some(frame) = frame_of(&path) else { return Err(DatasetError::CarlaName { path }) };

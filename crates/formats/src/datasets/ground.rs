@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
-use super::import::rounded;
-use super::{DatasetError, LabelledScan, LabelledSequence};
+use super::import::{rounded, world_from_ego};
+use super::{Checked, LabelledScan, LabelledSequence};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
@@ -41,20 +41,14 @@ pub(super) struct NearRoad {
 
 impl NearRoad {
     /// The road among depths below the LiDAR; `None` of no depth.
-    pub fn of(mut depths: Vec<f64>) -> Option<Self> {
-        depths.sort_by(f64::total_cmp);
-        let share = |share: usize| {
-            depths.get((depths.len() * share / 10).min(depths.len().saturating_sub(1)))
-        };
-        Some(Self {
-            points: depths.len(),
-            depth: *depths.get(depths.len() / 2)?,
-            spread: share(9)? - share(1)?,
-        })
+    pub(super) fn of(mut depths: Vec<f64>) -> Option<Self> {
+        let depth = median(&mut depths)?;
+        let share = |share: usize| depths[depths.len() * share / 10];
+        Some(Self { points: depths.len(), depth, spread: share(9) - share(1) })
     }
 
     /// True if it has enough points to contradict a stated height.
-    pub(crate) fn is_sure(&self) -> bool {
+    pub(super) fn is_sure(&self) -> bool {
         self.points >= LEAST_POINTS
     }
 }
@@ -65,9 +59,7 @@ pub(super) fn is_road(class: &str) -> bool {
 }
 
 /// The road of the first scans that have one, and its frame. `ego_from_sensor` turns points upright.
-pub(super) fn road(
-    sequence: &dyn LabelledSequence,
-) -> Result<Option<(u32, NearRoad)>, DatasetError> {
+pub(super) fn road(sequence: &dyn LabelledSequence) -> Checked<Option<(u32, NearRoad)>> {
     let classes = sequence.classes();
     for frame in sequence.frames().into_iter().take(MOST_SCANS) {
         let upright = Pose { translation: DVec3::ZERO, ..sequence.ego_from_sensor(frame)? };
@@ -90,10 +82,7 @@ pub(super) fn road(
 ///
 /// # Errors
 /// Errors of reading the first scans.
-pub(super) fn doubts(
-    sequence: &dyn LabelledSequence,
-    option: Option<&str>,
-) -> Result<Vec<Note>, DatasetError> {
+pub(super) fn doubts(sequence: &dyn LabelledSequence, option: Option<&str>) -> Checked<Vec<Note>> {
     let name = sequence.name();
     let mut notes = Vec::new();
     if let Some((frame, road)) = road(sequence)?.filter(|(_, road)| road.is_sure()) {
@@ -109,11 +98,8 @@ pub(super) fn doubts(
         }
     }
     let frames = sequence.frames();
-    let mut egos = Vec::with_capacity(frames.len());
-    for &frame in &frames {
-        let ego_from_sensor = sequence.ego_from_sensor(frame)?;
-        egos.push(sequence.world_from_sensor(frame)?.compose(&ego_from_sensor.inverse()));
-    }
+    let egos = frames.iter().map(|&frame| world_from_ego(sequence, frame));
+    let egos = egos.collect::<Checked<Vec<Pose>>>()?;
     if let Some(k) = egos.iter().position(|ego| ego.rotation.z_axis.z < UPRIGHT) {
         let tilt = maths::acos(egos[k].rotation.z_axis.z.clamp(-1.0, 1.0)).to_degrees();
         notes.push(Note::doubt(format!(
@@ -128,6 +114,12 @@ pub(super) fn doubts(
     Ok(notes)
 }
 
+/// The middle of values, which are sorted for it; `None` without one.
+fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 /// A doubt where the median step of a vehicle from one frame number to the next is longer than any vehicle drives.
 fn leaps(name: &str, frames: &[u32], egos: &[Pose]) -> Option<Note> {
     let pairs = egos.windows(2).zip(frames.windows(2));
@@ -137,8 +129,7 @@ fn leaps(name: &str, frames: &[u32], egos: &[Pose]) -> Option<Note> {
             way / f64::from(frame[1].abs_diff(frame[0]).max(1))
         })
         .collect();
-    steps.sort_by(f64::total_cmp);
-    let step = *steps.get(steps.len() / 2)?;
+    let step = median(&mut steps)?;
     let text = format!(
         "{name}: the vehicle moves {step:.0} m from frame to frame; positions are in metres: centimetres, or millimetres?"
     );
@@ -154,8 +145,7 @@ fn sideways(name: &str, egos: &[Pose]) -> Option<Note> {
         .filter(|(_, way)| way.truncate().length() > STEP)
         .map(|(ahead, way)| ahead.truncate().angle_to(way.truncate()).to_degrees().abs())
         .collect();
-    angles.sort_by(f64::total_cmp);
-    let angle = *angles.get(angles.len() / 2)?;
+    let angle = median(&mut angles)?;
     let text = format!(
         "{name}: the vehicle moves {angle:.0} degrees off its own heading over {} steps; check the unit of the angles and \
          the axes of the poses.",
@@ -271,8 +261,8 @@ type CellIndex = [i32; 3];
 /// A block of cells from `low` up to and without `high`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Block {
-    pub low: CellIndex,
-    pub high: CellIndex,
+    low: CellIndex,
+    high: CellIndex,
 }
 
 /// Blocks that hold every cell once and nothing else: from the least cell on, each grows along `axes` in

@@ -7,11 +7,11 @@ use lidar_cast::geom::Pose;
 use sightline_files::Note;
 
 use super::import::HEIGHT_LIMIT;
-use super::sequence::{check_count, read_points, read_text, read_units};
+use super::sequence::{check_count, entries, read_points, read_text, read_units};
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
 
 /// Height of the KITTI car's LiDAR above the ground, in metres.
-pub const KITTI_LIDAR_HEIGHT: f64 = 1.73;
+const KITTI_LIDAR_HEIGHT: f64 = 1.73;
 /// Metres within which a road's depth counts as KITTI's height: on sequence 00 it is 1.79 to 1.83 m.
 const SAME_HEIGHT: f64 = 0.15;
 /// Lines of `calib.txt` beside `Tr`, which LiDAR scans do not need.
@@ -38,7 +38,7 @@ pub struct KittiSequence {
 impl KittiSequence {
     /// Opens a sequence folder: lists its scans and reads its poses. The file gives poses P of
     /// camera 0; LiDAR pose i is Tr⁻¹·P_i·Tr, so that the world is the LiDAR frame of frame 0. The LiDAR stands
-    /// where `ego_from_lidar.txt` says, as in exports of this program, else [`KITTI_LIDAR_HEIGHT`] above the ground;
+    /// where `ego_from_lidar.txt` says, as in exports of this program, else 1.73 m above the ground, as on KITTI's car;
     /// [`Self::open_at`] asks the labelled road first.
     ///
     /// # Errors
@@ -85,8 +85,8 @@ impl KittiSequence {
     }
 
     /// Like [`Self::open`], with the LiDAR at `height` metres above the ground. Without a height and without
-    /// `ego_from_lidar.txt` the median depth of the labelled road within 10 m counts, where it differs from
-    /// [`KITTI_LIDAR_HEIGHT`] by more than 0.15 m.
+    /// `ego_from_lidar.txt` the median depth of the labelled road within 10 m counts, where it differs from 1.73 m by
+    /// more than 0.15 m.
     ///
     /// # Errors
     /// Like [`Self::open`]; first scans that cannot be read; a height that is not finite.
@@ -129,13 +129,8 @@ impl KittiSequence {
     ///
     /// # Errors
     /// A height that is not finite.
-    pub(crate) fn with_lidar_height(self, height: f64) -> Result<Self, DatasetError> {
+    pub(super) fn with_lidar_height(self, height: f64) -> Result<Self, DatasetError> {
         Ok(Self { ego_from_lidar: above_ground(height)?, ..self })
-    }
-
-    /// The sequence folder.
-    pub fn folder(&self) -> &Path {
-        &self.folder
     }
 }
 
@@ -202,10 +197,8 @@ pub(super) fn above_ground(height: f64) -> Result<Pose, DatasetError> {
 }
 
 fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
-    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
     let mut scans = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(to_read)? {
-        let path = entry.map_err(to_read)?.path();
+    for path in entries(folder)? {
         if path.extension().is_none_or(|e| e != "bin") {
             continue;
         }
@@ -306,7 +299,7 @@ fn parse_pose(path: &Path, line: usize, text: &str) -> Result<Pose, DatasetError
 }
 
 /// The classes of a P-SOG from SemanticKITTI labels: the 19 that its benchmark scores, in its order.
-pub(crate) const KITTI_CLASSES: [&str; 19] = [
+pub(super) const KITTI_CLASSES: [&str; 19] = [
     "car", "bicycle", "motorcycle", "truck", "other-vehicle", "person", "bicyclist",
     "motorcyclist", "road", "parking", "sidewalk", "other-ground", "building", "fence",
     "vegetation", "trunk", "terrain", "pole", "traffic-sign",
@@ -318,7 +311,7 @@ pub(crate) const KITTI_CLASSES: [&str; 19] = [
 /// Follows the benchmark's own folding of its 34 ids: buses, trains and trams are other vehicles,
 /// lane markings are road, moving things belong to the class of the thing. Unlabelled points, outliers,
 /// other structures and other objects do not vote.
-pub fn kitti_label(id: u16) -> Option<PointLabel> {
+pub(super) fn kitti_label(id: u16) -> Option<PointLabel> {
     let class = match id {
         0 | 1 | 52 | 99 => None, // unlabelled, outlier, other structure, other object
         10 | 252 => Some(0),

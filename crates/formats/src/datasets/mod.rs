@@ -16,14 +16,16 @@
 mod carla;
 mod ground;
 mod import;
-pub mod kitti;
+pub(crate) mod kitti;
 mod nuscenes;
 mod sequence;
 
 pub use carla::{CarlaSequence, CarlaTags};
+use import::Checked;
 pub use import::{DatasetError, ImportOptions, ImportedScene, to_scene};
-pub use kitti::{KITTI_LIDAR_HEIGHT, KittiSequence};
-pub use nuscenes::{NUSCENES_CATEGORIES, NuscenesScene, read_nuscenes};
+pub use kitti::KittiSequence;
+pub(crate) use nuscenes::NUSCENES_CATEGORIES;
+pub use nuscenes::{NuscenesScene, read_nuscenes};
 pub use sequence::{
     BoxTrack, LabelledScan, LabelledSequence, PointLabel, PsogOptions, TrackPose, build_psog,
 };

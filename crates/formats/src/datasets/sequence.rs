@@ -68,12 +68,12 @@ impl BoxTrack {
     const NOISE: [f64; 2] = [0.05, 0.02];
 
     /// True if the box stays within 0.5 m of where it was first seen: its points are merged over frames.
-    pub fn at_rest(&self) -> bool {
+    pub(super) fn at_rest(&self) -> bool {
         self.stays_within([Self::AT_REST, f64::INFINITY])
     }
 
     /// True if the box stays where it was first seen, but for noise of 5 cm and 0.02 rad.
-    pub(crate) fn is_fixed(&self) -> bool {
+    pub(super) fn is_fixed(&self) -> bool {
         self.stays_within(Self::NOISE)
     }
 
@@ -175,7 +175,6 @@ pub fn build_psog<S: LabelledSequence>(
     Ok(builder.finish()?)
 }
 
-/// Adds the frames of a sequence.
 fn add(
     sequence: &impl LabelledSequence,
     options: &PsogOptions,
@@ -248,6 +247,16 @@ const LARGEST: u64 = 256 << 20;
 pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
     let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
     sightline_files::files::open(path).map_err(to_read)
+}
+
+/// Paths of all that lies in a folder.
+pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(to_read)? {
+        paths.push(entry.map_err(to_read)?.path());
+    }
+    Ok(paths)
 }
 
 /// The bytes of a file of at most [`LARGEST`].

@@ -3,11 +3,12 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use sightline_files::files::FileError;
 use sightline_scan::Scan;
 
 use super::folder::{ABOUT, About, Folder, INCOMPLETE};
 use super::plan::{Label, Planned, check_map, of_classes, plan};
-use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, nuscenes, record};
+use super::{Checked, DatasetSettings, ExportError, Layout, SceneFacts, kitti, nuscenes, record};
 
 /// A data set folder that grows scan by scan, of one placement; several scenes are sequences of it.
 ///
@@ -47,16 +48,12 @@ pub struct Summary {
 }
 
 impl PreparedDataset {
-    fn new(
-        dir: &Path,
-        settings: &DatasetSettings,
-        scenes: &[SceneFacts],
-    ) -> Result<Self, ExportError> {
+    fn new(dir: &Path, settings: &DatasetSettings, scenes: &[SceneFacts]) -> Checked<Self> {
         let plan = plan(settings, scenes)?;
         check_map(scenes, &settings.map)?;
         let mut labels = Vec::new();
         if settings.layout == Layout::SemanticKitti {
-            let path = std::path::absolute(dir).map_err(ExportError::io(dir))?;
+            let path = std::path::absolute(dir).map_err(FileError::io(dir))?;
             if path.to_string_lossy().contains("velodyne") {
                 return Err(ExportError::Velodyne { path });
             }
@@ -84,7 +81,7 @@ impl Dataset {
         scenes: &[SceneFacts],
     ) -> Result<usize, ExportError> {
         let folder = PreparedDataset::new(dir, settings, scenes)?.folder;
-        Ok(missing(&folder, scenes).count())
+        Ok(missing(&folder, scenes))
     }
 
     /// Makes the folder, or goes on with one that the same settings and files have begun.
@@ -114,7 +111,7 @@ impl Dataset {
         };
         if !known {
             set.folder.put_json(ABOUT, &about)?;
-        } else if set.missing().1.is_some() {
+        } else if set.missing() > 0 {
             // Frames of a complete set may be gone since; its first description stays as it was written.
             let mut begun = About::read(dir)?;
             begun.complete = false;
@@ -135,8 +132,8 @@ impl Dataset {
     /// # Errors
     /// A full disk.
     pub fn say_missing(&self) -> Result<(), ExportError> {
-        let (missing, first) = self.missing();
-        if first.is_none() {
+        let missing = self.missing();
+        if missing == 0 {
             return Ok(());
         }
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
@@ -199,7 +196,7 @@ impl Dataset {
         folder.keep(scene, &record)?;
         if !self.measured.swap(true, Ordering::Relaxed) {
             let bytes: u64 = record.files.iter().map(|file| file.bytes).sum();
-            let frames = self.others.saturating_add(self.missing().0 as u64);
+            let frames = self.others.saturating_add(self.missing() as u64);
             folder.check_space(bytes.saturating_mul(frames))?;
         }
         Ok(())
@@ -211,11 +208,9 @@ impl Dataset {
         frames.iter().copied().filter(|&frame| !self.has(scene, frame)).collect()
     }
 
-    /// Frames that are not there, and the first of them.
-    fn missing(&self) -> (usize, Option<(usize, usize)>) {
-        let mut missing = missing(&self.folder, &self.scenes);
-        let first = missing.next();
-        (usize::from(first.is_some()) + missing.count(), first)
+    /// Number of frames that are not there.
+    fn missing(&self) -> usize {
+        missing(&self.folder, &self.scenes)
     }
 
     /// Writes tables, poses and lists, and marks the folder as whole.
@@ -228,7 +223,7 @@ impl Dataset {
         for (scene, frame) in all_frames(&self.scenes) {
             let Some(record) = self.folder.whole(scene, frame) else {
                 self.say_missing()?;
-                let (path, missing) = (self.folder.root.clone(), self.missing().0);
+                let (path, missing) = (self.folder.root.clone(), self.missing());
                 let scene = self.scenes[scene].name.clone();
                 return Err(ExportError::Incomplete { path, missing, frames, scene, frame });
             };
@@ -259,9 +254,8 @@ fn all_frames(scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
     all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)))
 }
 
-/// Files that are not there.
-fn missing(folder: &Folder, scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
-    all_frames(scenes).filter(|&(scene, frame)| !folder.has(scene, frame))
+fn missing(folder: &Folder, scenes: &[SceneFacts]) -> usize {
+    all_frames(scenes).filter(|&(scene, frame)| !folder.has(scene, frame)).count()
 }
 
 /// Numbers of a rising list that are wanted, those that follow one another as one range.

@@ -1,6 +1,6 @@
 //! Why a data set cannot be written.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use sightline_files::files::FileError;
 use sightline_files::json::did_you_mean;
@@ -120,14 +120,7 @@ pub enum ExportError {
     /// The disk would not hold it.
     #[error("{}: the frames to come need about {need} MB, {free} MB are free; make room, or write fewer frames",
             path.display())]
-    Space {
-        /// Folder of the data set.
-        path: PathBuf,
-        /// Megabytes that it needs.
-        need: u64,
-        /// Megabytes that are free.
-        free: u64,
-    },
+    Space { path: PathBuf, need: u64, free: u64 },
     /// A view of a frame that is not there.
     #[error("the scene `{scene}` has no frame {frame}; name one of its frames, from 0")]
     NoFrame { scene: String, frame: usize },
@@ -135,12 +128,7 @@ pub enum ExportError {
     #[error(
         "the glTF would have more than {need} bytes, at most {limit} fit; show fewer placements, or no points"
     )]
-    GltfTooLarge {
-        /// Bytes needed so far.
-        need: u64,
-        /// Most that fit.
-        limit: u64,
-    },
+    GltfTooLarge { need: u64, limit: u64 },
     /// A sensor of the vehicle that has no beams.
     Sensor(#[from] SensorError),
     /// A LiDAR of a model that the vehicle does not have.
@@ -149,19 +137,5 @@ pub enum ExportError {
     File(#[from] FileError),
 }
 
-impl ExportError {
-    /// Names the file in an error of the operating system.
-    pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| Self::File(FileError::io(path)(source))
-    }
-
-    /// Names the place that could not be written.
-    pub(super) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| Self::File(FileError::write(path)(source))
-    }
-
-    /// Names the file in an error of its JSON.
-    pub(super) fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
-        move |source| Self::File(FileError::json(path)(source))
-    }
-}
+/// Result of a step of writing a data set.
+pub(super) type Checked<T> = Result<T, ExportError>;

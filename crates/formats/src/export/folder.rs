@@ -30,7 +30,6 @@ const MOST_BYTES: u64 = 1 << 28;
 /// Bytes that are put together before they are written: arrays of clouds are longer, and are not copied.
 const BUFFER: usize = 1 << 14;
 
-/// Folder of a data set.
 pub(super) struct Folder {
     pub(super) root: PathBuf,
 }
@@ -48,7 +47,7 @@ impl Folder {
     ///
     /// # Errors
     /// The hidden folder is a link or a file: cleaning up behind a link would delete other users' files.
-    pub fn at(root: &Path) -> Result<Self, ExportError> {
+    pub(super) fn at(root: &Path) -> Result<Self, ExportError> {
         let hidden = root.join(HIDDEN);
         match std::fs::symlink_metadata(&hidden) {
             Ok(meta) if !meta.is_dir() => Err(ExportError::Hidden { path: hidden }),
@@ -60,56 +59,57 @@ impl Folder {
     ///
     /// # Errors
     /// See [`Self::at`], and a place that cannot be written.
-    pub fn open(root: &Path) -> Result<Self, ExportError> {
+    pub(super) fn open(root: &Path) -> Result<Self, ExportError> {
         let folder = Self::at(root)?;
         let hidden = root.join(HIDDEN);
-        std::fs::create_dir_all(&hidden).map_err(ExportError::write(root))?;
+        std::fs::create_dir_all(&hidden).map_err(FileError::write(root))?;
         files::sweep(&hidden);
         Ok(folder)
     }
 
     /// Keeps other programs from finding out whether the folder is theirs, until the file is dropped. `None` where files
     /// cannot be locked, as on some network drives.
-    pub fn claim(&self) -> Option<File> {
+    pub(super) fn claim(&self) -> Option<File> {
         let claim = self.root.join(HIDDEN).join(CLAIM);
         let file = File::options().create(true).truncate(false).write(true).open(claim).ok()?;
         file.lock().ok().map(|()| file)
     }
 
     /// Waits until the disk has all files: once a set, not once a file.
-    pub fn sync(&self) {
+    pub(super) fn sync(&self) {
         files::sync_disk(&self.root);
     }
 
     /// Begins a file, named from the root with `/`.
-    pub fn begin(&self, name: &str) -> Result<StagedFile, ExportError> {
+    pub(super) fn begin(&self, name: &str) -> Result<StagedFile, ExportError> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
-        let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::write(&place))?;
+        let (file, temporary) = files::begin_in(&hidden).map_err(FileError::write(&place))?;
         let out = BufWriter::with_capacity(BUFFER, file);
         Ok(StagedFile { out, _temporary: temporary, place, name: name.to_owned() })
     }
 
     /// Writes a file of records of any kind.
-    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<Written, ExportError> {
+    pub(super) fn put(&self, name: &str, bytes: &[u8]) -> Result<Written, ExportError> {
         let mut staged = self.begin(name)?;
         staged.write(|out| out.write_all(bytes))?;
         staged.end()
     }
 
-    /// Writes a value as JSON.
     pub(crate) fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
         let mut text =
-            serde_json::to_vec_pretty(value).map_err(ExportError::json(&self.root.join(name)))?;
+            serde_json::to_vec_pretty(value).map_err(FileError::json(&self.root.join(name)))?;
         text.push(b'\n');
         self.put(name, &text).map(drop)
     }
 
     /// Takes a file away, if it is there.
-    pub fn remove(&self, name: &str) -> Result<(), ExportError> {
+    pub(super) fn remove(&self, name: &str) -> Result<(), ExportError> {
         let path = self.root.join(name);
         match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(ExportError::io(&path)(error)),
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(FileError::io(&path)(error).into())
+            }
             _ => Ok(()),
         }
     }
@@ -119,12 +119,12 @@ impl Folder {
     }
 
     /// True if a frame is there whole.
-    pub fn has(&self, scene: usize, frame: usize) -> bool {
+    pub(super) fn has(&self, scene: usize, frame: usize) -> bool {
         self.whole(scene, frame).is_some()
     }
 
     /// The record of a frame that is there whole.
-    pub fn whole(&self, scene: usize, frame: usize) -> Option<FrameRecord> {
+    pub(super) fn whole(&self, scene: usize, frame: usize) -> Option<FrameRecord> {
         let is_there = |file: &Written| {
             let meta = std::fs::metadata(self.root.join(&file.path));
             meta.is_ok_and(|meta| meta.is_file() && meta.len() == file.bytes)
@@ -133,16 +133,16 @@ impl Folder {
     }
 
     /// Keeps the record of a frame whose files are all in place.
-    pub fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), ExportError> {
+    pub(super) fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), ExportError> {
         let name = Self::record_name(scene, record.frame);
-        let text = serde_json::to_vec(record).map_err(ExportError::json(&self.root.join(&name)))?;
+        let text = serde_json::to_vec(record).map_err(FileError::json(&self.root.join(&name)))?;
         self.put(&name, &text).map(drop)
     }
 
-    pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
+    pub(super) fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
         let path = self.root.join(Self::record_name(scene, frame));
-        let text = files::read_own(&path, MOST_BYTES).map_err(ExportError::io(&path))?;
-        serde_json::from_slice(&text).map_err(ExportError::json(&path))
+        let text = files::read_own(&path, MOST_BYTES).map_err(FileError::io(&path))?;
+        Ok(serde_json::from_slice(&text).map_err(FileError::json(&path))?)
     }
 
     /// Checks that the disk holds `need` more bytes, where the system reports its free space.
@@ -162,26 +162,25 @@ impl Folder {
 
 impl StagedFile {
     /// The writer; errors name the place of the file.
-    pub fn write<T>(
+    pub(super) fn write<T>(
         &mut self,
         write: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<T>,
     ) -> Result<T, ExportError> {
-        write(&mut self.out).map_err(ExportError::write(&self.place))
+        Ok(write(&mut self.out).map_err(FileError::write(&self.place))?)
     }
 
-    /// Moves the file to its place.
-    pub fn end(self) -> Result<Written, ExportError> {
+    pub(super) fn end(self) -> Result<Written, ExportError> {
         let Self { out, place, name, _temporary } = self;
-        let io = |error| ExportError::write(&place)(error);
+        let io = |error| FileError::write(&place)(error);
         files::is_no_input(&place)?;
         let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
         let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
         if let Err(error) = file.persist(&place) {
             // Most files come into a folder that is there: it is made where it is not.
             let (Some(folder), ErrorKind::NotFound) = (place.parent(), error.error.kind()) else {
-                return Err(io(error.error));
+                return Err(io(error.error).into());
             };
-            std::fs::create_dir_all(folder).map_err(ExportError::write(folder))?;
+            std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
             error.file.persist(&place).map_err(|error| io(error.error))?;
         }
         Ok(Written { path: name, bytes })
@@ -211,7 +210,7 @@ struct Called {
 
 impl About {
     /// A data set that is not whole.
-    pub fn new(settings: &DatasetSettings, scenes: &[SceneFacts], plan: &[Planned]) -> Self {
+    pub(super) fn new(settings: &DatasetSettings, scenes: &[SceneFacts], plan: &[Planned]) -> Self {
         let called = scenes.iter().zip(plan).map(|(scene, planned)| Called {
             scene: scene.name.clone(),
             name: planned.name.clone(),
@@ -226,7 +225,7 @@ impl About {
         }
     }
 
-    pub fn read(dir: &Path) -> Result<Self, ExportError> {
+    pub(super) fn read(dir: &Path) -> Result<Self, ExportError> {
         let path = dir.join(ABOUT);
         let text = files::read_own(&path, MOST_BYTES).map_err(FileError::io(&path))?;
         serde_json::from_slice(&text).map_err(|why| ExportError::About { path, why })
@@ -237,7 +236,7 @@ impl About {
     /// # Errors
     /// A folder of something else, of other settings, or of scenes whose files have changed since; a new one within
     /// another data set.
-    pub fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
+    pub(super) fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
         let mut entries = match std::fs::read_dir(dir) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return lies_in_no_set(dir).map(|()| false);
@@ -246,7 +245,7 @@ impl About {
                 // For a place below a file, that file is in the way.
                 return Err(match dir.ancestors().find(|place| place.is_file()) {
                     Some(file) => ExportError::NoFolder { path: file.to_owned() },
-                    None => ExportError::io(dir)(error),
+                    None => FileError::io(dir)(error).into(),
                 });
             }
             Ok(entries) => entries,

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use sightline_scene::scene::{PartOwner, Scene};
 use sightline_scene::vehicle::{Placement, SensorPose, Sensors};
 
-use super::ExportError;
+use super::{Checked, ExportError};
 use container::{Container, Frustum, PrimitiveMode};
 
 /// Takes ISO 8855 to glTF: x, y, z, w. A third of a turn about (1, 1, 1), backwards.
@@ -121,7 +121,7 @@ impl Writer<'_> {
     }
 
     /// Static world, actors, ego body: a node each that has triangles.
-    fn parts(&mut self) -> Result<Vec<usize>, ExportError> {
+    fn parts(&mut self) -> Checked<Vec<usize>> {
         let scene = self.view.scene;
         let tracks = scene.tracks();
         let mut nodes = Vec::new();
@@ -153,7 +153,7 @@ impl Writer<'_> {
     }
 
     /// A mesh and a node for each class of the static world.
-    fn world(&mut self, soup: &TriangleSoup) -> Result<Vec<usize>, ExportError> {
+    fn world(&mut self, soup: &TriangleSoup) -> Checked<Vec<usize>> {
         let mut nodes = Vec::new();
         for (class, corners, indices) in by_class(soup) {
             let name = format!("static {}", self.class(class));
@@ -165,7 +165,7 @@ impl Writer<'_> {
     }
 
     /// Mesh of a thing, a primitive for each of its classes; equal things share one mesh.
-    fn shape(&mut self, name: &str, soup: &TriangleSoup) -> Result<usize, ExportError> {
+    fn shape(&mut self, name: &str, soup: &TriangleSoup) -> Checked<usize> {
         let mut key = bytemuck::cast_slice(&soup.vertices).to_vec();
         key.extend_from_slice(bytemuck::cast_slice(&soup.faces));
         key.extend_from_slice(bytemuck::cast_slice(&soup.face_class));
@@ -181,19 +181,14 @@ impl Writer<'_> {
         Ok(mesh)
     }
 
-    fn triangles(
-        &mut self,
-        class: u16,
-        corners: &[[f32; 3]],
-        indices: &[u32],
-    ) -> Result<Value, ExportError> {
+    fn triangles(&mut self, class: u16, corners: &[[f32; 3]], indices: &[u32]) -> Checked<Value> {
         let (positions, indices) = (self.out.positions(corners)?, self.out.indices(indices)?);
         let material = self.material(class);
         Ok(PrimitiveMode::Triangles.primitive(positions, Some(indices), material))
     }
 
     /// A node for each placement, in it a node for each LiDAR, in it a node for its frustum.
-    fn rigs(&mut self) -> Result<Vec<usize>, ExportError> {
+    fn rigs(&mut self) -> Checked<Vec<usize>> {
         let placements = self.view.placements;
         if placements.is_empty() {
             return Ok(Vec::new());
@@ -254,7 +249,7 @@ impl Writer<'_> {
     }
 
     /// A node of points for each of their classes, under one node.
-    fn points(&mut self) -> Result<Option<usize>, ExportError> {
+    fn points(&mut self) -> Checked<Option<usize>> {
         let mut sorted = self.view.points.to_vec();
         sorted.sort_by_key(|&(class, _)| class);
         let mut nodes = Vec::new();

@@ -132,7 +132,6 @@ impl Sequence {
         })
     }
 
-    /// Adds the frame that is next.
     fn add(&mut self, record: &FrameRecord) -> Result<(), ExportError> {
         let here = self.first_from_world.compose(&world_from_source(record, self.source));
         self.poses.write(|out| writeln!(out, "{}", line(&here)))?;
@@ -206,42 +205,40 @@ fn info<W: Write>(p: &mut Pickle<W>, sequence: &str, at: usize) -> io::Result<()
     })
 }
 
-/// A pickle that is being written.
 struct Pickle<W: Write>(W);
 
 impl<W: Write> Pickle<W> {
-    /// Begins with the version.
-    pub fn new(mut out: W) -> io::Result<Self> {
+    fn new(mut out: W) -> io::Result<Self> {
         out.write_all(b"\x80\x02")?;
         Ok(Self(out))
     }
 
-    pub fn text(&mut self, text: &str) -> io::Result<()> {
+    fn text(&mut self, text: &str) -> io::Result<()> {
         self.0.write_all(b"X")?;
         self.0.write_all(&(text.len() as u32).to_le_bytes())?;
         self.0.write_all(text.as_bytes())
     }
 
-    pub fn number(&mut self, number: i32) -> io::Result<()> {
+    fn number(&mut self, number: i32) -> io::Result<()> {
         self.0.write_all(b"J")?;
         self.0.write_all(&number.to_le_bytes())
     }
 
     /// Writes a list with the items of `items`.
-    pub fn list(&mut self, items: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
+    fn list(&mut self, items: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
         self.0.write_all(b"](")?;
         items(self)?;
         self.0.write_all(b"e")
     }
 
     /// Writes a dictionary with the pairs of `pairs`: key, value, key, value.
-    pub fn dict(&mut self, pairs: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
+    fn dict(&mut self, pairs: impl FnOnce(&mut Self) -> io::Result<()>) -> io::Result<()> {
         self.0.write_all(b"}(")?;
         pairs(self)?;
         self.0.write_all(b"u")
     }
 
-    pub fn end(mut self) -> io::Result<()> {
+    fn end(mut self) -> io::Result<()> {
         self.0.write_all(b".")?;
         self.0.flush()
     }

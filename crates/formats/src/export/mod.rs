@@ -18,6 +18,7 @@ mod record;
 mod tests;
 
 pub use dataset::{Dataset, Summary};
+use error::Checked;
 pub use error::ExportError;
 pub use glb::{Glb, GltfView};
 pub use plan::{DatasetSettings, Layout, SceneFacts, Split, Splits};

@@ -17,7 +17,6 @@ use super::{DatasetSettings, ExportError, Split};
 
 pub(super) use frames::finish;
 
-/// Largest intensity.
 const FULL: f32 = 255.0;
 /// Microseconds at which the first scene begins; scenes lie apart by their number.
 const EPOCH: i64 = 1_532_402_927_000_000;
@@ -49,7 +48,6 @@ impl SceneExport<'_> {
         token(&["sample_data", &self.planned.name, channel, &at.to_string()])
     }
 
-    /// File of a cloud.
     fn file(&self, channel: &str, at: usize, time: f64) -> String {
         let folder = if self.is_keyframe(at) { "samples" } else { "sweeps" };
         let (scene, stamp) = (&self.planned.name, self.timestamp(time));

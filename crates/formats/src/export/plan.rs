@@ -10,9 +10,9 @@ use sightline_files::json::nearest;
 use sightline_scan::{EGO_INSTANCE, Return, TrackedBox};
 use sightline_scene::scene::ActorKind;
 
-use super::ExportError;
 use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;
+use super::{Checked, ExportError};
 
 /// Format of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,7 +41,7 @@ impl Layout {
 impl FromStr for Layout {
     type Err = ExportError;
 
-    fn from_str(name: &str) -> Result<Self, ExportError> {
+    fn from_str(name: &str) -> Checked<Self> {
         let all = [Self::SemanticKitti, Self::Nuscenes, Self::Npz];
         let found = all.into_iter().find(|layout| layout.name() == name);
         found.ok_or_else(|| ExportError::UnknownLayout { name: name.to_owned() })
@@ -63,13 +63,8 @@ pub enum Split {
 impl Split {
     pub(super) const ALL: [Self; 3] = [Self::Train, Self::Val, Self::Test];
 
-    /// Name in data sets.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Val => "val",
-            Self::Test => "test",
-        }
+    pub(super) fn name(self) -> &'static str {
+        ["train", "val", "test"][self as usize]
     }
 }
 
@@ -159,15 +154,18 @@ pub(super) struct Planned {
 }
 
 /// Gives every scene its split and its name.
-pub(super) fn plan(
-    settings: &DatasetSettings,
-    scenes: &[SceneFacts],
-) -> Result<Vec<Planned>, ExportError> {
+pub(super) fn plan(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Checked<Vec<Planned>> {
     check(settings, scenes)?;
     let splits = assign(settings, scenes);
     let names = Split::ALL.map(|split| splits.iter().filter(|at| **at == split).count());
     let names = match settings.layout {
-        Layout::Npz => return Ok(own_names(scenes, &splits)),
+        Layout::Npz => {
+            let own = |(scene, split): (&SceneFacts, Split)| Planned {
+                split,
+                name: safe_name(&scene.name),
+            };
+            return Ok(scenes.iter().zip(splits).map(own).collect());
+        }
         Layout::SemanticKitti => {
             let named = |list: &[usize]| list.iter().map(|n| format!("{n:02}")).collect();
             limited(settings, names, SEQUENCES.map(named))?
@@ -175,12 +173,11 @@ pub(super) fn plan(
         Layout::Nuscenes => limited(settings, names, scene_names(names))?,
     };
     let mut names = names.map(Vec::into_iter);
-    let next = |split: Split| names[split as usize].next().unwrap_or_default();
-    let mut next = next;
+    let mut next = |split: Split| names[split as usize].next().unwrap_or_default();
     Ok(splits.into_iter().map(|split| Planned { split, name: next(split) }).collect())
 }
 
-fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), ExportError> {
+fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Checked<()> {
     let Splits { train, val, test } = settings.splits;
     let shares = [train, val, test];
     if shares.iter().any(|s| !(0.0..1e9).contains(s)) || shares.iter().sum::<f64>() <= 0.0 {
@@ -208,28 +205,18 @@ fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), Export
                 false => ExportError::SameFolder { scene, other, folder },
             });
         }
-        if let Some(unfit) = unfit(&folder).filter(|_| settings.layout == Layout::Npz) {
-            return Err(ExportError::FolderName { scene, unfit });
+        if settings.layout == Layout::Npz && [ABOUT, INCOMPLETE].contains(&folder.as_str()) {
+            return Err(ExportError::FolderName { scene, unfit: "a file of the set has it" });
         }
     }
     Ok(())
-}
-
-/// Why a folder of a data set cannot have a name.
-fn unfit(name: &str) -> Option<&'static str> {
-    [ABOUT, INCOMPLETE].contains(&name).then_some("a file of the set has it")
-}
-
-fn own_names(scenes: &[SceneFacts], splits: &[Split]) -> Vec<Planned> {
-    let named = scenes.iter().zip(splits);
-    named.map(|(scene, &split)| Planned { split, name: safe_name(&scene.name) }).collect()
 }
 
 fn limited(
     settings: &DatasetSettings,
     wanted: [usize; 3],
     names: [Vec<String>; 3],
-) -> Result<[Vec<String>; 3], ExportError> {
+) -> Checked<[Vec<String>; 3]> {
     for split in Split::ALL {
         let (scenes, limit) = (wanted[split as usize], names[split as usize].len());
         if scenes > limit {
@@ -296,93 +283,42 @@ const NOISE: Label = still(0, 0);
 /// Own body: an outlier of SemanticKITTI.
 const EGO: Label = still(1, 31);
 
-/// Classes of scenes by name: the 21 default classes, SemanticKITTI's, and common names of actors in scenes.
+/// Classes of scenes by name: the 21 default classes, SemanticKITTI's, and common names of actors in scenes. Small walls and
+/// crash barriers count as fences.
+#[rustfmt::skip] // Words of a list stand side by side.
 const CLASSES: [(&str, Label); 58] = [
-    ("building", still(50, 28)),
-    ("fence", still(51, 28)),
-    ("other", still(99, 29)),
-    ("pedestrian", moving(30, 254, 2)),
-    ("pole", still(80, 28)),
-    ("road_line", still(60, 24)),
-    ("road", still(40, 24)),
-    ("sidewalk", still(48, 26)),
-    ("vegetation", still(70, 30)),
-    ("vehicle", moving(10, 252, 17)),
-    // Small walls and crash barriers count as fences.
-    ("wall", still(51, 28)),
-    ("traffic_sign", still(81, 28)),
-    ("ground", still(49, 25)),
-    ("bridge", still(52, 28)),
-    ("rail_track", still(49, 25)),
-    ("guard_rail", still(51, 28)),
-    ("traffic_light", still(99, 28)),
-    ("static", still(99, 29)),
-    ("dynamic", still(99, 10)),
-    ("water", still(0, 25)),
-    ("terrain", still(72, 27)),
-    ("unlabeled", still(0, 0)),
-    ("outlier", still(1, 0)),
-    ("car", moving(10, 252, 17)),
-    ("van", moving(10, 252, 17)),
-    ("bicycle", moving(11, 253, 14)),
-    ("bus", moving(13, 257, 16)),
-    ("motorcycle", moving(15, 255, 21)),
-    ("on-rails", moving(16, 256, 16)),
-    ("truck", moving(18, 258, 23)),
-    ("trailer", moving(20, 259, 22)),
-    ("construction", moving(20, 259, 18)),
-    ("other-vehicle", moving(20, 259, 18)),
-    ("person", moving(30, 254, 2)),
-    ("bicyclist", moving(31, 253, 14)),
-    ("motorcyclist", moving(32, 255, 21)),
-    ("animal", still(99, 1)),
-    ("parking", still(44, 24)),
-    ("other-ground", still(49, 25)),
-    ("other-structure", still(52, 28)),
-    ("lane-marking", still(60, 24)),
-    ("trunk", still(71, 30)),
-    ("traffic-sign", still(81, 28)),
-    ("other-object", still(99, 29)),
-    ("moving-car", still(252, 17)),
-    ("moving-bicyclist", still(253, 14)),
-    ("moving-person", still(254, 2)),
-    ("moving-motorcyclist", still(255, 21)),
-    ("moving-on-rails", still(256, 16)),
-    ("moving-bus", still(257, 16)),
-    ("moving-truck", still(258, 23)),
-    ("moving-other-vehicle", still(259, 18)),
-    ("sky", still(0, 0)),
-    ("grass", still(72, 27)),
-    ("tree", still(70, 30)),
-    ("barrier", still(51, 9)),
-    ("traffic_cone", still(99, 12)),
-    ("curb", still(48, 26)),
+    ("building", still(50, 28)), ("fence", still(51, 28)), ("other", still(99, 29)),
+    ("pedestrian", moving(30, 254, 2)), ("pole", still(80, 28)), ("road_line", still(60, 24)),
+    ("road", still(40, 24)), ("sidewalk", still(48, 26)), ("vegetation", still(70, 30)),
+    ("vehicle", moving(10, 252, 17)), ("wall", still(51, 28)), ("traffic_sign", still(81, 28)),
+    ("ground", still(49, 25)), ("bridge", still(52, 28)), ("rail_track", still(49, 25)),
+    ("guard_rail", still(51, 28)), ("traffic_light", still(99, 28)), ("static", still(99, 29)),
+    ("dynamic", still(99, 10)), ("water", still(0, 25)), ("terrain", still(72, 27)), ("unlabeled", still(0, 0)),
+    ("outlier", still(1, 0)), ("car", moving(10, 252, 17)), ("van", moving(10, 252, 17)),
+    ("bicycle", moving(11, 253, 14)), ("bus", moving(13, 257, 16)), ("motorcycle", moving(15, 255, 21)),
+    ("on-rails", moving(16, 256, 16)), ("truck", moving(18, 258, 23)), ("trailer", moving(20, 259, 22)),
+    ("construction", moving(20, 259, 18)), ("other-vehicle", moving(20, 259, 18)), ("person", moving(30, 254, 2)),
+    ("bicyclist", moving(31, 253, 14)), ("motorcyclist", moving(32, 255, 21)), ("animal", still(99, 1)),
+    ("parking", still(44, 24)), ("other-ground", still(49, 25)), ("other-structure", still(52, 28)),
+    ("lane-marking", still(60, 24)), ("trunk", still(71, 30)), ("traffic-sign", still(81, 28)),
+    ("other-object", still(99, 29)), ("moving-car", still(252, 17)), ("moving-bicyclist", still(253, 14)),
+    ("moving-person", still(254, 2)), ("moving-motorcyclist", still(255, 21)), ("moving-on-rails", still(256, 16)),
+    ("moving-bus", still(257, 16)), ("moving-truck", still(258, 23)), ("moving-other-vehicle", still(259, 18)),
+    ("sky", still(0, 0)), ("grass", still(72, 27)), ("tree", still(70, 30)), ("barrier", still(51, 9)),
+    ("traffic_cone", still(99, 12)), ("curb", still(48, 26)),
 ];
 
-/// Label of an actor whose kind says more than its classes; `None` leaves it to these.
+/// Label of an actor whose kind says more than its classes: that of the class of its name; `None` leaves it to these.
 pub(super) fn of_kind(kind: ActorKind) -> Option<Label> {
-    Some(match kind {
-        ActorKind::Car | ActorKind::Van => moving(10, 252, 17),
-        ActorKind::Truck => moving(18, 258, 23),
-        ActorKind::Bus => moving(13, 257, 16),
-        ActorKind::Trailer => moving(20, 259, 22),
-        ActorKind::Construction => moving(20, 259, 18),
-        ActorKind::Motorcycle => moving(15, 255, 21),
-        ActorKind::Bicycle => moving(11, 253, 14),
-        ActorKind::Pedestrian => moving(30, 254, 2),
-        ActorKind::Animal => still(99, 1),
-        ActorKind::Other => return None,
-    })
+    let label = CLASSES.iter().find(|(name, _)| *name == kind.name()).map(|(_, label)| *label);
+    label.filter(|_| kind != ActorKind::Other)
 }
 
 /// Checks that every class that is mapped is one of a scene.
 ///
 /// # Errors
 /// A class that no scene has.
-pub(super) fn check_map(
-    scenes: &[SceneFacts],
-    map: &[(String, String)],
-) -> Result<(), ExportError> {
+pub(super) fn check_map(scenes: &[SceneFacts], map: &[(String, String)]) -> Checked<()> {
     let mut known: Vec<&str> =
         scenes.iter().flat_map(|scene| &scene.classes).map(String::as_str).collect();
     known.sort_unstable();
@@ -408,10 +344,7 @@ pub(super) fn check_map(
 ///
 /// # Errors
 /// A class without a label, a map to a class without one.
-pub(super) fn of_classes(
-    scene: &SceneFacts,
-    map: &[(String, String)],
-) -> Result<Vec<Label>, ExportError> {
+pub(super) fn of_classes(scene: &SceneFacts, map: &[(String, String)]) -> Checked<Vec<Label>> {
     let known: HashMap<&str, Label> = CLASSES.into_iter().collect();
     for (class, to) in map {
         if !known.contains_key(to.as_str()) {
@@ -435,7 +368,7 @@ pub(super) struct ScanLabels<'a> {
 }
 
 impl<'a> ScanLabels<'a> {
-    pub fn new(classes: &'a [Label], boxes: &[TrackedBox]) -> Self {
+    pub(super) fn new(classes: &'a [Label], boxes: &[TrackedBox]) -> Self {
         let most = boxes.iter().map(|tracked| usize::from(tracked.instance)).max();
         let mut actors = vec![None; most.map_or(0, |most| most + 1)];
         for tracked in boxes {
@@ -459,7 +392,7 @@ impl<'a> ScanLabels<'a> {
     }
 
     /// The `u32` of a SemanticKITTI label: id below, instance above.
-    pub fn kitti(&self, point: &Return) -> u32 {
+    pub(super) fn kitti(&self, point: &Return) -> u32 {
         let (label, moves) = self.of(point);
         let id = if moves { label.kitti_moving } else { label.kitti };
         let is_noise = usize::from(point.class) >= self.classes.len();
@@ -468,7 +401,7 @@ impl<'a> ScanLabels<'a> {
     }
 
     /// Index of the category of nuScenes lidarseg.
-    pub fn nuscenes(&self, point: &Return) -> u8 {
+    pub(super) fn nuscenes(&self, point: &Return) -> u8 {
         self.of(point).0.nuscenes
     }
 }

@@ -13,7 +13,7 @@ use sightline_scan::{Return, Scan, ScanLidar, Scanner};
 use sightline_scene::psog::{NpzOut, write_npz};
 
 use super::folder::Folder;
-use super::{Dataset, ExportError};
+use super::{Checked, Dataset, ExportError};
 
 /// A rigid transform: rotation by columns, then translation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -29,14 +29,13 @@ impl From<&Pose> for Transform {
 }
 
 impl Transform {
-    pub fn pose(&self) -> Pose {
+    pub(super) fn pose(&self) -> Pose {
         let [x0, x1, x2, y0, y1, y2, z0, z1, z2, t @ ..] = self.0;
         let rotation = DMat3::from_cols_array(&[x0, x1, x2, y0, y1, y2, z0, z1, z2]);
         Pose { rotation, translation: DVec3::from_array(t) }
     }
 }
 
-/// A LiDAR of the rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LidarRecord {
     pub model: String,
@@ -47,7 +46,6 @@ pub(super) struct LidarRecord {
     pub range: f32,
 }
 
-/// An actor's box.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct BoxRecord {
     pub instance: u16,
@@ -56,16 +54,14 @@ pub(super) struct BoxRecord {
     /// Index of its nuScenes category.
     pub category: u8,
     pub ego_from_box: Transform,
-    pub size: DVec3List,
-    pub velocity: DVec3List,
+    pub size: [f64; 3],
+    pub velocity: [f64; 3],
     /// Points in it, as the layout counts them.
     pub points: u32,
     /// Share of its hull that the rig sees, where the layout says it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visible: Option<f32>,
 }
-
-type DVec3List = [f64; 3];
 
 /// A file that belongs to a frame, and how long it must be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -90,7 +86,7 @@ pub(super) struct FrameRecord {
 
 impl FrameRecord {
     /// A record without files. `boxes` holds category and points of each box, in order.
-    pub fn new(scan: &Scan, boxes: Vec<(u8, u32)>) -> Self {
+    pub(super) fn new(scan: &Scan, boxes: Vec<(u8, u32)>) -> Self {
         let lidars = scan.lidars.iter().map(|lidar| LidarRecord {
             model: lidar.model.clone(),
             ego_from_mount: (&lidar.ego_from_mount).into(),
@@ -159,10 +155,8 @@ pub fn record(
     }
 }
 
-/// Whose points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CloudOrigin {
-    /// All LiDARs as one.
     Merged,
     /// One LiDAR, by its number in the rig.
     Lidar(usize),
@@ -170,12 +164,12 @@ pub(super) enum CloudOrigin {
 
 impl CloudOrigin {
     /// All sources of a rig: merged first.
-    pub fn all(lidars: usize, each: bool) -> impl Iterator<Item = Self> {
+    pub(super) fn all(lidars: usize, each: bool) -> impl Iterator<Item = Self> {
         let each = if each { lidars } else { 0 };
         std::iter::once(Self::Merged).chain((0..each).map(Self::Lidar))
     }
 
-    pub fn takes(self, point: &Return) -> bool {
+    pub(super) fn takes(self, point: &Return) -> bool {
         match self {
             Self::Merged => true,
             Self::Lidar(lidar) => usize::from(point.lidar) == lidar,
@@ -183,7 +177,7 @@ impl CloudOrigin {
     }
 
     /// The frame that its points are given in; merged ones in the middle of the LiDARs, turned as `turn`.
-    pub fn ego_from_sensor(self, lidars: &[Pose], turn: DMat3) -> Pose {
+    pub(super) fn ego_from_sensor(self, lidars: &[Pose], turn: DMat3) -> Pose {
         match self {
             Self::Lidar(lidar) => lidars.get(lidar).copied().unwrap_or(Pose::IDENTITY),
             Self::Merged => {
@@ -203,22 +197,17 @@ pub(super) fn mounts(scan: &Scan) -> Vec<Pose> {
 pub(super) struct Mover(Pose);
 
 impl Mover {
-    pub fn new(ego_from_sensor: &Pose) -> Self {
+    pub(super) fn new(ego_from_sensor: &Pose) -> Self {
         Self(ego_from_sensor.inverse())
     }
 
-    pub fn position(&self, point: &Return) -> [f32; 3] {
+    pub(super) fn position(&self, point: &Return) -> [f32; 3] {
         self.0.apply(DVec3::from(point.position.map(f64::from))).as_vec3().to_array()
     }
 }
 
 /// Writes a scan to `SCENE/NNNNNN.npz`.
-pub(super) fn write(
-    folder: &Folder,
-    scene: &str,
-    at: usize,
-    scan: &Scan,
-) -> Result<FrameRecord, ExportError> {
+pub(super) fn write(folder: &Folder, scene: &str, at: usize, scan: &Scan) -> Checked<FrameRecord> {
     let mut staged = folder.begin(&format!("{scene}/{at:06}.npz"))?;
     staged.write(|out| {
         write_npz(out, false, |npz| {

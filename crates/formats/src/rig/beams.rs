@@ -33,7 +33,6 @@ pub(super) enum RigBeams<'a> {
     Known(Fan),
     /// A sensor known by name, whose channels are uneven.
     Uneven,
-    /// Nothing says them.
     Unknown,
 }
 
@@ -55,7 +54,6 @@ impl Models {
         self.0.iter().filter_map(|model| model.name.clone()).collect()
     }
 
-    /// Number of models.
     pub(super) fn count(&self) -> usize {
         self.0.len()
     }
@@ -67,15 +65,14 @@ impl Models {
             (None, [only]) => Some(only),
             (None, _) => None,
         };
-        match (found, lidar.sensor.as_deref().and_then(fan)) {
+        match (found, lidar.sensor.as_deref().and_then(find)) {
             (Some(model), _) => RigBeams::Given(&model.lidar, model.min_range, model.rate),
-            (None, Some(Some(fan))) => RigBeams::Known(fan),
-            (None, Some(None)) => RigBeams::Uneven,
+            (None, Some(known)) => known.fan.map_or(RigBeams::Uneven, RigBeams::Known),
             (None, None) => RigBeams::Unknown,
         }
     }
 
-    /// The fan of a LiDAR, even where its channels are not; `None` where it has none or its beams are not known.
+    /// The fan of a LiDAR, also of uneven channels; `None` if it has no fan, or its beams are not known.
     pub(super) fn fan(&self, lidar: &RigLidar) -> Option<Fan> {
         match self.of(lidar) {
             RigBeams::Given(lidar, _, rate) => Fan::of(lidar).map(|fan| Fan { rate, ..fan }),
@@ -158,7 +155,7 @@ fn described(lidar: &Lidar) -> Value {
 /// Largest difference of two elevations that are told apart, in degrees.
 const SAME_DEGREES: f64 = 1e-3;
 /// Turns a second of a LiDAR that says nothing else.
-const TURNS_A_SECOND: f64 = 10.0;
+pub(super) const TURNS_A_SECOND: f64 = 10.0;
 
 /// Facts known of a sensor by its name.
 struct KnownSensor {
@@ -189,7 +186,7 @@ const KNOWN: [KnownSensor; 2] = [
 
 /// Channels over a vertical field of view, which turn: all that CARLA and Gazebo can be told of a LiDAR.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fan {
+pub(super) struct Fan {
     /// Number of channels.
     pub channels: u32,
     /// Lowest elevation in degrees.
@@ -209,11 +206,8 @@ pub struct Fan {
 }
 
 impl Fan {
-    /// Turns a second of a sensor that says nothing else.
-    pub(super) const USUAL_RATE: f64 = TURNS_A_SECOND;
-
     /// The fan of a sensor at the usual ten turns a second; `None` of one whose beams are a list of directions.
-    pub fn of(lidar: &Lidar) -> Option<Self> {
+    pub(super) fn of(lidar: &Lidar) -> Option<Self> {
         let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } = lidar
         else {
             return None;
@@ -236,14 +230,13 @@ impl Fan {
         })
     }
 
-    /// Beams a second.
-    pub(crate) fn points_a_second(&self) -> u64 {
+    pub(super) fn points_a_second(&self) -> u64 {
         let beams = u64::from(self.channels) * u64::from(self.azimuth_steps);
         (beams as f64 * self.rate).round() as u64
     }
 
     /// Horizontal field of view in degrees.
-    pub fn horizontal(&self) -> f64 {
+    pub(super) fn horizontal(&self) -> f64 {
         self.azimuth.map_or(360.0, |[from, to]| to - from)
     }
 
@@ -269,11 +262,6 @@ fn find(name: &str) -> Option<&'static KnownSensor> {
 /// Optical centre of a sensor above its foot, in metres.
 pub(super) fn optical_height(name: &str) -> Option<f64> {
     find(name).map(|known| known.optical_height)
-}
-
-/// Fan of a sensor that is known, `Some(None)` where its channels are uneven.
-fn fan(name: &str) -> Option<Option<Fan>> {
-    find(name).map(|known| known.fan)
 }
 
 /// A sensor's name as this program writes it, and any other name as it is.

@@ -10,15 +10,15 @@ use sightline_scene::vehicle::{SensorPose, of_degrees};
 
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::yaml::{Fields, PHASE, wrong};
-use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml};
+use super::{BASE_LINK, Checked, Fan, Models, Mounting, Rig, RigLidar, RigSource, beams, yaml};
 
 /// Type of the LiDAR that CARLA casts.
 const LIDAR: &str = "sensor.lidar.ray_cast";
 /// Attribute of a LiDAR that looks over a part of the turn, in degrees.
 const HORIZONTAL: &str = "horizontal_fov";
 
-/// CARLA's six numbers of a pose of ours, angles in degrees; and ours of CARLA's.
-pub fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
+/// Our pose in CARLA's six numbers, or the reverse: y, pitch and yaw change sign, `angle` converts the unit.
+pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
     SensorPose {
         x: pose.x,
         y: 0.0 - pose.y,
@@ -37,33 +37,20 @@ const READ: [&str; 13] = [
     "upper_fov", "spawn_point",
 ];
 /// Keys passed over: they say how CARLA casts, not where the LiDAR stands.
+#[rustfmt::skip]
 const PASSED_OVER: [&str; 12] = [
-    "range",
-    "points_per_second",
-    "rotation_frequency",
-    "sensor_tick",
-    "atmosphere_attenuation_rate",
-    "dropoff_general_rate",
-    "dropoff_intensity_limit",
-    "dropoff_zero_intensity",
-    "noise_stddev",
-    "noise_seed",
-    "role_name",
-    "attached_objects",
+    "range", "points_per_second", "rotation_frequency", "sensor_tick", "atmosphere_attenuation_rate",
+    "dropoff_general_rate", "dropoff_intensity_limit", "dropoff_zero_intensity", "noise_stddev", "noise_seed",
+    "role_name", "attached_objects",
 ];
 
-/// Reads the text of a list.
-pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let document: Value = json::parse(&source.text, &source.file)?;
     read_list(&document, &Location::top(&source.file), frames)
 }
 
 /// Reads a list of objects, or the object whose `sensors` it is.
-pub(super) fn read_list(
-    document: &Value,
-    top: &Location,
-    frames: &mut FrameTree,
-) -> Result<(), RigError> {
+pub(super) fn read_list(document: &Value, top: &Location, frames: &mut FrameTree) -> Checked<()> {
     let (list, at) = match document.get("sensors") {
         Some(list) => (list, top.key("sensors")),
         None => (document, top.clone()),
@@ -76,7 +63,7 @@ pub(super) fn read_list(
             leave_out(frames, &fields)?;
             continue;
         }
-        let degrees = fields.six_or_level()?;
+        let degrees = fields.pose(3)?;
         let doubt = of_degrees("an angle", &degrees.values()[3..]);
         frames.notes.extend(doubt.map(|doubt| Note::doubt(format!("{}: {doubt}", fields.at))));
         let pose = mirrored(&degrees, f64::to_radians);
@@ -86,7 +73,7 @@ pub(super) fn read_list(
 }
 
 /// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
-pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<FrameContent, RigError> {
+pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Checked<FrameContent> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
         return Ok(FrameContent::Other);
     }
@@ -122,7 +109,7 @@ pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Result<FrameCont
 }
 
 /// Leaves out an entry that is no LiDAR. Cameras and the like may lack a pose, and an `id`.
-fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Result<(), RigError> {
+fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Checked<()> {
     let name = fields.text("id").or_else(|_| fields.text("type"))?;
     frames.left_out.push(name.to_owned());
     Ok(())
@@ -134,24 +121,19 @@ fn add(
     fields: &Fields,
     pose: SensorPose,
     holds: FrameContent,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     let (name, at) = (fields.text("id")?.to_owned(), fields.at.clone());
     frames.add(RigFrame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
 }
 
-/// The list as JSON.
-pub(super) fn write(
-    rig: &Rig,
-    mounting: &Mounting,
-    fan: impl Fn(&RigLidar) -> Option<Fan>,
-) -> Value {
+pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> Value {
     let entry = |lidar: &RigLidar| {
         let mut entry = Map::new();
         entry.insert("type".to_owned(), LIDAR.into());
         let pose = mirrored(&mounting.to_base(&lidar.pose), f64::to_degrees);
         entry.extend(yaml::pose_entries(&pose));
         entry.insert("id".to_owned(), lidar.frame.as_str().into());
-        entry.extend(attributes(fan(lidar)));
+        entry.extend(attributes(models.fan(lidar)));
         Value::Object(entry)
     };
     rig.lidars.iter().map(entry).collect()
@@ -171,12 +153,9 @@ fn attributes(fan: Option<Fan>) -> Map<String, Value> {
         attributes.insert("rotation_frequency".to_owned(), written(fan.rate).into());
     }
     // CARLA's defaults lose 45 % of the points by chance, and more by intensity.
-    for key in [
-        "dropoff_general_rate",
-        "dropoff_intensity_limit",
-        "dropoff_zero_intensity",
-        "noise_stddev",
-    ] {
+    let lossy =
+        PASSED_OVER.iter().filter(|key| key.starts_with("dropoff") || **key == "noise_stddev");
+    for &key in lossy {
         attributes.insert(key.to_owned(), 0.0.into());
     }
     attributes
@@ -185,13 +164,13 @@ fn attributes(fan: Option<Fan>) -> Map<String, Value> {
 /// Vehicle of the bridge's own example.
 const VEHICLE: &str = "vehicle.tesla.model3";
 
-fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
+pub(super) fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
     let [roll, pitch, yaw] = [pose.roll, pose.pitch, pose.yaw].map(&angle);
     SensorPose { roll, pitch, yaw, phase: pose.phase.map(angle), ..pose }
 }
 
 /// Reads the sensors of the only vehicle that has LiDARs.
-pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let document: Value = json::parse(&source.text, &source.file)?;
     let top = Fields::of(&document, Location::top(&source.file))?;
     let mut vehicle = None;
@@ -206,13 +185,10 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result
                 continue;
             }
             if *vehicle.get_or_insert_with(|| object.at.clone()) != object.at {
-                return Err(wrong(
-                    &sensor.at,
-                    "a LiDAR of another vehicle",
-                    "one of the first one",
-                ));
+                let other = "a LiDAR of another vehicle";
+                return Err(wrong(&sensor.at, other, "one of the first one"));
             }
-            let pose = turned(sensor.inner("spawn_point")?.six_or_level()?, f64::to_radians);
+            let pose = turned(sensor.inner("spawn_point")?.pose(3)?, f64::to_radians);
             add(frames, &sensor, pose, holds)?;
         }
     }
@@ -220,18 +196,13 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Result
 }
 
 /// The objects of the list under a key.
-fn items<'a>(fields: &Fields<'a>, key: &str) -> Result<Vec<Fields<'a>>, RigError> {
+fn items<'a>(fields: &Fields<'a>, key: &str) -> Checked<Vec<Fields<'a>>> {
     let (value, at) = (fields.value(key)?, fields.at.key(key));
     let list = value.as_array().ok_or_else(|| wrong(&at, value, "a list"))?;
     list.iter().enumerate().map(|(index, item)| Fields::of(item, at.item(index))).collect()
 }
 
-/// One vehicle with its LiDARs.
-pub(super) fn write_objects(
-    rig: &Rig,
-    mounting: &Mounting,
-    fan: impl Fn(&RigLidar) -> Option<Fan>,
-) -> Value {
+pub(super) fn write_objects(rig: &Rig, mounting: &Mounting, models: &Models) -> Value {
     let sensor = |lidar: &RigLidar| {
         let pose = turned(mounting.to_base(&lidar.pose), f64::to_degrees);
         // The bridge passes every other key of a sensor to CARLA, which refuses unknown keys.
@@ -240,7 +211,7 @@ pub(super) fn write_objects(
         sensor.insert("type".to_owned(), LIDAR.into());
         sensor.insert("id".to_owned(), lidar.frame.as_str().into());
         sensor.insert("spawn_point".to_owned(), spawn_point.into());
-        sensor.extend(attributes(fan(lidar)));
+        sensor.extend(attributes(models.fan(lidar)));
         Value::Object(sensor)
     };
     let sensors: Vec<Value> = rig.lidars.iter().map(sensor).collect();

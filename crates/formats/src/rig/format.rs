@@ -5,11 +5,11 @@ use std::str::FromStr;
 
 use serde_json::Value;
 use sightline_files::json::{
-    DescriptionError, FileKind, Location, Quantity, YamlDocument, parse_documents, parse_yaml,
-    plain_names, read_limited, refuse_comment, refuse_foreign, refuse_own_kinds, refuse_utf_16,
+    DescriptionError, FileKind, Quantity, YamlDocument, parse_documents, parse_yaml, plain_names,
+    quoted, read_text, refuse_comment, refuse_foreign, refuse_own_kinds,
 };
 
-use super::beams::{Models, RigBeams};
+use super::beams::{Models, RigBeams, TURNS_A_SECOND};
 use super::yaml::PHASE;
 use super::{Fan, Mounting, Rig, RigError, RigLidar, carla, launch, model, sdf, urdf, yaml};
 
@@ -37,33 +37,21 @@ pub enum RigFormat {
     Json,
 }
 
+/// Names on the command line, in the order of [`RigFormat::ALL`].
+const NAMES: [&str; RigFormat::ALL.len()] =
+    ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "tf", "pandaset", "json"];
+
 impl RigFormat {
     /// Every format.
+    #[rustfmt::skip] // Words of a list stand side by side.
     pub const ALL: [Self; 9] = [
-        Self::Autoware,
-        Self::Urdf,
-        Self::Sdf,
-        Self::Ros2Launch,
-        Self::Carla,
-        Self::CarlaObjects,
-        Self::Tf,
-        Self::Pandaset,
-        Self::Json,
+        Self::Autoware, Self::Urdf, Self::Sdf, Self::Ros2Launch, Self::Carla, Self::CarlaObjects, Self::Tf,
+        Self::Pandaset, Self::Json,
     ];
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Autoware => "autoware",
-            Self::Urdf => "urdf",
-            Self::Sdf => "sdf",
-            Self::Ros2Launch => "ros2-launch",
-            Self::Carla => "carla",
-            Self::CarlaObjects => "carla-objects",
-            Self::Tf => "tf",
-            Self::Pandaset => "pandaset",
-            Self::Json => "json",
-        }
+        NAMES[self as usize]
     }
 
     /// True if rigs are written in it; else they are only read.
@@ -192,17 +180,8 @@ impl RigSource {
     ///
     /// # Errors
     /// The file cannot be read, is too large, or is no UTF-8.
-    pub fn read(path: &Path) -> Result<Self, RigError> {
-        let file = path.display().to_string();
-        let bytes = read_limited(path, MAX_FILE)?;
-        refuse_utf_16(&bytes, path)?;
-        let text = String::from_utf8(bytes).map_err(|error| RigError::Syntax {
-            at: Box::new(Location::top(&file)),
-            what: "UTF-8 text",
-            problem: format!("byte {} is of another encoding", error.utf8_error().valid_up_to()),
-        })?;
-        let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
-        Ok(Self { file, text })
+    pub(super) fn read(path: &Path) -> Result<Self, RigError> {
+        Ok(Self { file: path.display().to_string(), text: read_text(path, MAX_FILE)? })
     }
 
     /// The text as one YAML document; JSON is YAML, too.
@@ -230,7 +209,7 @@ fn quantity(parent: &str, key: &str) -> Option<Quantity> {
 ///
 /// # Errors
 /// A file or folder that cannot be read.
-pub fn sources(paths: &[PathBuf]) -> Result<Vec<RigSource>, RigError> {
+pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<RigSource>, RigError> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {
@@ -283,7 +262,6 @@ pub fn export(
 ) -> Result<Exported, RigError> {
     rig.validate()?;
     check_models(rig, models)?;
-    let fan = |lidar: &RigLidar| models.fan(lidar);
     let one = |name: &str, text| vec![NamedText { name: name.to_owned(), text }];
     let files = match format {
         RigFormat::Autoware => {
@@ -295,9 +273,9 @@ pub fn export(
         RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting, models)),
         RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting, models)),
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
-        RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
+        RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, models))),
         RigFormat::CarlaObjects => {
-            one("objects.json", pretty(&carla::write_objects(rig, mounting, fan)))
+            one("objects.json", pretty(&carla::write_objects(rig, mounting, models)))
         }
         RigFormat::Json => one("placements.json", pretty(&model::rig_json(&[rig]))),
         RigFormat::Tf | RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),
@@ -407,15 +385,12 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
 
 /// Warning about LiDARs that are written with the usual turns a second, since nothing says another number.
 fn usual_rates(rig: &Rig, models: &Models) -> Option<String> {
-    let usual =
-        |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == Fan::USUAL_RATE);
-    let frames: Vec<String> =
-        rig.lidars.iter().filter(usual).map(|lidar| format!("`{}`", lidar.frame)).collect();
+    let usual = |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == TURNS_A_SECOND);
+    let frames = quoted(rig.lidars.iter().filter(usual).map(|lidar| &lidar.frame));
     (!frames.is_empty()).then(|| {
         format!(
-            "{} turns a second are written for {}: no other `rate` is given in the vehicle or its sensor files",
-            Fan::USUAL_RATE,
-            frames.join(", ")
+            "{} turns a second are written for {frames}: no other `rate` is given in the vehicle or its sensor files",
+            TURNS_A_SECOND
         )
     })
 }

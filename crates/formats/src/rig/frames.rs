@@ -10,7 +10,7 @@ use sightline_files::json::Location;
 use sightline_scene::vehicle::SensorPose;
 
 use super::yaml::wrong;
-use super::{RigError, beams};
+use super::{RigError, RigLidar, beams};
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,13 +22,11 @@ pub(super) enum FrameContent {
         /// Where its beams start in the frame, where the file says so.
         optical: Option<SensorPose>,
     },
-    /// Something else.
     Other,
-    /// Nothing: the name must tell.
+    /// Unknown: the file does not say, so the frame's name decides.
     Unsaid,
 }
 
-/// A frame and where it hangs.
 #[derive(Debug, Clone)]
 pub(super) struct RigFrame {
     pub(super) name: String,
@@ -45,7 +43,7 @@ pub(super) struct RigFrame {
 pub(super) struct FrameTree {
     list: Vec<RigFrame>,
     index: HashMap<String, usize>,
-    /// Joints that move, in words, by the frame behind each.
+    /// Moving joints, in words, by the frame below each.
     moving: HashMap<String, String>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
@@ -181,7 +179,7 @@ impl FrameTree {
         if end == base {
             return Ok(pose);
         }
-        // The base hangs somewhere itself, and the frame beside it.
+        // Base and frame may have a common ancestor.
         if let Some(base) = self.get(base) {
             let (base_pose, base_end) = self.climb(base, None)?;
             if base_end == end {
@@ -232,7 +230,7 @@ pub struct Mounting {
 
 impl Mounting {
     /// Height of the optical centre above the foot as given for the frame, for its sensor, or as known.
-    pub fn height(&self, frame: &str, sensor: Option<&str>) -> Option<f64> {
+    pub(super) fn height(&self, frame: &str, sensor: Option<&str>) -> Option<f64> {
         let known = || sensor.and_then(beams::optical_height);
         self.given_height(frame, sensor).or_else(known)
     }
@@ -262,13 +260,9 @@ impl Mounting {
     }
 
     /// Pose of the foot in `base_link`, with the sensor's phase, and height of the optical centre above it.
-    pub(super) fn foot(
-        &self,
-        frame: &str,
-        sensor: Option<&str>,
-        pose: &SensorPose,
-    ) -> (SensorPose, f64) {
-        let height = self.height(frame, sensor).unwrap_or(0.0);
+    pub(super) fn foot(&self, lidar: &RigLidar) -> (SensorPose, f64) {
+        let RigLidar { frame, sensor, pose } = lidar;
+        let height = self.height(frame, sensor.as_deref()).unwrap_or(0.0);
         let foot = compose(&self.to_base(pose), &up(-height));
         (SensorPose { phase: pose.phase, ..foot }, height)
     }

@@ -192,7 +192,6 @@ fn doubts(frames: &FrameTree, lidar: &RigFrame, base: &str, given: bool, notes: 
     }
 }
 
-/// Doubts of LiDARs below the ground.
 fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
     let low =
         rig.lidars.iter().filter_map(|lidar| Some((&lidar.frame, doubt_of_ground(&lidar.pose)?)));
@@ -230,14 +229,14 @@ fn read(
     frames: &mut FrameTree,
 ) -> Result<(), RigError> {
     match format {
-        RigFormat::Autoware => yaml::read_autoware(source, frames),
+        RigFormat::Autoware => yaml::read(source, frames, yaml::read_frames),
         RigFormat::Urdf => urdf::read(source, frames),
         RigFormat::Sdf => sdf::read(source, settings, frames),
         RigFormat::Ros2Launch => launch::read(source, frames),
         RigFormat::Carla => carla::read(source, frames),
         RigFormat::CarlaObjects => carla::read_objects(source, frames),
         RigFormat::Tf => yaml::read_transforms(source, frames),
-        RigFormat::Pandaset => yaml::read_pandaset(source, frames),
+        RigFormat::Pandaset => yaml::read(source, frames, yaml::read_sensors),
         // Read as a rig, not as frames.
         RigFormat::Json => Ok(()),
     }

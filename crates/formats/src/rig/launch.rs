@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 use sightline_files::Note;
-use sightline_files::json::{Location, written};
+use sightline_files::json::{Location, quoted, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
@@ -52,7 +52,8 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
         }
         match node.tag_name().name() {
             name @ ("launch" | "group") => {
-                if name == "group" && launch.is_scoped(node)? {
+                // Values that a group sets end with it, unless it says otherwise.
+                if name == "group" && launch.truth(node, "scoped")?.unwrap_or(true) {
                     open.push(LaunchStep::Restore(launch.values.clone()));
                 }
                 let children: Vec<Node> = node.children().filter(Node::is_element).collect();
@@ -91,38 +92,25 @@ struct Launch<'a> {
     values: HashMap<String, String>,
     /// Elements that are not understood.
     passed: BTreeSet<String>,
-    /// Files that are included.
     included: BTreeSet<String>,
-    /// Nodes so far.
     nodes: usize,
 }
 
 impl Launch<'_> {
     /// True if `if` and `unless` leave an element on.
     fn is_on(&self, node: Node) -> Result<bool, RigError> {
-        for (key, wanted) in [("if", true), ("unless", false)] {
-            let Some(text) = node.attribute(key) else { continue };
-            let at = yaml::place(node, self.file).key(key);
-            if self.truth(text, &at)? != wanted {
-                return Ok(false);
-            }
-        }
-        Ok(true)
+        Ok(self.truth(node, "if")?.unwrap_or(true) && !self.truth(node, "unless")?.unwrap_or(false))
     }
 
-    fn truth(&self, text: &str, at: &Location) -> Result<bool, RigError> {
-        match self.resolved(text, at)?.trim().to_lowercase().as_str() {
-            "true" | "1" => Ok(true),
-            "false" | "0" => Ok(false),
-            _ => Err(wrong(at, text, "true, false, or an argument with such a default")),
+    /// Truth of an attribute, if it is there.
+    fn truth(&self, node: Node, key: &str) -> Result<Option<bool>, RigError> {
+        let Some(text) = node.attribute(key) else { return Ok(None) };
+        let at = yaml::place(node, self.file).key(key);
+        match self.resolved(text, &at)?.trim().to_lowercase().as_str() {
+            "true" | "1" => Ok(Some(true)),
+            "false" | "0" => Ok(Some(false)),
+            _ => Err(wrong(&at, text, "true, false, or an argument with such a default")),
         }
-    }
-
-    /// True if the values that a group sets end with it, which they do unless it says otherwise.
-    fn is_scoped(&self, group: Node) -> Result<bool, RigError> {
-        let Some(text) = group.attribute("scoped") else { return Ok(true) };
-        let at = yaml::place(group, self.file).key("scoped");
-        self.truth(text, &at)
     }
 
     /// Keeps the value of an argument: `value`, or the `default`, which counts where nothing has set one before.
@@ -172,18 +160,15 @@ impl Launch<'_> {
 
     /// Sentences on skipped parts of the file.
     fn notes(self) -> impl Iterator<Item = Note> {
-        let listed = |names: BTreeSet<String>, quote: &str| {
-            let names: Vec<String> = names.iter().map(|n| format!("{quote}{n}{quote}")).collect();
-            (!names.is_empty()).then(|| names.join(", "))
-        };
-        let included = listed(self.included, "`").map(|names| {
+        let (file, passed) = (self.file, Vec::from_iter(self.passed).join(", "));
+        let included = (!self.included.is_empty()).then(|| {
+            let names = quoted(self.included);
             format!(
-                "{}: includes {names}, not read; if it places LiDARs, read it beside this one",
-                self.file
+                "{file}: includes {names}, not read; if it places LiDARs, read it beside this one"
             )
         });
-        let passed = listed(self.passed, "")
-            .map(|names| format!("{}: {names}: not known here, and not read", self.file));
+        let passed =
+            (!passed.is_empty()).then(|| format!("{file}: {passed}: not known here, and not read"));
         included.into_iter().chain(passed).map(Note::fact)
     }
 
@@ -272,7 +257,7 @@ fn pose(given: &HashMap<&str, &str>, at: &Location) -> Result<SensorPose, RigErr
 pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
     let mut text = "<launch>\n".to_owned();
     for lidar in &rig.lidars {
-        let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
+        let (foot, _) = mounting.foot(lidar);
         let number = |(key, value)| format!("--{key} {} ", written(value));
         let numbers: String = foot.fields().into_iter().map(number).collect();
         let _ = writeln!(

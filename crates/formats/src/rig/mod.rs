@@ -15,17 +15,20 @@ mod sdf;
 mod urdf;
 mod yaml;
 
-pub use beams::{Fan, Models};
-pub use carla::mirrored;
+use beams::Fan;
+pub use beams::Models;
+pub(crate) use carla::mirrored;
+use error::Checked;
 pub use error::RigError;
-pub use format::{Exported, MODELS_FILE, NamedText, RigFormat, RigSource, export, sources};
+use format::sources;
+pub use format::{Exported, MODELS_FILE, NamedText, RigFormat, RigSource, export};
 pub use frames::Mounting;
 pub use import::{
     ImportSettings, ImportedRig, from_carla_sensors, import, import_texts, placement_doubts,
 };
+use model::BASE_LINK;
 pub use model::{
-    Asymmetry, BASE_LINK, Comparison, MovedLidar, Rig, RigLidar, compare, default_frame, read_rig,
-    rig_json,
+    Asymmetry, Comparison, MovedLidar, Rig, RigLidar, compare, default_frame, read_rig, rig_json,
 };
 
 #[cfg(test)]

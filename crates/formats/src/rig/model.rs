@@ -17,7 +17,7 @@ use sightline_scene::vehicle::{
 };
 
 /// Name that ROS gives the frame of a vehicle.
-pub const BASE_LINK: &str = "base_link";
+pub(super) const BASE_LINK: &str = "base_link";
 /// Longest name of a frame or sensor, in bytes.
 const MAX_FRAME: usize = 128;
 
@@ -309,7 +309,6 @@ fn shift(pairs: &[(&RigLidar, &RigLidar)]) -> Option<[f64; 3]> {
     (is_one && first.length() > STILL).then(|| first.to_array())
 }
 
-/// Sensor models of two LiDARs.
 fn models(a: &RigLidar, b: &RigLidar) -> [Option<String>; 2] {
     [a, b].map(|lidar| lidar.sensor.clone())
 }

@@ -4,14 +4,14 @@ use std::fmt::Write;
 
 use roxmltree::{Document, Node};
 use sightline_files::Note;
-use sightline_files::json::{has_no_prefix, plain_names, written};
+use sightline_files::json::{plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
-use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
+use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
 use super::yaml::{PHASE, number, wrong};
 use super::{
-    BASE_LINK, ImportSettings, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, import,
-    yaml,
+    BASE_LINK, Checked, ImportSettings, Models, Mounting, Rig, RigError, RigLidar, RigSource,
+    beams, carla, import, yaml,
 };
 
 /// Frame that everything in a model hangs on unless it says otherwise.
@@ -22,7 +22,7 @@ pub(super) fn read(
     source: &RigSource,
     settings: &ImportSettings,
     frames: &mut FrameTree,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     let file = &source.file;
     let text = plain_names(&source.text);
     let document = yaml::parse(&text, file)?;
@@ -40,12 +40,7 @@ fn joints_are_frames(node: Node) -> bool {
 }
 
 /// Reads a model. Names in it begin with `scope`, which is empty or ends with `::`.
-fn read_model(
-    model: Node,
-    scope: &str,
-    file: &str,
-    frames: &mut FrameTree,
-) -> Result<(), RigError> {
+fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> Checked<()> {
     let scoped = |name: &str| format!("{scope}{name}");
     for node in model.children().filter(Node::is_element) {
         let at = yaml::place(node, file);
@@ -90,7 +85,7 @@ fn read_model(
             "model" => {
                 let inner = format!("{}::", scoped(name));
                 let (name, parent) = (format!("{inner}{MODEL}"), scoped(name));
-                let (pose, holds) = (super::frames::IDENTITY, FrameContent::Other);
+                let (pose, holds) = (IDENTITY, FrameContent::Other);
                 frames.add(RigFrame { name, parent, pose, holds, at })?;
                 read_model(node, &inner, file, frames)?;
             }
@@ -108,7 +103,7 @@ pub(super) fn read_sensors(
     scope: &str,
     file: &str,
     frames: &mut FrameTree,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     for sensor in link.children().filter(|node| node.has_tag_name("sensor")) {
         let (optical, parent) = pose(sensor, file, frames)?;
         if sensor.children().any(|node| node.has_tag_name("origin")) {
@@ -125,7 +120,7 @@ pub(super) fn read_sensors(
                 let frame = format!("{name}/{own}");
                 let (parent, holds) = (format!("{scope}{parent}"), FrameContent::Other);
                 frames.add(RigFrame { name: frame.clone(), parent, pose: optical, holds, at })?;
-                add_sensor(frames, sensor, &frame, super::frames::IDENTITY, file)?;
+                add_sensor(frames, sensor, &frame, IDENTITY, file)?;
             }
             _ => add_sensor(frames, sensor, name, optical, file)?,
         }
@@ -138,23 +133,15 @@ fn pose<'a>(
     node: Node<'a, '_>,
     file: &str,
     frames: &mut FrameTree,
-) -> Result<(SensorPose, Option<&'a str>), RigError> {
-    let Some(element) = yaml::child(node, "pose") else {
-        return Ok((super::frames::IDENTITY, None));
-    };
+) -> Checked<(SensorPose, Option<&'a str>)> {
+    let Some(element) = yaml::child(node, "pose") else { return Ok((IDENTITY, None)) };
     let at = yaml::place(node, file).key("pose");
     if node.children().filter(|child| child.has_tag_name("pose")).count() > 1 {
         return Err(wrong(&at, "a second <pose>", "one <pose>"));
     }
-    let known = |name: &str| ["relative_to", "frame", "degrees", "rotation_format"].contains(&name);
-    let plain = |attribute: &roxmltree::Attribute| {
-        attribute.namespace().is_none() && has_no_prefix(attribute.name())
-    };
-    let odd = element.attributes().find(|odd| plain(odd) && !known(odd.name()));
-    if let Some(odd) = odd {
-        let wanted = "no attribute but relative_to, degrees or rotation_format";
-        return Err(wrong(&at.key(odd.name()), odd.value(), wanted));
-    }
+    let known = ["relative_to", "frame", "degrees", "rotation_format"];
+    let wanted = "no attribute but relative_to, degrees or rotation_format";
+    yaml::refuse_attributes(element, &at, &known, wanted)?;
     let text = element.text().unwrap_or_default();
     let named = |key: &str| element.attribute(key).filter(|frame| !frame.is_empty());
     let old = named("frame");
@@ -175,10 +162,7 @@ fn pose<'a>(
     let mut pose = yaml::pose_of_text(text, &at)?;
     match element.attribute("degrees") {
         None | Some("false" | "0") => {}
-        Some("true" | "1") => {
-            let [roll, pitch, yaw] = [pose.roll, pose.pitch, pose.yaw].map(f64::to_radians);
-            pose = SensorPose { roll, pitch, yaw, ..pose };
-        }
+        Some("true" | "1") => pose = carla::turned(pose, f64::to_radians),
         Some(other) => return Err(wrong(&at.key("degrees"), other, "true or false")),
     }
     Ok((pose, relative_to))
@@ -193,8 +177,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
         yaml::escape(&rig.name)
     );
     for lidar in &rig.lidars {
-        let sensor = lidar.sensor.as_deref();
-        let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
+        let (foot, height) = mounting.foot(lidar);
         let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
         let frame = yaml::escape(&lidar.frame);
         let _ = write!(
@@ -234,7 +217,7 @@ pub(super) fn add_sensor(
     link: &str,
     optical: SensorPose,
     file: &str,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     let name = sensor.attribute("name").unwrap_or_default();
     let phase = sensor.attribute((OWN, PHASE));
     let place = || yaml::place(sensor, file).key(PHASE);
@@ -255,7 +238,7 @@ pub(super) fn add_sensor(
         _ if is_lidar(sensor) => frames.add(RigFrame {
             name: format!("{link}/{name}"),
             parent: link.to_owned(),
-            pose: super::frames::IDENTITY,
+            pose: IDENTITY,
             holds,
             at: yaml::place(sensor, file),
         })?,
@@ -264,24 +247,17 @@ pub(super) fn add_sensor(
     Ok(())
 }
 
-/// The element that [`add_sensor`] reads, for a LiDAR `height` metres above its foot.
-pub(super) fn sensor_element(
-    lidar: &RigLidar,
-    height: f64,
-    models: &Models,
-    indent: &str,
-) -> String {
+/// The element that [`add_sensor`] reads, for a LiDAR `up` metres above its foot.
+pub(super) fn sensor_element(lidar: &RigLidar, up: f64, models: &Models, indent: &str) -> String {
     let RigLidar { frame, sensor, pose } = lidar;
     let name = sensor.as_ref().map_or(frame.clone(), |sensor| format!("{frame}-{sensor}"));
-    let phase = pose
-        .phase
-        .map(|phase| format!(" {PREFIX}:{PHASE}=\"{}\"", written(phase)))
-        .unwrap_or_default();
+    let phase = pose.phase.map(|phase| format!(" {PREFIX}:{PHASE}=\"{}\"", written(phase)));
+    let phase = phase.unwrap_or_default();
     format!(
         "{indent}<sensor name=\"{}\" type=\"gpu_lidar\"{phase}>\n{indent}  <pose>0 0 {} 0 0 0</pose>\n{}\
          {indent}</sensor>\n",
         yaml::escape(&name),
-        written(height),
+        written(up),
         models.gazebo(lidar, &format!("{indent}  "))
     )
 }
@@ -311,7 +287,7 @@ fn vehicle<'a, 'i>(
     file: &str,
     settings: &ImportSettings,
     frames: &mut FrameTree,
-) -> Result<Node<'a, 'i>, RigError> {
+) -> Checked<Node<'a, 'i>> {
     let models: Vec<Node> = document.descendants().filter(is_outer).collect();
     let included = included(document);
     let base = settings.base_frame.as_deref().unwrap_or_default();

@@ -15,7 +15,7 @@ use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
 use super::yaml::wrong;
-use super::{BASE_LINK, Models, Mounting, Rig, RigError, RigSource, sdf, yaml};
+use super::{BASE_LINK, Checked, Models, Mounting, Rig, RigError, RigSource, sdf, yaml};
 
 /// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
 const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "revolute"];
@@ -29,7 +29,7 @@ const OF_JOINT: [&str; 10] = [
 ];
 
 /// Reads every joint, and the LiDARs that Gazebo is told of.
-pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let file = &source.file;
     let unexpanded = || RigError::Xacro { file: file.clone() };
     let text = plain_names(&source.text);
@@ -61,7 +61,7 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
 }
 
 /// Adds URDF's own `<sensor>`, beside links and joints: it hangs on a link, by an `<origin>`.
-fn read_sensor(sensor: Node, file: &str, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_sensor(sensor: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
     let at = yaml::place(sensor, file);
     let is_other = |node: Node| node.has_tag_name("camera");
     if !sdf::is_lidar(sensor) && sensor.children().any(is_other) {
@@ -124,7 +124,7 @@ fn origin_of<'a, 'i>(
     joint: Node<'a, 'i>,
     at: &Location,
     frames: &mut FrameTree,
-) -> Result<Option<Node<'a, 'i>>, RigError> {
+) -> Checked<Option<Node<'a, 'i>>> {
     let elements = joint.children().filter(Node::is_element);
     for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
         let name = element.tag_name().name();
@@ -139,29 +139,22 @@ fn origin_of<'a, 'i>(
 ///
 /// # Errors
 /// A second one, or an unknown attribute.
-fn sole_origin<'a, 'i>(
-    node: Node<'a, 'i>,
-    at: &Location,
-) -> Result<Option<Node<'a, 'i>>, RigError> {
+fn sole_origin<'a, 'i>(node: Node<'a, 'i>, at: &Location) -> Checked<Option<Node<'a, 'i>>> {
     let mut origins = node.children().filter(|node| node.has_tag_name("origin"));
     let origin = origins.next();
     let at = at.key("origin");
     if origins.next().is_some() {
         return Err(wrong(&at, "a second <origin>", "one <origin>"));
     }
-    let known = |name: &str| ["xyz", "rpy", QUATERNION].contains(&name);
-    let own = |a: &roxmltree::Attribute| a.namespace().is_none() && has_no_prefix(a.name());
-    let odd = origin.and_then(|origin| origin.attributes().find(|a| own(a) && !known(a.name())));
-    match odd {
-        Some(odd) => {
-            Err(wrong(&at.key(odd.name()), odd.value(), "no attribute but xyz, rpy or quat_xyzw"))
-        }
-        None => Ok(origin),
+    if let Some(origin) = origin {
+        let wanted = "no attribute but xyz, rpy or quat_xyzw";
+        yaml::refuse_attributes(origin, &at, &["xyz", "rpy", QUATERNION], wanted)?;
     }
+    Ok(origin)
 }
 
 /// The pose of an `<origin>`; without one, that which changes nothing.
-fn pose_of(origin: Option<Node>, at: &Location) -> Result<SensorPose, RigError> {
+fn pose_of(origin: Option<Node>, at: &Location) -> Checked<SensorPose> {
     let triple = |key: &str| {
         let text = origin.and_then(|origin| origin.attribute(key));
         text.map_or(Ok([0.0; 3]), |text| {
@@ -180,7 +173,7 @@ fn pose_of(origin: Option<Node>, at: &Location) -> Result<SensorPose, RigError> 
 }
 
 /// Adds the frame of a joint's child.
-fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
     let at = yaml::place(joint, file);
     let link = |key: &str| {
         let missing = || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
@@ -215,8 +208,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
         sdf::namespace(rig)
     );
     for lidar in &rig.lidars {
-        let sensor = lidar.sensor.as_deref();
-        let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
+        let (foot, height) = mounting.foot(lidar);
         let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
         let frame = yaml::escape(&lidar.frame);
         let _ = write!(

@@ -7,11 +7,11 @@
 use roxmltree::{Document, Node, ParsingOptions};
 use serde_json::{Map, Value};
 use sightline_files::Note;
-use sightline_files::json::{Location, check_xml, nearest, written};
+use sightline_files::json::{Location, check_xml, has_no_prefix, nearest, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
-use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, RigSource};
+use super::{BASE_LINK, Checked, Mounting, NamedText, Rig, RigError, RigSource};
 
 /// Frame of Autoware's sensor kit.
 const KIT: &str = "sensor_kit_base_link";
@@ -32,14 +32,18 @@ pub(super) fn holds_frames(document: &Value) -> bool {
     document.as_object().is_some_and(|map| map.values().any(inside))
 }
 
-/// Reads each frame in each frame of a file.
-pub(super) fn read_autoware(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+/// Reader of one document.
+type Reader = fn(&Value, Location, &mut FrameTree) -> Checked<()>;
+
+/// Reads a file of one document.
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree, reader: Reader) -> Checked<()> {
     let document = source.yaml()?;
     let top = Location::top(&source.file);
-    read_frames(&document.value, top, frames).map_err(|error| error.at_line(&document))
+    reader(&document.value, top, frames).map_err(|error| error.at_line(&document))
 }
 
-fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Result<(), RigError> {
+/// Reads each frame in each frame of Autoware's files.
+pub(super) fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
     let read: Vec<&str> = SensorPose::FIELDS.into_iter().chain([PHASE]).collect();
     for (parent, children, at) in Fields::of(document, top)?.each() {
         let Some(map) = children.as_object().filter(|map| map.values().any(is_frame)) else {
@@ -53,7 +57,7 @@ fn read_frames(document: &Value, top: Location, frames: &mut FrameTree) -> Resul
             let at = at.key(name);
             let fields = Fields::of(value, at.clone())?;
             fields.refuse_others(&read, &AUTOWARE_PASSED)?;
-            let (name, parent, pose) = (name.clone(), parent.clone(), fields.six()?);
+            let (name, parent, pose) = (name.clone(), parent.clone(), fields.pose(6)?);
             frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })?;
         }
     }
@@ -67,10 +71,10 @@ pub(super) fn write_autoware(rig: &Rig, mounting: &Mounting) -> Vec<NamedText> {
         let numbers: String = named(pose).map(number).collect();
         format!("  {}:\n{numbers}", key(name))
     };
-    let kit = format!("{BASE_LINK}:\n{}", frame(KIT, &super::frames::IDENTITY));
+    let kit = format!("{BASE_LINK}:\n{}", frame(KIT, &IDENTITY));
     let mut sensors = format!("{KIT}:\n");
     for lidar in &rig.lidars {
-        let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
+        let (foot, _) = mounting.foot(lidar);
         sensors += &frame(&lidar.frame, &foot);
     }
     vec![
@@ -115,8 +119,7 @@ pub(super) fn holds_transforms(document: &Value) -> bool {
     is_one(document) || any(document) || document.get(LIST).is_some_and(any)
 }
 
-/// Reads the transforms of every document.
-pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     for document in source.documents()? {
         let top = Location::top(&source.file);
         read_message(&document.value, top, frames).map_err(|error| error.at_line(&document))?;
@@ -124,7 +127,7 @@ pub(super) fn read_transforms(source: &RigSource, frames: &mut FrameTree) -> Res
     Ok(())
 }
 
-fn read_message(message: &Value, at: Location, frames: &mut FrameTree) -> Result<(), RigError> {
+fn read_message(message: &Value, at: Location, frames: &mut FrameTree) -> Checked<()> {
     if message.get(CHILD).is_some() {
         return add(transform(message, at)?, frames);
     }
@@ -145,12 +148,12 @@ fn read_message(message: &Value, at: Location, frames: &mut FrameTree) -> Result
 }
 
 /// Adds a frame; several publishers may send one transform, so the same twice is one.
-fn add(frame: RigFrame, frames: &mut FrameTree) -> Result<(), RigError> {
+fn add(frame: RigFrame, frames: &mut FrameTree) -> Checked<()> {
     let is_same = |old: &RigFrame| old.parent == frame.parent && old.pose == frame.pose;
     if frames.get(&frame.name).is_some_and(is_same) { Ok(()) } else { frames.add(frame) }
 }
 
-fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
+fn transform(value: &Value, at: Location) -> Checked<RigFrame> {
     if value == "..." {
         let wanted = "a transform (`ros2 topic echo --full-length` prints all)";
         return Err(wrong(&at, "...", wanted));
@@ -159,8 +162,7 @@ fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
     fields.refuse_others(&["header", CHILD, "transform"], &[])?;
     let (header, transform) = (fields.inner("header")?, fields.inner("transform")?);
     header.refuse_others(&["frame_id"], &PASSED_HEADER)?;
-    transform.refuse_others(&["translation", "rotation"], &[])?;
-    let pose = pose(&transform.inner("translation")?, &transform.inner("rotation")?)?;
+    let pose = pose(&transform)?;
     // Names of ROS 1 may begin with a slash.
     let name = |fields: &Fields, key: &str| {
         fields.text(key).map(|name| name.strip_prefix('/').unwrap_or(name).to_owned())
@@ -169,7 +171,10 @@ fn transform(value: &Value, at: Location) -> Result<RigFrame, RigError> {
     Ok(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
 }
 
-fn pose(translation: &Fields, rotation: &Fields) -> Result<SensorPose, RigError> {
+/// Pose of a `translation` and a quaternion `rotation`.
+fn pose(transform: &Fields) -> Checked<SensorPose> {
+    transform.refuse_others(&["translation", "rotation"], &[])?;
+    let (translation, rotation) = (transform.inner("translation")?, transform.inner("rotation")?);
     translation.refuse_others(&["x", "y", "z"], &[])?;
     rotation.refuse_others(&["x", "y", "z", "w"], &[])?;
     let [x, y, z] = ["x", "y", "z"].map(|key| translation.number(key));
@@ -192,14 +197,8 @@ pub(super) fn is_pandaset(document: &Value) -> bool {
     sensors.is_some_and(|map| map.values().any(|sensor| sensor.get("transform").is_some()))
 }
 
-/// Reads every sensor; all but cameras are LiDARs.
-pub(super) fn read_pandaset(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
-    let document = source.yaml()?;
-    let top = Location::top(&source.file);
-    read_sensors(&document.value, top, frames).map_err(|error| error.at_line(&document))
-}
-
-fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Result<(), RigError> {
+/// Reads every sensor of PandaSet; all but cameras are LiDARs.
+pub(super) fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Checked<()> {
     let top = Fields::of(document, top)?;
     for (key, _, at) in top.each() {
         if key != "sensors" && !PANDASET_PASSED.contains(&key.as_str()) {
@@ -209,23 +208,16 @@ fn read_sensors(document: &Value, top: Location, frames: &mut FrameTree) -> Resu
     for (name, sensor, at) in top.inner("sensors")?.each() {
         let fields = Fields::of(sensor, at.clone())?;
         fields.refuse_others(&["transform"], &PASSED_SENSOR)?;
-        let transform = fields.inner("transform")?;
-        transform.refuse_others(&["translation", "rotation"], &[])?;
-        let (position, rotation) = (transform.inner("translation")?, transform.inner("rotation")?);
-        position.refuse_others(&["x", "y", "z"], &[])?;
-        rotation.refuse_others(&["x", "y", "z", "w"], &[])?;
-        let [x, y, z] = ["x", "y", "z"].map(|key| position.number(key));
-        let [qx, qy, qz, qw] = ["x", "y", "z", "w"].map(|key| rotation.number(key));
-        let pose = of_quaternion([x?, y?, z?], [qx?, qy?, qz?, qw?], &rotation.at)?;
+        let pose = pose(&fields.inner("transform")?)?;
         let holds = if name.contains("camera") {
             FrameContent::Other
         } else {
             FrameContent::Lidar { sensor: None, optical: None }
         };
         // A base in itself would be a loop.
-        let parent =
-            if name == PANDASET_BASE { "vehicle".to_owned() } else { PANDASET_BASE.to_owned() };
-        frames.add(RigFrame { name: name.clone(), parent, pose, holds, at })?;
+        let parent = if name == PANDASET_BASE { "vehicle" } else { PANDASET_BASE };
+        let (name, parent) = (name.clone(), parent.to_owned());
+        frames.add(RigFrame { name, parent, pose, holds, at })?;
     }
     Ok(())
 }
@@ -256,13 +248,11 @@ pub(super) fn wrong(at: &Location, value: impl ToString, wanted: &'static str) -
     RigError::Value { at: Box::new(at.clone()), value: format!("`{value}`"), wanted }
 }
 
-/// A finite number of a text.
-pub(super) fn number(at: &Location, text: &str) -> Result<f64, RigError> {
+pub(super) fn number(at: &Location, text: &str) -> Checked<f64> {
     let number = text.parse().ok().filter(|v: &f64| v.is_finite());
     number.ok_or_else(|| wrong(at, text, "a finite number"))
 }
 
-/// An object and its place.
 #[derive(Clone)]
 pub(super) struct Fields<'a> {
     map: &'a Map<String, Value>,
@@ -270,7 +260,7 @@ pub(super) struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    pub(super) fn of(value: &'a Value, at: Location) -> Result<Self, RigError> {
+    pub(super) fn of(value: &'a Value, at: Location) -> Checked<Self> {
         match value.as_object() {
             Some(map) => Ok(Self { map, at }),
             None => Err(wrong(&at, value, "an object of keys and values")),
@@ -278,7 +268,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Refuses keys that are neither read nor passed over.
-    fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Result<(), RigError> {
+    fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Checked<()> {
         let is_known = |key: &&String| read.iter().chain(passed).any(|known| known == key);
         let Some(key) = self.map.keys().find(|key| !is_known(key)) else { return Ok(()) };
         Err(RigError::UnknownKey {
@@ -295,14 +285,13 @@ impl<'a> Fields<'a> {
     }
 
     /// The value of a key that must be there.
-    pub(super) fn value(&self, key: &str) -> Result<&'a Value, RigError> {
+    pub(super) fn value(&self, key: &str) -> Checked<&'a Value> {
         self.map
             .get(key)
             .ok_or_else(|| RigError::Missing { at: Box::new(self.at.clone()), key: key.to_owned() })
     }
 
-    /// The object under a key.
-    pub(super) fn inner(&self, key: &str) -> Result<Self, RigError> {
+    pub(super) fn inner(&self, key: &str) -> Checked<Self> {
         Self::of(self.value(key)?, self.at.key(key))
     }
 
@@ -312,38 +301,26 @@ impl<'a> Fields<'a> {
     }
 
     /// The number under a key; a text that is one counts, as attributes of CARLA are texts.
-    pub(super) fn number(&self, key: &str) -> Result<f64, RigError> {
+    pub(super) fn number(&self, key: &str) -> Checked<f64> {
         let value = self.value(key)?;
         let of_text = || value.as_str()?.trim().parse().ok();
         let number = value.as_f64().or_else(of_text).filter(|v| v.is_finite());
         number.ok_or_else(|| wrong(&self.at.key(key), plain(value), "a finite number"))
     }
 
-    pub(super) fn text(&self, key: &str) -> Result<&'a str, RigError> {
+    pub(super) fn text(&self, key: &str) -> Checked<&'a str> {
         let value = self.value(key)?;
         value.as_str().ok_or_else(|| wrong(&self.at.key(key), plain(value), "a text"))
     }
 
-    /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, all of them, and a `phase` if there is one.
-    pub(super) fn six(&self) -> Result<SensorPose, RigError> {
-        let mut values = [0.0; 6];
-        for (value, key) in values.iter_mut().zip(SensorPose::FIELDS) {
-            *value = self.number(key)?;
-        }
-        Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
-    }
-
-    /// Like [`Self::six`]; angles that are missing are 0.
-    pub(super) fn six_or_level(&self) -> Result<SensorPose, RigError> {
+    /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, of which the first `needed` must be there, and a `phase` if there is one.
+    pub(super) fn pose(&self, needed: usize) -> Checked<SensorPose> {
         let mut values = [0.0; 6];
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
-            *value = if k < 3 || self.has(key) { self.number(key)? } else { 0.0 };
+            *value = if k < needed || self.has(key) { self.number(key)? } else { 0.0 };
         }
-        Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
-    }
-
-    fn phase(&self) -> Result<Option<f64>, RigError> {
-        self.has(PHASE).then(|| self.number(PHASE)).transpose()
+        let phase = self.has(PHASE).then(|| self.number(PHASE)).transpose()?;
+        Ok(SensorPose { phase, ..SensorPose::from_values(values) })
     }
 }
 
@@ -356,7 +333,7 @@ fn plain(value: &Value) -> String {
 const MAX_NODES: u32 = 1_000_000;
 
 /// Parses a text. Documents with a DTD are refused, since entities of entities grow without bounds.
-pub(super) fn parse<'a>(text: &'a str, file: &str) -> Result<Document<'a>, RigError> {
+pub(super) fn parse<'a>(text: &'a str, file: &str) -> Checked<Document<'a>> {
     let fault =
         |problem| RigError::Syntax { at: Box::new(Location::top(file)), what: "XML", problem };
     check_xml(text).map_err(fault)?;
@@ -370,17 +347,26 @@ pub(super) fn place(node: Node, file: &str) -> Location {
     Location::top(file).key(&format!("<{}>{name}", node.tag_name().name()))
 }
 
-/// First child element of a name.
+/// Refuses an attribute of the element at `at` that is none of `known`; those with a prefix are passed over.
+pub(super) fn refuse_attributes(
+    node: Node,
+    at: &Location,
+    known: &[&str],
+    wanted: &'static str,
+) -> Checked<()> {
+    let is_odd = |odd: &roxmltree::Attribute| {
+        odd.namespace().is_none() && has_no_prefix(odd.name()) && !known.contains(&odd.name())
+    };
+    let odd = node.attributes().find(is_odd);
+    odd.map_or(Ok(()), |odd| Err(wrong(&at.key(odd.name()), odd.value(), wanted)))
+}
+
 pub(super) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     node.children().find(|child| child.has_tag_name(name))
 }
 
 /// An attribute that must be there.
-pub(super) fn attribute<'a>(
-    node: Node<'a, '_>,
-    key: &str,
-    at: &Location,
-) -> Result<&'a str, RigError> {
+pub(super) fn attribute<'a>(node: Node<'a, '_>, key: &str, at: &Location) -> Checked<&'a str> {
     let missing = || RigError::Missing { at: Box::new(at.clone()), key: key.to_owned() };
     node.attribute(key).ok_or_else(missing)
 }
@@ -390,7 +376,7 @@ pub(super) fn numbers_of_text<const N: usize>(
     text: &str,
     at: &Location,
     wanted: &'static str,
-) -> Result<[f64; N], RigError> {
+) -> Checked<[f64; N]> {
     let mut values = [0.0; N];
     let mut words = text.split_whitespace();
     for value in &mut values {
@@ -404,7 +390,7 @@ pub(super) fn numbers_of_text<const N: usize>(
 }
 
 /// Six numbers of a `<pose>` in radians; none stand for the pose that changes nothing.
-pub(super) fn pose_of_text(text: &str, at: &Location) -> Result<SensorPose, RigError> {
+pub(super) fn pose_of_text(text: &str, at: &Location) -> Checked<SensorPose> {
     if text.trim().is_empty() {
         return Ok(IDENTITY);
     }
@@ -413,16 +399,6 @@ pub(super) fn pose_of_text(text: &str, at: &Location) -> Result<SensorPose, RigE
 
 /// A text for attributes and elements.
 pub(super) fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => escaped += "&amp;",
-            '<' => escaped += "&lt;",
-            '>' => escaped += "&gt;",
-            '"' => escaped += "&quot;",
-            '\'' => escaped += "&apos;",
-            c => escaped.push(c),
-        }
-    }
-    escaped
+    let signs = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("\"", "&quot;"), ("'", "&apos;")];
+    signs.into_iter().fold(text.to_owned(), |text, (sign, name)| text.replace(sign, name))
 }

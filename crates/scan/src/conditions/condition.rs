@@ -22,7 +22,7 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// Fault, in words.
+    /// Kind of weather or fault.
     pub fn kind(&self) -> ConditionKind {
         self.kind
     }
@@ -195,9 +195,9 @@ struct ConditionKey {
     pub unit: &'static str,
     /// Least and greatest value.
     pub limits: [f64; 2],
-    /// At each level.
+    /// Value at each level, the weakest first.
     pub levels: [f64; 3],
-    /// Without a level.
+    /// Value without a level.
     pub usual: f64,
 }
 

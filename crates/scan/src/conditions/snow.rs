@@ -361,7 +361,7 @@ const GUIDES: usize = 512;
 const WIDEST: f64 = 36.0;
 const WIDEST_MEAN: f64 = 400.0;
 
-/// The functions of a fall that have no short form, the same for all snow.
+/// Tables of the functions of a fall that have no closed form; all snow shares them.
 pub(super) struct SnowTables {
     /// x·q² by q = g'^(1/3), g' = 3·g(x).
     threshold: Vec<f64>,

@@ -14,36 +14,17 @@ use gltf::buffer::View;
 
 use super::gltf_json::{self, Parts};
 use super::gltf_walk::NodeWalk;
-use super::{MAX_FILE, MOST_TOLD, MeshAxes, MeshFault, RawMesh};
+use super::{MAX_FILE, MOST_TOLD, MeshAxes, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::read_limited;
 
-/// Extensions that are read.
 const READ: [&str; 3] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_node_visibility"];
 /// Starts of the names of extensions that change no surface: looks, lights, metadata, sound, motion. Draco's comes
 /// with plain data beside it where it is not required.
-const PASSED: [&str; 19] = [
-    "KHR_materials_",
-    "KHR_texture_",
-    "EXT_texture_",
-    "MSFT_texture_",
-    "ADOBE_materials_",
-    "KHR_lights_",
-    "EXT_lights_",
-    "KHR_xmp",
-    "KHR_animation_",
-    "KHR_audio",
-    "KHR_physics_",
-    "EXT_structural_metadata",
-    "EXT_mesh_features",
-    "EXT_instance_features",
-    "EXT_feature_metadata",
-    "CESIUM_primitive_outline",
-    "FB_ngon_encoding",
-    "VRM",
-    "KHR_draco_mesh_compression",
-];
+const PASSED: &str = "KHR_materials_ KHR_texture_ EXT_texture_ MSFT_texture_ ADOBE_materials_ KHR_lights_ EXT_lights_ \
+    KHR_xmp KHR_animation_ KHR_audio KHR_physics_ EXT_structural_metadata EXT_mesh_features EXT_instance_features \
+    EXT_feature_metadata CESIUM_primitive_outline FB_ngon_encoding VRM KHR_draco_mesh_compression";
 
 /// Data in a reference: some exporters leave the padding at its end out.
 const DATA_URI: GeneralPurpose = GeneralPurpose::new(
@@ -53,7 +34,7 @@ const DATA_URI: GeneralPurpose = GeneralPurpose::new(
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points, lines, cameras, lights and textures are passed
 /// over: they have no surface.
-pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
+pub(super) fn read(bytes: &[u8], dir: &Path) -> Parsed<RawMesh> {
     // The crate subtracts the 12 bytes of the header from this length unchecked.
     if let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<12>()
         && u32::from_le_bytes(*length) < 12
@@ -67,7 +48,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
     let Parts { root: mut json, blob, animations, frames } = gltf_json::read(bytes)?;
     check_attributes(&json)?;
     check_nodes(&json)?;
-    let passed = |name: &str| PASSED.iter().any(|start| name.starts_with(start));
+    let passed = |name: &str| PASSED.split(' ').any(|start| name.starts_with(start));
     let mut mesh = RawMesh::default();
     let unknown = json.extensions_used.iter().map(String::as_str);
     let unknown: Vec<&str> = unknown.filter(|name| !READ.contains(name) && !passed(name)).collect();
@@ -99,14 +80,15 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, MeshFault> {
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
         return Err(MeshFault::new("file", "holds no scene; export it with its objects in one"));
     };
-    NodeWalk::new(&document, frames, Data::new(buffers), mesh).run(&scene)
+    let data = Data { buffers, left: Cell::new(MOST_NUMBERS) };
+    NodeWalk::new(&document, frames, data, mesh).run(&scene)
 }
 
 /// Farthest that the length of a quaternion may be from 1.
 const UNIT: f32 = 1e-3;
 
 /// Checks accessor indices, since the crate's validation indexes with them unchecked.
-fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
+fn check_attributes(json: &gltf::json::Root) -> Parsed<()> {
     let accessors = json.accessors.len();
     for (i, mesh) in json.meshes.iter().enumerate() {
         let mut used = mesh.primitives.iter().flat_map(|p| p.attributes.values());
@@ -120,7 +102,7 @@ fn check_attributes(json: &gltf::json::Root) -> Result<(), MeshFault> {
 }
 
 /// Refuses another version, and nodes whose place is not one: a matrix beside its parts, a rotation that is none.
-fn check_nodes(json: &gltf::json::Root) -> Result<(), MeshFault> {
+fn check_nodes(json: &gltf::json::Root) -> Parsed<()> {
     let version = &json.asset.version;
     let needed = json.asset.min_version.as_ref().filter(|needed| *needed != "2.0");
     if let Some(needed) = needed {
@@ -155,7 +137,7 @@ fn read_buffers(
     dir: &Path,
     mut blob: Option<Vec<u8>>,
     files: &mut Vec<PathBuf>,
-) -> Result<Vec<Vec<u8>>, MeshFault> {
+) -> Parsed<Vec<Vec<u8>>> {
     let mut buffers: Vec<Vec<u8>> = Vec::new();
     let mut left = MAX_FILE;
     for buffer in document.buffers() {
@@ -205,15 +187,15 @@ pub(super) struct Data {
 }
 
 impl Data {
-    pub fn new(buffers: Vec<Vec<u8>>) -> Self {
-        Self { buffers, left: Cell::new(MOST_NUMBERS) }
-    }
-
     /// Numbers of an accessor, item after item; integers are scaled where it says `normalized`.
     ///
     /// # Errors
     /// Another shape, compressed data, or an end past its buffer: the crate's own reader would panic.
-    pub fn read(&self, accessor: &Accessor<'_>, shape: Dimensions) -> Result<Vec<f64>, String> {
+    pub(super) fn read(
+        &self,
+        accessor: &Accessor<'_>,
+        shape: Dimensions,
+    ) -> Result<Vec<f64>, String> {
         let name = format!("accessor {}", accessor.index());
         let kind = accessor.data_type();
         if accessor.dimensions() != shape {

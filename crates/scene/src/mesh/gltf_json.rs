@@ -5,7 +5,7 @@ use gltf::json::Root;
 use gltf::json::validation::{Error, Validate};
 use serde_json::{Map, Value};
 
-use super::MeshFault;
+use super::{MeshFault, Parsed};
 
 /// The JSON of a file, its binary part, and how many animations are left out.
 pub(super) struct Parts {
@@ -20,8 +20,7 @@ pub(super) struct Parts {
 /// Lists that no mesh depends on.
 const PASSED: [&str; 5] = ["animations", "cameras", "images", "samplers", "textures"];
 
-/// Reads `.gltf` or `.glb`.
-pub(super) fn read(bytes: &[u8]) -> Result<Parts, MeshFault> {
+pub(super) fn read(bytes: &[u8]) -> Parsed<Parts> {
     let fault = |problem: String| MeshFault::new("file", problem);
     let (text, blob) = if bytes.starts_with(b"glTF") {
         let glb = gltf::Glb::from_slice(bytes);
@@ -44,7 +43,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Parts, MeshFault> {
     // The crate has checked the shape of every node by now.
     let nodes = json["nodes"].as_array();
     let frames = nodes.into_iter().flatten().enumerate().map(|(i, node)| frame(i, node));
-    let frames = frames.collect::<Result<_, MeshFault>>()?;
+    let frames = frames.collect::<Parsed<_>>()?;
     Ok(Parts { root, blob, animations, frames })
 }
 
@@ -61,7 +60,7 @@ const LAST_ROW: f64 = 1e-6;
 ///
 /// # Errors
 /// A matrix whose last row is not 0, 0, 0, 1: most likely it is written row by row.
-fn frame(i: usize, node: &Value) -> Result<DMat4, MeshFault> {
+fn frame(i: usize, node: &Value) -> Parsed<DMat4> {
     if let Some(matrix) = numbers::<16>(&node["matrix"]) {
         let last = [3, 7, 11, 15].map(|k| matrix[k]);
         let is_off = |(have, want): (&f64, f64)| (have - want).abs() > LAST_ROW;
@@ -137,7 +136,7 @@ fn reduce(json: &mut Map<String, Value>) {
 }
 
 /// Refuses extensions that the file requires and that are not read: without them it has other surfaces.
-pub(super) fn check_required(root: &Root) -> Result<(), MeshFault> {
+pub(super) fn check_required(root: &Root) -> Parsed<()> {
     let Some(name) = root.extensions_required.first() else { return Ok(()) };
     let mend = match &**name {
         "KHR_draco_mesh_compression" => "Draco compression: export without compression",
@@ -152,7 +151,7 @@ pub(super) fn check_required(root: &Root) -> Result<(), MeshFault> {
 /// Checks indices and kinds of everything that is left.
 ///
 /// An accessor may be without a buffer view: its numbers are zeros then. The crate's own check refuses it.
-pub(super) fn check(root: &Root) -> Result<(), MeshFault> {
+pub(super) fn check(root: &Root) -> Parsed<()> {
     let mut faults: Vec<String> = Vec::new();
     root.validate(root, gltf::json::Path::new, &mut |path, error| {
         let path = path();

@@ -5,10 +5,9 @@ use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::mesh::{Mode, Semantic};
 
 use super::gltf::Data;
-use super::{MOST_TRIANGLES, MeshFault, RawMesh};
+use super::{MOST_TRIANGLES, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 
-/// Deepest nesting of nodes.
 const MAX_DEPTH: usize = 64;
 /// Most vertices; primitives may share an accessor, so a small file can ask for any number.
 const MAX_VERTICES: usize = 3 * MOST_TRIANGLES;
@@ -26,12 +25,11 @@ pub(super) struct NodeWalk<'a> {
     /// Where each node of the scene stands. glTF demands a tree: a node with two parents could make a loop, or
     /// exponentially many copies.
     placed: Vec<Option<DMat4>>,
-    /// Nodes that show.
     shown: Vec<gltf::Node<'a>>,
 }
 
 impl<'a> NodeWalk<'a> {
-    pub fn new(
+    pub(super) fn new(
         document: &'a gltf::Document,
         frames: Vec<DMat4>,
         data: Data,
@@ -42,8 +40,7 @@ impl<'a> NodeWalk<'a> {
         Self { mesh, data, document, frames, accessors, placed, shown: Vec::new() }
     }
 
-    /// The triangles of a scene.
-    pub fn run(mut self, scene: &gltf::Scene<'a>) -> Result<RawMesh, MeshFault> {
+    pub(super) fn run(mut self, scene: &gltf::Scene<'a>) -> Parsed<RawMesh> {
         for node in scene.nodes() {
             self.place(node, DMat4::IDENTITY, 0, true)?;
         }
@@ -69,7 +66,7 @@ impl<'a> NodeWalk<'a> {
         outer: DMat4,
         depth: usize,
         shows: bool,
-    ) -> Result<(), MeshFault> {
+    ) -> Parsed<()> {
         let index = node.index();
         let placed = outer * self.frames.get(index).copied().unwrap_or_default();
         let fault = |problem: String| Err(MeshFault::new(format!("node {index}"), problem));
@@ -94,7 +91,7 @@ impl<'a> NodeWalk<'a> {
         Ok(())
     }
 
-    fn node(&mut self, node: &gltf::Node<'_>) -> Result<(), MeshFault> {
+    fn node(&mut self, node: &gltf::Node<'_>) -> Parsed<()> {
         let Some(mesh) = node.mesh() else { return Ok(()) };
         let fault = |problem| MeshFault::new(format!("node {}", node.index()), problem);
         let instances = node.extension_value("EXT_mesh_gpu_instancing");

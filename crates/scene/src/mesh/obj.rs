@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::polygon::Cutter;
-use super::{MOST_TOLD, MeshFault, RawMesh};
+use super::{MOST_TOLD, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 
 /// Statements without a surface of their own, passed over in silence.
@@ -21,19 +21,18 @@ const PASSED: [&str; 34] = [
     "cstype", "deg", "bmat", "step", "curv2", "parm", "trim", "hole", "scrv", "sp", "end", "con",
 ];
 /// Statements that bring a surface which is not read.
-const REFUSED: [(&str, &str); 6] = [
-    ("surf", "is a free-form surface, which is not read; export the model as polygons"),
-    ("bsp", "is a free-form surface, which is not read; export the model as polygons"),
-    ("bzp", "is a free-form surface, which is not read; export the model as polygons"),
-    ("cdp", "is a free-form surface, which is not read; export the model as polygons"),
-    ("call", "includes another file, which is not read; put all into one file"),
-    ("csh", "runs a program, which is not done; put all into one file"),
+const REFUSED: [(&[&str], &str); 3] = [
+    (
+        &["surf", "bsp", "bzp", "cdp"],
+        "is a free-form surface, which is not read; export the model as polygons",
+    ),
+    (&["call"], "includes another file, which is not read; put all into one file"),
+    (&["csh"], "runs a program, which is not done; put all into one file"),
 ];
 /// Statements that end in a name or a path, where a backslash at the end continues nothing.
 const NAMED: [&[u8]; 6] = [b"usemtl", b"mtllib", b"usemap", b"maplib", b"g", b"o"];
 
-/// Reads an OBJ.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(MeshFault::new("line 1", "is UTF-16; save the file as UTF-8"));
     }
@@ -159,7 +158,9 @@ impl ObjReader {
             }
             _ => {
                 let keyword = decode(keyword);
-                if let Some((_, problem)) = REFUSED.iter().find(|(known, _)| *known == keyword) {
+                if let Some((_, problem)) =
+                    REFUSED.iter().find(|(known, _)| known.contains(&&*keyword))
+                {
                     return Err(format!("`{keyword}` {problem}"));
                 }
                 if !PASSED.contains(&&*keyword) {

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::ply_file::{PlyBody, PlyElement, PlyHeader, Property};
 use super::polygon::Cutter;
-use super::{MOST_TOLD, MeshFault, RawMesh};
+use super::{MOST_TOLD, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 
 /// Properties of vertices and faces that are skipped without a note: looks, normals, measurements of scanners.
@@ -21,8 +21,7 @@ const NO_SURFACE: [&str; 6] =
 /// Parts of a name that may mean classes.
 const CLASS_WORDS: [&str; 5] = ["label", "class", "semantic", "category", "segment"];
 
-/// Reads a PLY.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     let (header, body) = PlyHeader::read(bytes)?;
     let mut reader = PlyReader::default();
     reader.check(&header)?;
@@ -98,7 +97,7 @@ struct PlyReader {
 
 impl PlyReader {
     /// Refuses headers whose geometry is not read; notes elements and properties that are passed over.
-    fn check(&mut self, header: &PlyHeader) -> Result<(), MeshFault> {
+    fn check(&mut self, header: &PlyHeader) -> Parsed<()> {
         let mut unread = Vec::new();
         for (i, element) in header.elements.iter().enumerate() {
             let fault =
@@ -160,7 +159,7 @@ impl PlyReader {
         Ok(())
     }
 
-    fn vertices(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Result<(), MeshFault> {
+    fn vertices(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Parsed<()> {
         let places = ["x", "y", "z"].map(|name| element.scalar(name));
         let label = element.scalar("label");
         if element.count > 0 && places.contains(&None) {
@@ -186,7 +185,7 @@ impl PlyReader {
         Ok(())
     }
 
-    fn faces(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Result<(), MeshFault> {
+    fn faces(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Parsed<()> {
         let shape = FaceLayout::of(&element.name).unwrap_or(FaceLayout::Polygon);
         let place = element.scalar("label");
         for row in 0..element.count {

@@ -1,6 +1,6 @@
 //! The grammar of PLY: a header of elements with properties, and a body of text or of bytes.
 
-use super::MeshFault;
+use super::{MeshFault, Parsed};
 
 /// Scalar types, under both of their names.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,29 +15,25 @@ pub(super) enum PlyScalar {
     F64,
 }
 
+/// Both names of each type, and the bytes of a number.
+const SCALARS: [(PlyScalar, [&str; 2], usize); 8] = [
+    (PlyScalar::I8, ["char", "int8"], 1),
+    (PlyScalar::U8, ["uchar", "uint8"], 1),
+    (PlyScalar::I16, ["short", "int16"], 2),
+    (PlyScalar::U16, ["ushort", "uint16"], 2),
+    (PlyScalar::I32, ["int", "int32"], 4),
+    (PlyScalar::U32, ["uint", "uint32"], 4),
+    (PlyScalar::F32, ["float", "float32"], 4),
+    (PlyScalar::F64, ["double", "float64"], 8),
+];
+
 impl PlyScalar {
     fn of(word: &str) -> Option<Self> {
-        Some(match word {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
+        SCALARS.iter().find(|(_, names, _)| names.contains(&word)).map(|(kind, ..)| *kind)
     }
 
-    /// Bytes of a number.
     fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
+        SCALARS[self as usize].2
     }
 }
 
@@ -105,7 +101,7 @@ pub(super) struct PlyHeader {
 
 impl PlyHeader {
     /// Reads the header; the body begins behind it. Lines end with LF, CR LF or CR.
-    pub fn read(bytes: &[u8]) -> Result<(Self, PlyBody<'_>), MeshFault> {
+    pub(super) fn read(bytes: &[u8]) -> Parsed<(Self, PlyBody<'_>)> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let (mut at, mut line) = (0, 0);
         let (mut form, mut elements) = (None, Vec::<PlyElement>::new());
@@ -166,7 +162,7 @@ impl PlyHeader {
     }
 
     /// Refuses names that come twice, and counts that the rest of the file cannot hold.
-    fn checked<'a>(self, body: PlyBody<'a>) -> Result<(Self, PlyBody<'a>), MeshFault> {
+    fn checked<'a>(self, body: PlyBody<'a>) -> Parsed<(Self, PlyBody<'a>)> {
         let left = body.rest.len() as u64;
         for element in &self.elements {
             let fault = |problem| MeshFault::new(format!("element {}", element.name), problem);
@@ -207,7 +203,7 @@ pub(super) struct PlyBody<'a> {
 
 impl<'a> PlyBody<'a> {
     /// Reads a row: `read` takes each property by its index, and reads or passes it.
-    pub fn row(
+    pub(super) fn row(
         &mut self,
         element: &PlyElement,
         mut read: impl FnMut(&mut Self, usize, &Property) -> Result<(), String>,
@@ -240,7 +236,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Passes over all rows of an element.
-    pub fn skip(&mut self, element: &PlyElement) -> Result<(), MeshFault> {
+    pub(super) fn skip(&mut self, element: &PlyElement) -> Parsed<()> {
         let fixed = element.properties.iter().all(|p| p.list.is_none());
         if self.form != Form::Ascii && fixed {
             let row: usize = element.properties.iter().map(|p| p.kind.size()).sum();
@@ -258,7 +254,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Refuses data behind the last row: a count in the header is too small then.
-    pub fn end(&self) -> Result<(), MeshFault> {
+    pub(super) fn end(&self) -> Parsed<()> {
         let padding = |b: &u8| *b == 0 || b.is_ascii_whitespace();
         if self.rest.iter().all(padding) {
             return Ok(());
@@ -288,7 +284,7 @@ impl<'a> PlyBody<'a> {
         std::str::from_utf8(word).map_err(|_| "is not text".to_owned())
     }
 
-    pub fn number(&mut self, kind: PlyScalar) -> Result<f64, String> {
+    pub(super) fn number(&mut self, kind: PlyScalar) -> Result<f64, String> {
         if self.form == Form::Ascii {
             let word = self.word()?;
             return word
@@ -314,7 +310,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// The count of a list, for which there are bytes enough.
-    pub fn count(&mut self, kind: PlyScalar) -> Result<usize, String> {
+    pub(super) fn count(&mut self, kind: PlyScalar) -> Result<usize, String> {
         let count = self.number(kind)?;
         let left = if self.form == Form::Ascii { self.words.len() } else { self.rest.len() };
         if count.fract() == 0.0 && (0.0..=left as f64).contains(&count) {
@@ -324,7 +320,7 @@ impl<'a> PlyBody<'a> {
     }
 
     /// Passes over a property, whatever its words are.
-    pub fn pass(&mut self, property: &Property) -> Result<(), String> {
+    pub(super) fn pass(&mut self, property: &Property) -> Result<(), String> {
         let count = match property.list {
             Some(kind) => self.count(kind)?,
             None => 1,

@@ -44,7 +44,7 @@ impl Cutter {
     ///
     /// # Errors
     /// Too many triangles or corners.
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         mesh: &mut RawMesh,
         corners: &[u32],
@@ -123,7 +123,7 @@ impl Cutter {
     }
 
     /// Notes polygons that are likely slips of their author.
-    pub fn notes(&self, mesh: &mut RawMesh) {
+    pub(super) fn notes(&self, mesh: &mut RawMesh) {
         let (crossed, first) = self.crossed;
         if crossed > 0 {
             mesh.notes.push(Note::doubt(format!(

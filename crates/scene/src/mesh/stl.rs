@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::{MOST_TRIANGLES, MeshFault, RawMesh};
+use super::{MOST_TRIANGLES, MeshFault, Parsed, RawMesh};
 use sightline_files::Note;
 use sightline_files::json::counted;
 
@@ -16,8 +16,7 @@ const HEAD: usize = 84;
 /// Bytes of a triangle: normal and three corners in `f32`, and two bytes of attributes.
 const TRIANGLE: usize = 50;
 
-/// Reads an STL.
-pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     let count = bytes.get(80..HEAD).and_then(|count| count.try_into().ok());
     let count = count.map(|count| u64::from(u32::from_le_bytes(count)));
     let expected = count.map(|count| HEAD as u64 + TRIANGLE as u64 * count);
@@ -51,16 +50,6 @@ struct Corners {
 }
 
 impl Corners {
-    /// Number of a corner in a mesh, which it is added to where it is new.
-    fn number(&mut self, mesh: &mut RawMesh, corner: DVec3) -> u32 {
-        // Both zeros are one place.
-        let key = corner.to_array().map(|v| (v + 0.0).to_bits());
-        *self.known.entry(key).or_insert_with(|| {
-            mesh.vertices.push(corner);
-            mesh.vertices.len() as u32 - 1
-        })
-    }
-
     /// Adds a triangle.
     fn add(
         &mut self,
@@ -74,12 +63,19 @@ impl Corners {
                 super::exponents(corners[at])
             ));
         }
-        let face = corners.map(|corner| self.number(mesh, corner));
+        let face = corners.map(|corner| {
+            // Both zeros are one place.
+            let key = corner.to_array().map(|v| (v + 0.0).to_bits());
+            *self.known.entry(key).or_insert_with(|| {
+                mesh.vertices.push(corner);
+                mesh.vertices.len() as u32 - 1
+            })
+        });
         mesh.triangle(face, material)
     }
 }
 
-fn binary(bytes: &[u8]) -> Result<RawMesh, MeshFault> {
+fn binary(bytes: &[u8]) -> Parsed<RawMesh> {
     let mut mesh = RawMesh::default();
     let material = mesh.material(None);
     let (mut corners, mut attributes) = (Corners::default(), 0_usize);
@@ -126,7 +122,6 @@ impl<'a> Tokens<'a> {
         self.rest = rest;
     }
 
-    /// Rest of the line.
     fn line(&mut self) -> &'a [u8] {
         let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r'));
         let (line, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
@@ -173,7 +168,7 @@ struct TextReader {
 }
 
 impl TextReader {
-    fn read(mut self, text: &[u8]) -> Result<RawMesh, MeshFault> {
+    fn read(mut self, text: &[u8]) -> Parsed<RawMesh> {
         let mut words = Tokens { rest: text, line: 1 };
         while let Some(word) = words.next() {
             let read = match word.eq_ignore_ascii_case(b"solid") {

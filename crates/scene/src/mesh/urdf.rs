@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Geometry, MeshFault, OriginAngles, RobotPart, RobotShapes};
+use super::{Geometry, MeshFault, OriginAngles, Parsed, RobotFile, RobotPart, RobotShapes};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, plain_names};
@@ -20,19 +20,6 @@ const MAX_NODES: u32 = 1_000_000;
 const JOINTS: [&str; 6] = ["fixed", "continuous", "floating", "planar", "prismatic", "revolute"];
 /// Largest scale of a mesh.
 const MAX_SCALE: f64 = 1.0e6;
-
-/// Where a robot's text and meshes come from, and which of its shapes are meant.
-pub struct Robot<'a> {
-    pub text: &'a str,
-    /// Folder of the file.
-    pub folder: &'a Path,
-    /// Folder that holds the packages of `package://`.
-    pub packages: Option<&'a Path>,
-    /// `visual` or `collision`.
-    pub tag: &'a str,
-    /// Links that are left out.
-    pub without: &'a [String],
-}
 
 /// A link's place in the tree.
 struct Joint {
@@ -57,11 +44,7 @@ fn called(node: Node) -> String {
 }
 
 /// The only child element of a name.
-fn sole<'a, 'i>(
-    node: Node<'a, 'i>,
-    name: &str,
-    of: &str,
-) -> Result<Option<Node<'a, 'i>>, MeshFault> {
+fn sole<'a, 'i>(node: Node<'a, 'i>, name: &str, of: &str) -> Parsed<Option<Node<'a, 'i>>> {
     let mut all = node.children().filter(|child| child.has_tag_name(name));
     let first = all.next();
     match all.next() {
@@ -70,13 +53,13 @@ fn sole<'a, 'i>(
     }
 }
 
-fn attribute<'a>(node: Node<'a, '_>, key: &str, of: &str) -> Result<&'a str, MeshFault> {
+fn attribute<'a>(node: Node<'a, '_>, key: &str, of: &str) -> Parsed<&'a str> {
     let tag = node.tag_name().name();
     node.attribute(key).ok_or_else(|| fault(of, format!("<{tag}> lacks `{key}`; add it")))
 }
 
 /// `N` finite numbers of an attribute.
-fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Result<[f64; N], MeshFault> {
+fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Parsed<[f64; N]> {
     let read: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
     let read = read.filter(|read| read.iter().all(|v: &f64| v.abs() <= check::MAX_METRES));
     read.and_then(|read| read.try_into().ok()).ok_or_else(|| {
@@ -89,12 +72,12 @@ fn numbers<const N: usize>(text: &str, key: &str, of: &str) -> Result<[f64; N], 
 }
 
 /// A length above 0 of an attribute.
-fn length(node: Node, key: &str, of: &str) -> Result<f64, MeshFault> {
+fn length(node: Node, key: &str, of: &str) -> Parsed<f64> {
     let [value] = numbers(attribute(node, key, of)?, key, of)?;
     positive(value, key, of)
 }
 
-fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
+fn positive(value: f64, key: &str, of: &str) -> Parsed<f64> {
     let is_good = value > 0.0;
     is_good.then_some(value).ok_or_else(|| {
         fault(of, format!("{key} of {value} is not a length above 0 in metres; correct it"))
@@ -102,7 +85,7 @@ fn positive(value: f64, key: &str, of: &str) -> Result<f64, MeshFault> {
 }
 
 /// The pose in the `<origin>` of an element; without one, that which changes nothing.
-fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
+fn origin(node: Node, of: &str) -> Parsed<Pose> {
     let Some(origin) = sole(node, "origin", of)? else { return Ok(Pose::IDENTITY) };
     let known = |name: &str| ["xyz", "rpy", "quat_xyzw"].contains(&name);
     let own = |a: &roxmltree::Attribute| a.namespace().is_none() && has_no_prefix(a.name());
@@ -123,11 +106,11 @@ fn origin(node: Node, of: &str) -> Result<Pose, MeshFault> {
     Ok(Pose { rotation: DMat3::from_quat(quaternion.normalize()), translation: at })
 }
 
-impl Robot<'_> {
-    /// The shapes of all links but those left out.
-    pub fn parts(&self) -> Result<RobotShapes, MeshFault> {
-        let text = plain_names(self.text);
-        let document = self.document(&text)?;
+impl RobotFile<'_> {
+    /// The shapes of all links but those left out; `text` is that of the file.
+    pub(super) fn shapes(&self, text: &str) -> Parsed<RobotShapes> {
+        let plain = plain_names(text);
+        let document = document(text, &plain)?;
         let robot = document.root_element();
         let (links, names) = links(robot)?;
         let mut left_out = vec![false; links.len()];
@@ -180,32 +163,11 @@ impl Robot<'_> {
         origins.filter_map(angles).collect()
     }
 
-    fn document<'t>(&self, text: &'t str) -> Result<Document<'t>, MeshFault> {
-        let unexpanded = || fault("file", "is xacro; expand it with `xacro FILE > robot.urdf`");
-        let parsed = check_xml(text).and_then(|()| {
-            let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-            Document::parse_with_options(text, options).map_err(|error| error.to_string())
-        });
-        let document = parsed.map_err(|problem| match self.text.contains("<xacro:") {
-            true => unexpanded(),
-            false => fault("file", format!("is not XML: {problem}; correct it")),
-        })?;
-        let is_xacro = |node: Node| {
-            let waits = |value: &str| value.contains("${") || value.contains("$(");
-            node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
-                || node.attributes().any(|attribute| waits(attribute.value()))
-        };
-        if document.descendants().any(is_xacro) {
-            return Err(unexpanded());
-        }
-        let root = document.root_element().tag_name().name();
-        if root != "robot" {
-            return Err(fault("file", format!("is a <{root}>, not a <robot>; give a URDF")));
-        }
-        Ok(document)
+    fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new(""))
     }
 
-    fn geometry(&self, shape: Node, of: &str) -> Result<Geometry, MeshFault> {
+    fn geometry(&self, shape: Node, of: &str) -> Parsed<Geometry> {
         let geometry = sole(shape, "geometry", of)?;
         let mut kinds =
             geometry.into_iter().flat_map(|node| node.children()).filter(Node::is_element);
@@ -249,7 +211,7 @@ impl Robot<'_> {
         }
     }
 
-    fn mesh_file(&self, name: &str, of: &str) -> Result<PathBuf, MeshFault> {
+    fn mesh_file(&self, name: &str, of: &str) -> Parsed<PathBuf> {
         let refused = |error: sightline_files::files::FileError| fault(of, error.to_string());
         let schemes = ["package://", "model://"];
         let in_package = schemes.iter().find_map(|scheme| name.strip_prefix(scheme));
@@ -259,7 +221,7 @@ impl Robot<'_> {
                 let problem = format!("{name:?} is not a file; copy the mesh beside the URDF");
                 return Err(fault(of, problem));
             }
-            return stays_inside(self.folder, name).map_err(refused);
+            return stays_inside(self.folder(), name).map_err(refused);
         };
         let (package, rest) = in_package.split_once('/').unwrap_or((in_package, ""));
         let folder = self.package(package).ok_or_else(|| {
@@ -282,11 +244,12 @@ impl Robot<'_> {
         if let Some(packages) = self.packages {
             return Some(packages.join(name)).filter(|folder| folder.is_dir());
         }
-        let beside = self.folder.join(name);
+        let beside = self.folder().join(name);
         if beside.is_dir() {
-            return stays_inside(self.folder, name).ok();
+            return stays_inside(self.folder(), name).ok();
         }
-        let here = if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder };
+        let folder = self.folder();
+        let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let here = here.canonicalize().ok()?;
         let is_it = |folder: &&Path| {
             folder.file_name().is_some_and(|own| own == name)
@@ -296,10 +259,34 @@ impl Robot<'_> {
     }
 }
 
+/// The document of a text, whose names are `plain` ones.
+fn document<'t>(text: &str, plain: &'t str) -> Parsed<Document<'t>> {
+    let unexpanded = || fault("file", "is xacro; expand it with `xacro FILE > robot.urdf`");
+    let parsed = check_xml(plain).and_then(|()| {
+        let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+        Document::parse_with_options(plain, options).map_err(|error| error.to_string())
+    });
+    let document = parsed.map_err(|problem| match text.contains("<xacro:") {
+        true => unexpanded(),
+        false => fault("file", format!("is not XML: {problem}; correct it")),
+    })?;
+    let is_xacro = |node: Node| {
+        let waits = |value: &str| value.contains("${") || value.contains("$(");
+        node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
+            || node.attributes().any(|attribute| waits(attribute.value()))
+    };
+    if document.descendants().any(is_xacro) {
+        return Err(unexpanded());
+    }
+    let root = document.root_element().tag_name().name();
+    if root != "robot" {
+        return Err(fault("file", format!("is a <{root}>, not a <robot>; give a URDF")));
+    }
+    Ok(document)
+}
+
 /// All links in the order of the file, and the number of each by its name.
-fn links<'a, 'i>(
-    robot: Node<'a, 'i>,
-) -> Result<(Vec<Node<'a, 'i>>, HashMap<&'a str, usize>), MeshFault> {
+fn links<'a, 'i>(robot: Node<'a, 'i>) -> Parsed<(Vec<Node<'a, 'i>>, HashMap<&'a str, usize>)> {
     let (mut links, mut names) = (Vec::new(), HashMap::new());
     for link in robot.children().filter(|node| node.has_tag_name("link")) {
         let name = attribute(link, "name", "link")?;
@@ -315,11 +302,7 @@ fn links<'a, 'i>(
 }
 
 /// The joint above each link; none above a root.
-fn joints(
-    robot: Node,
-    names: &HashMap<&str, usize>,
-    count: usize,
-) -> Result<Vec<Option<Joint>>, MeshFault> {
+fn joints(robot: Node, names: &HashMap<&str, usize>, count: usize) -> Parsed<Vec<Option<Joint>>> {
     let mut above: Vec<Option<Joint>> = (0..count).map(|_| None).collect();
     for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
         let of = called(joint);
@@ -353,7 +336,7 @@ fn joints(
 }
 
 /// Takes each link's frame to the root's, with all joints at 0.
-fn at_rest(above: &[Option<Joint>], links: &[Node]) -> Result<Vec<Pose>, MeshFault> {
+fn at_rest(above: &[Option<Joint>], links: &[Node]) -> Parsed<Vec<Pose>> {
     let mut below: Vec<Vec<usize>> = vec![Vec::new(); above.len()];
     let mut roots = Vec::new();
     for (link, joint) in above.iter().enumerate() {

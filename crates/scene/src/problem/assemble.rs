@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::{
     Content, Entropy, Frame, GroundRequired, Instance, OccupiedVoxel, OverlapRequired, Problem,
-    ProblemError, Task, World,
+    ProblemError, Required, Task, World,
 };
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Ground, Scene};
@@ -209,13 +209,15 @@ impl Problem {
             return Err(ProblemError::TargetWithoutHits { name: name.clone() });
         }
         let own = scene.triangles(EgoBody::Exclude);
-        let overlap = Arc::new(OverlapRequired { rules: overlap.clone(), own });
-        let require_order = require_order.clone().into();
-        let ground = Arc::new(ground_required(scene)?);
-        let target_rules = targets.clone().into();
+        let required = Arc::new(Required {
+            targets: targets.clone(),
+            ground: ground_required(scene)?,
+            overlap: OverlapRequired { rules: overlap.clone(), own },
+            order: require_order.clone(),
+        });
         let problem =
             Self::from(task).with_constraints(scene.constraints()).with_rules(scene.rules());
-        Ok(Self { body, target_rules, ground, overlap, require_order, ..problem })
+        Ok(Self { body, required, ..problem })
     }
 }
 

@@ -52,7 +52,7 @@ impl EntropyTable {
     }
 
     /// −p ln p for p = n/T; 0 at n = 0 and n = T.
-    pub fn term(&self, n: u32) -> f64 {
+    pub(super) fn term(&self, n: u32) -> f64 {
         self.terms.get(n as usize).copied().unwrap_or_else(|| term(n, self.frames))
     }
 

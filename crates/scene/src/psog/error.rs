@@ -36,18 +36,14 @@ pub enum PsogError {
     )]
     Stopped { done: usize, frames: usize },
 
-    /// A P-SOG over no frames.
     #[error("frames is 0; a P-SOG needs at least one frame")]
     NoFrames,
-    /// More frames than a count can hold.
     #[error(
         "frame {frame} is one too many: a voxel's count holds at most {limit} frames; build from fewer frames"
     )]
     TooManyFrames { frame: u64, limit: u32 },
-    /// No class names.
     #[error("classes is empty; name at least one class")]
     NoClasses,
-    /// More classes than fit in 16 bits.
     #[error("classes has {classes} names, at most {limit} fit; merge some classes")]
     TooManyClasses { classes: usize, limit: usize },
     /// A class name that is empty, longer than 200 characters or holds a control character, as a line break is.
@@ -55,12 +51,10 @@ pub enum PsogError {
         "classes[{position}] is {name:?}; a class name has 1 to 200 characters and holds no control character (names are joined by line breaks, the last one ends without)"
     )]
     ClassName { position: usize, name: String },
-    /// The class "empty" is listed.
     #[error(
         "classes[{position}] is \"empty\"; empty is what the counts leave over, so remove that class and its column"
     )]
     ClassEmpty { position: usize },
-    /// One name used twice.
     #[error(
         "classes[{position}] repeats the name {name:?} of classes[{first}]; give every class its own name"
     )]
@@ -69,7 +63,6 @@ pub enum PsogError {
     /// `counts` does not hold one row a voxel.
     #[error("counts has {found} values; {voxels} voxels × {classes} classes need {need}", need = *voxels as u128 * *classes as u128)]
     CountsLength { found: usize, voxels: usize, classes: usize },
-    /// A voxel outside the grid.
     #[error("index[{position}] is {value}, but the grid has {voxels} voxels, so the last index is {last}", last = voxels - 1)]
     IndexRange { position: usize, value: u64, voxels: u64 },
     /// Voxels out of order, or one listed twice.
@@ -81,44 +74,35 @@ pub enum PsogError {
     )]
     CountsOverFrames { position: usize, voxel: u64, sum: u64, frames: u32 },
 
-    /// Two P-SOGs over different grids.
     #[error(
         "the P-SOGs have different {field} ({left:?} and {right:?}); only P-SOGs of one grid can be merged"
     )]
     MergeGrid { field: &'static str, left: [f64; 3], right: [f64; 3] },
-    /// Two P-SOGs with different classes.
     #[error(
         "the P-SOGs differ at classes[{position}] ({left:?} and {right:?}); only P-SOGs with the same classes in the same order can be merged"
     )]
     MergeClasses { position: usize, left: String, right: String },
-    /// The merged frames do not fit.
     #[error("the merged P-SOG would have {frames} frames, at most {limit} fit; merge fewer", limit = u32::MAX)]
     MergeFrames { frames: u64 },
-    /// A merged count does not fit.
     #[error("voxel {voxel} would have class {class:?} in {count} frames, at most {limit} fit; merge fewer", limit = u16::MAX)]
     MergeCount { voxel: u64, class: String, count: u32 },
 
-    /// A vote for a class that does not exist.
     #[error(
         "a point of frame {frame} votes for class {class}, but there are {classes} classes; map its label first"
     )]
     VoteClass { frame: u64, class: u16, classes: usize },
-    /// A vote for a voxel that does not exist.
     #[error(
         "a point of frame {frame} votes in voxel {voxel}, but the grid has {voxels}; vote in the grid the P-SOG is built on"
     )]
     VoteVoxel { frame: u64, voxel: u64, voxels: u64 },
 
-    /// The file cannot be opened.
     #[error("{}: cannot be read: {source}; give a P-SOG file, as `sightline psog build` writes it", path.display())]
     Open { path: PathBuf, source: std::io::Error },
     /// The file is no zip archive, or has lost its end.
     #[error("{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again", path.display())]
     Archive { path: PathBuf, cause: String },
-    /// A member that no P-SOG has.
     #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), ARRAYS.join(", "))]
     UnknownArray { path: PathBuf, member: String },
-    /// A missing or faulty array.
     #[error("{}: array `{array}` {fault}", path.display())]
     Array { path: PathBuf, array: &'static str, fault: ArrayFault },
     /// The numbers of a file break a rule of the P-SOG.
@@ -131,24 +115,18 @@ pub enum PsogError {
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages name every field
 pub enum ArrayFault {
-    /// It is not there.
     #[error("is missing; a P-SOG holds {}", ARRAYS.join(", "))]
     Missing,
     #[error("is in the archive twice; keep one")]
     Twice,
-    /// Compression or encryption that NumPy does not use.
     #[error("is packed with {method}; write the file with np.savez or np.savez_compressed")]
     Method { method: String },
-    /// Its bytes are damaged.
     #[error("is damaged ({cause}); copy or write the file again")]
     Damaged { cause: String },
-    /// Its header is no `.npy` header that a P-SOG needs.
     #[error("has no usable .npy header ({cause}); write the file with np.savez")]
     Header { cause: String },
-    /// The element type is not the contract's.
     #[error("has dtype {found}, wanted {wanted}; {}", conversion(found, wanted))]
     Dtype { found: String, wanted: &'static str },
-    /// The shape is not the contract's.
     #[error("has shape {found}, wanted {wanted}")]
     Shape { found: String, wanted: String },
     /// The header promises other than the archive holds.
@@ -156,7 +134,6 @@ pub enum ArrayFault {
         "is promised {need} bytes by its header, the archive holds {have}; write the file again"
     )]
     Size { need: u64, have: u64 },
-    /// Names that are not text.
     #[error("is not UTF-8 from byte {at} on; encode the names as UTF-8")]
     NotUtf8 { at: usize },
     /// An element breaks a rule of the P-SOG.

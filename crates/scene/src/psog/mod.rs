@@ -11,8 +11,8 @@
 mod counts;
 pub mod entropy;
 mod error;
-pub mod npz;
-pub mod vote;
+mod npz;
+mod vote;
 
 pub use counts::Psog;
 pub use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, PsogInfo, fixed, to_nats};

@@ -21,7 +21,7 @@ use super::error::{ARRAYS, ArrayFault};
 use super::{Psog, PsogError, Roi};
 
 /// An element type of the P-SOG file.
-pub trait Element: Deserialize + Copy {
+trait Element: Deserialize + Copy {
     /// NumPy's name of the type.
     const NAME: &'static str;
     /// Its kind and bytes.
@@ -45,7 +45,7 @@ element! {
 }
 
 /// An open archive whose members are the arrays of a P-SOG, each once.
-pub struct Archive {
+struct Archive {
     path: PathBuf,
     zip: ZipArchive<BufReader<File>>,
     /// Position in the archive of each array.
@@ -54,7 +54,7 @@ pub struct Archive {
 
 impl Archive {
     /// Opens the archive and checks that it holds each array of a P-SOG once, and nothing else.
-    pub fn open(path: &Path) -> Result<Self, PsogError> {
+    fn open(path: &Path) -> Result<Self, PsogError> {
         let to_open = |source| PsogError::Open { path: path.to_owned(), source };
         let file = sightline_files::files::open(path).map_err(to_open)?;
         let to_archive = |error: zip::result::ZipError| PsogError::Archive {
@@ -86,7 +86,7 @@ impl Archive {
     /// element as it arrives, with its position, and may refuse it.
     ///
     /// Memory grows with the data that really arrives, never with the size that a header promises.
-    pub fn read<T: Element>(
+    fn read<T: Element>(
         &mut self,
         array: &'static str,
         shape: impl FnOnce(&[u64]) -> Result<(), String>,

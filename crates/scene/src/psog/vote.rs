@@ -46,15 +46,13 @@ impl FrameVotes {
         parts.into_iter().for_each(|part| self.append(part));
     }
 
-    /// Adds the votes of other points of the frame.
-    pub fn append(&mut self, other: Self) {
+    fn append(&mut self, other: Self) {
         self.entries.extend(other.entries);
         self.entries.extend(other.recent.into_iter().filter(|entry| *entry as u16 > 0));
         self.outside += other.outside;
     }
 
-    /// Sorts the votes, as [`PsogBuilder::frame`] does with those that are not.
-    pub fn sort(&mut self) {
+    fn sort(&mut self) {
         self.entries.extend(self.recent.drain(..).filter(|entry| *entry as u16 > 0));
         self.entries.par_sort_unstable();
     }
@@ -106,7 +104,7 @@ impl BuildReport {
     }
 
     /// The report over both builds.
-    pub fn add(&self, other: &Self) -> Self {
+    pub(super) fn add(&self, other: &Self) -> Self {
         Self {
             frames: self.frames + other.frames,
             voxels_voted: self.voxels_voted + other.voxels_voted,

@@ -1,8 +1,8 @@
 //! Class names (the index in the list is the class id everywhere), kinds of actors, and reflectances.
 
 use super::description::{ActorDescription, Dictionary};
-use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, nearest};
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{Checked, DescriptionError, Location};
 
 /// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
 /// prints them; a name's index is its class id.
@@ -67,7 +67,7 @@ const MAX_CLASSES: usize = 256;
 
 /// Class names of a scene, checked.
 #[derive(Debug, Clone)]
-pub struct Classes {
+pub(crate) struct Classes {
     pub names: Vec<String>,
     /// Place and names of the scene's `detection`; `None` takes the defaults.
     detection: Option<(Location, Vec<String>)>,
@@ -76,11 +76,11 @@ pub struct Classes {
 impl Classes {
     /// Checks the `classes` of a scene; `None` takes the defaults. [`Self::check_detection`] checks the
     /// names of `detection`.
-    pub fn new(
+    pub(crate) fn new(
         top: &Location,
         names: Option<Vec<String>>,
         detection: Option<Vec<String>>,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let names =
             names.unwrap_or_else(|| DEFAULT_CLASSES.iter().map(|&n| n.to_owned()).collect());
         let at = top.key("classes");
@@ -104,7 +104,7 @@ impl Classes {
     }
 
     /// Checks that `classes` holds every name of `detection`.
-    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
+    pub(crate) fn check_detection(&self, classes: &[String]) -> Checked<()> {
         let (at, list) = match &self.detection {
             Some((at, list)) => (at, list.as_slice()),
             None => return Ok(()),
@@ -114,7 +114,7 @@ impl Classes {
     }
 
     /// Ids in `classes` of the detection target, rising.
-    pub fn detection_among(&self, classes: &[String]) -> Vec<u16> {
+    pub(crate) fn detection_among(&self, classes: &[String]) -> Vec<u16> {
         let counts = |name: &str| match &self.detection {
             Some((_, list)) => list.iter().any(|n| n == name),
             None => DETECTION.contains(&name),
@@ -122,23 +122,14 @@ impl Classes {
         (0_u16..).zip(classes).filter(|(_, name)| counts(name)).map(|(id, _)| id).collect()
     }
 
-    fn find(&self, name: &str) -> Option<u16> {
-        self.names.iter().position(|n| n == name).map(|i| i as u16)
-    }
-
-    pub fn id(&self, at: &Location, name: &str) -> Result<u16, DescriptionError> {
-        self.find(name).ok_or_else(|| unknown(at, name, &self.names))
+    pub(crate) fn id(&self, at: &Location, name: &str) -> Checked<u16> {
+        let found = self.names.iter().position(|known| known == name);
+        found.map(|i| i as u16).ok_or_else(|| unknown(at, name, &self.names))
     }
 }
 
 fn unknown(at: &Location, name: &str, classes: &[String]) -> DescriptionError {
-    DescriptionError::UnknownName {
-        at: Box::new(at.clone()),
-        kind: "class",
-        name: name.to_owned(),
-        nearest: nearest(name, classes.iter().map(String::as_str)),
-        known: classes.to_vec(),
-    }
+    check::unknown_name(at, "class", name, classes.iter().map(String::as_str))
 }
 
 /// Kind of an actor.
@@ -170,7 +161,7 @@ pub enum ActorKind {
 
 impl ActorKind {
     /// All kinds with their names in scene files.
-    pub const NAMES: [(Self, &'static str); 11] = [
+    const NAMES: [(Self, &'static str); 11] = [
         (Self::Car, "car"),
         (Self::Van, "van"),
         (Self::Truck, "truck"),
@@ -195,11 +186,7 @@ impl ActorKind {
     }
 
     /// The kind of an actor whose first triangle has `class`: as written, or guessed from the class.
-    pub(super) fn read(
-        at: &Location,
-        written: Option<&str>,
-        class: Option<&str>,
-    ) -> Result<Self, DescriptionError> {
+    pub(super) fn read(at: &Location, written: Option<&str>, class: Option<&str>) -> Checked<Self> {
         let Some(written) = written else {
             return Ok(match class {
                 Some("vehicle" | "car" | "moving-car") => Self::Car,
@@ -234,7 +221,7 @@ impl Reflectances {
         classes: &Classes,
         of_classes: &Dictionary<f64>,
         actors: &[ActorDescription],
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let (at, mut by_class) = (top.key("reflectance"), vec![None; classes.names.len()]);
         for (name, value) in &of_classes.0 {
             let at = at.key(name);
@@ -249,7 +236,7 @@ impl Reflectances {
     }
 }
 
-fn share(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+fn share(at: &Location, value: f64) -> Checked<f64> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }

@@ -1,13 +1,12 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
-mod mounts;
 mod standing;
 
 use glam::DVec3;
 
 use super::route::Motion;
 use super::settings::doubts_of_scan;
-use super::{Coverage, Ground, Scene, Solid};
+use super::{Coverage, Ground, Scene, Solid, around};
 use crate::vehicle;
 use sightline_files::Note;
 use sightline_files::json::Location;
@@ -37,7 +36,6 @@ pub(super) struct SceneLocations {
 }
 
 impl Scene {
-    /// Every doubt about the scene.
     pub(super) fn doubts(&self, places: &SceneLocations) -> Vec<Note> {
         let scene = self;
         let own = body("ego body", &scene.body);
@@ -67,8 +65,8 @@ impl Scene {
         };
         let mut all = in_file(&places.body, of_body);
         all.extend(in_file(&places.scene, doubts));
-        all.extend(mounts::all(scene, &places.mounts).into_iter().map(Note::doubt));
-        all.extend(mounts::apart(scene, &places.vehicle).map(Note::doubt));
+        all.extend(standing::mounts(scene, &places.mounts).into_iter().map(Note::doubt));
+        all.extend(standing::apart(scene, &places.vehicle).map(Note::doubt));
         all.extend(no_body(scene, places));
         all
     }
@@ -80,9 +78,7 @@ fn extent(solid: &Solid) -> Option<DVec3> {
 
 /// Lower and upper corner of the box around triangles.
 pub(super) fn corners(solid: &Solid) -> Option<[DVec3; 2]> {
-    let used = || solid.faces.iter().flatten().map(|v| solid.vertices[*v as usize]);
-    let first = used().next()?;
-    Some(used().fold([first; 2], |[low, high], p| [low.min(p), high.max(p)]))
+    around(solid.faces.iter().flatten().map(|v| solid.vertices[*v as usize]))
 }
 
 /// Share of the area whose normal lies along each axis.
@@ -350,15 +346,11 @@ mod tests {
     use super::*;
 
     fn told(body: &str, ego: &str, ground: f64, lidar: &str, mount: &str) -> String {
-        let text = format!(
-            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "lidar": {lidar}, "mount": {mount}, "frames": 4,
+        crate::scene::tests::told(&format!(
+            r#""lidar": {lidar}, "mount": {mount}, "frames": 4,
             "ego": {{"body": [{{"class": "vehicle", "box": {body}}}], {ego}}},
-            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": {ground}}}}}]}}"#
-        );
-        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt()));
-        notes.map(|note| note.text().to_owned()).collect::<Vec<_>>().join("\n")
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": {ground}}}}}]"#
+        ))
     }
 
     const CAR: &str = r#"{"foot": [0, 0, 0.2], "size": [4.4, 1.8, 1.3]}"#;
@@ -479,12 +471,8 @@ mod tests {
         let actor = format!(
             r#", "actors": [{{"parts": [{box_}, "repeat": {{"count": 5, "step": [0, 0, 0]}}}}], {route}}}]"#
         );
-        let text = format!(
-            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "lidar": {LIDAR}, "mount": {ROOF}, "frames": 3{actor}}}"#
-        );
-        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        let told = scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n");
+        let keys = format!(r#""lidar": {LIDAR}, "mount": {ROOF}, "frames": 3{actor}"#);
+        let told = crate::scene::tests::told(&keys);
         for word in [
             "actors[0].parts[0].repeat.step: 0 m, so that all 5 copies stand in one place",
             "actors[0].route.spacing is 1000 m from frame to frame",

@@ -4,7 +4,8 @@
 //! its origin in the middle of the ego's way, an actor's in the middle of its box, both rounded to whole metres:
 //! coordinates are moved there in `f64` before they are rounded to `f32`.
 //!
-//! A tracker sees the actors among them as boxes with kinds, also between two frames.
+//! A tracker sees the actors among them as boxes with kinds, also between two frames. A part, an actor, a body or a frame
+//! that the scene does not have is a panic.
 
 use std::ops::Range;
 
@@ -12,13 +13,13 @@ use glam::DVec3;
 use lidar_cast::geom::{Glide, Pose, TriangleSoup};
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check, counted};
+use sightline_files::json::{Checked, Location, check, counted};
 
 use super::description::{BodyDescription, ShapeDescription};
 use super::doubts;
 use super::route::Motion;
 use super::shapes::Builder;
-use super::solid::Solid;
+use super::solid::{Solid, around};
 use super::{ActorKind, EgoBody, Scene};
 
 /// Owner of a rigid part: it moves with this.
@@ -41,13 +42,13 @@ const MOST_POSES: usize = 40;
 const HELD_STILL: &str = "level ground takes the body as in frame 0";
 
 impl Scene {
-    /// Number of the part that is the body of the ego vehicle: the first of [`Self::own_parts`].
+    /// Number of the part that is the body of the ego vehicle, the first of its bodies.
     pub fn body_part(&self) -> usize {
         1 + self.actors.len()
     }
 
     /// Numbers of the parts that are bodies of the ego vehicle: the last ones.
-    pub fn own_parts(&self) -> Range<usize> {
+    pub(crate) fn own_parts(&self) -> Range<usize> {
         self.body_part()..self.body_part() + 1 + self.bodies.len()
     }
 
@@ -63,9 +64,6 @@ impl Scene {
     }
 
     /// Owner of a part.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn owner(&self, part: usize) -> PartOwner {
         let own = self.own_parts();
         assert!(part < own.end, "part {part} of {}", own.end);
@@ -87,9 +85,6 @@ impl Scene {
     }
 
     /// Triangles of a part in its own frame, in metres; the same for all frames of the scene.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn part(&self, part: usize) -> TriangleSoup {
         let mut soup = TriangleSoup::default();
         let part_from_owner = Pose { translation: -self.origins[part], ..Pose::IDENTITY };
@@ -98,24 +93,36 @@ impl Scene {
     }
 
     /// Number of triangles of a part.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn part_triangles(&self, part: usize) -> usize {
         self.solid(part).faces.len()
     }
 
-    /// Takes each part's frame to the ego frame of frame `t`; the ego's bodies come last.
-    ///
-    /// # Panics
-    /// If `t` is not below [`Scene::frame_count`].
-    pub fn part_poses(&self, t: usize) -> Vec<Pose> {
+    /// Takes the frame of each part's owner to the ego frame of frame `t`.
+    fn owner_poses(&self, t: usize) -> Vec<Pose> {
         let ego_from_world = self.ego_pose(t).inverse();
         let mut poses = vec![ego_from_world];
         let actors = self.actors.iter().map(|actor| actor.motion.pose(t));
         poses.extend(actors.map(|world_from_actor| ego_from_world.compose(&world_from_actor)));
         poses.push(Pose::IDENTITY);
         poses.extend(self.bodies.iter().map(|body| body.motion.pose(t)));
+        poses
+    }
+
+    /// Triangles of frame `t` in the ego frame, in metres.
+    ///
+    /// Order: static world, actors as listed, ego body, bodies of the ego that move; face ids are the same in every frame.
+    /// The copy is as large as the scene: engines take [`Scene::part`] once and [`Scene::part_poses`] a frame.
+    pub fn frame(&self, t: usize, body: EgoBody) -> TriangleSoup {
+        let mut soup = TriangleSoup::default();
+        for (part, ego_from_owner) in self.parts(body).zip(self.owner_poses(t)) {
+            self.solid(part).append_to(&mut soup, &ego_from_owner);
+        }
+        soup
+    }
+
+    /// Takes each part's frame to the ego frame of frame `t`; the ego's bodies come last.
+    pub fn part_poses(&self, t: usize) -> Vec<Pose> {
+        let mut poses = self.owner_poses(t);
         for (pose, &origin) in poses.iter_mut().zip(&self.origins) {
             pose.translation = pose.apply(origin);
         }
@@ -143,9 +150,6 @@ impl Scene {
     }
 
     /// Triangles of the ego's bodies in a frame, in the ego frame; none where the scene has no geometry.
-    ///
-    /// # Panics
-    /// A frame that the scene does not have.
     pub fn body_in(&self, frame: usize) -> Vec<[[f32; 3]; 3]> {
         let mut soup = TriangleSoup::default();
         standing(&self.body, &self.bodies, frame).append_to(&mut soup, &Pose::IDENTITY);
@@ -174,9 +178,9 @@ pub(super) fn middle_of_way(
     ego: &Motion,
     frames: usize,
     world: &Solid,
-) -> Result<DVec3, DescriptionError> {
+) -> Checked<DVec3> {
     let places = || (0..frames).map(|t| ego.pose(t).translation);
-    let (low, high) = bounds(places());
+    let [low, high] = around(places()).unwrap_or_default();
     let middle = (0.5 * (low + high)).round();
     let far = places().map(|place| (place - middle).abs().max_element()).fold(0.0, f64::max);
     if far > FARTHEST && !world.faces.is_empty() {
@@ -190,15 +194,8 @@ pub(super) fn middle_of_way(
 
 /// Origin of a moving part's frame: the middle of its box.
 pub(super) fn middle(part: &Solid) -> DVec3 {
-    if part.vertices.is_empty() {
-        return DVec3::ZERO;
-    }
-    let (low, high) = bounds(part.vertices.iter().copied());
+    let [low, high] = around(part.vertices.iter().copied()).unwrap_or_default();
     (0.5 * (low + high)).round()
-}
-
-fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
-    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
 /// An actor as a box on its way.
@@ -220,13 +217,8 @@ impl Scene {
     /// Tracks of the actors as listed; one without triangles is a box without extent.
     pub fn tracks(&self) -> Vec<Track> {
         let track = |actor: &super::Actor| {
-            let corners = || actor.parts.vertices.iter().copied();
-            let (low, high) = match corners().next() {
-                None => (DVec3::ZERO, DVec3::ZERO),
-                Some(first) => corners().fold((first, first), |(low, high), corner| {
-                    (low.min(corner), high.max(corner))
-                }),
-            };
+            let vertices = actor.parts.vertices.iter().copied();
+            let [low, high] = around(vertices).unwrap_or_default();
             Track {
                 name: actor.name.clone(),
                 kind: actor.kind,
@@ -239,45 +231,30 @@ impl Scene {
     }
 
     /// How an actor, counted as listed, moves from frame `t` to the next: takes its frame to the world's.
-    ///
-    /// # Panics
-    /// An actor or a frame that does not exist.
     pub fn actor_glide(&self, actor: usize, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.actors[actor].motion.glide(t)
     }
 
     /// Name of a body of the ego that moves, by its index among those; may be empty.
-    ///
-    /// # Panics
-    /// A body that does not exist.
     pub fn own_body_name(&self, body: usize) -> &str {
         &self.bodies[body].name
     }
 
     /// How a body of the ego, by its index among those that move, goes from frame `t` to the next: takes its frame to
     /// the ego frame.
-    ///
-    /// # Panics
-    /// A body or a frame that does not exist.
     pub fn own_body_glide(&self, body: usize, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.bodies[body].motion.glide(t)
     }
 
     /// How the ego moves from frame `t` to the next: takes its frame to the world's.
-    ///
-    /// # Panics
-    /// If `t` is not below [`Scene::frame_count`].
     pub fn ego_glide(&self, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.ego.glide(t)
     }
 
     /// Origin of a part's frame in the frame of its owner: world, actor or ego.
-    ///
-    /// # Panics
-    /// A part that does not exist.
     pub fn part_origin(&self, part: usize) -> DVec3 {
         self.origins[part]
     }
@@ -285,13 +262,12 @@ impl Scene {
 
 /// A body that moves against the first: a trailer that bends, a wheel that is steered.
 #[derive(Debug, Clone)]
-pub struct OwnBody {
+pub(crate) struct OwnBody {
     pub name: String,
     /// Triangles in the body's own frame.
     pub parts: Solid,
     /// Takes the body's frame to the ego frame.
     pub motion: Motion,
-    /// Where it is described.
     at: Location,
 }
 
@@ -300,11 +276,7 @@ impl OwnBody {
     ///
     /// # Errors
     /// Another number of poses.
-    pub(crate) fn check_frames(
-        &self,
-        scene: &Location,
-        frames: usize,
-    ) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(&self, scene: &Location, frames: usize) -> Checked<()> {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
                 let found = format!("a list of {}", poses.len());
@@ -321,7 +293,7 @@ impl OwnBody {
     }
 
     /// Note for commands that take the body as it stands in frame 0.
-    pub fn note(&self) -> Note {
+    pub(crate) fn note(&self) -> Note {
         Note::fact(format!(
             "{}: moves from frame to frame; the outline for the near field, its poles, and targets on level ground \
              take it as in frame 0",
@@ -332,7 +304,7 @@ impl OwnBody {
 
 /// All bodies of the own vehicle.
 #[derive(Debug, Default)]
-pub struct OwnBodies {
+pub(crate) struct OwnBodies {
     /// The first body and those with one pose, in the ego frame.
     pub body: Solid,
     /// Bodies with a pose for each frame.
@@ -346,12 +318,12 @@ impl OwnBodies {
     ///
     /// # Errors
     /// A body without parts, triangles or poses; a shape that is wrong.
-    pub fn new(
+    pub(crate) fn new(
         builder: &mut Builder<'_>,
         at: &Location,
         first: &[ShapeDescription],
         others: &[BodyDescription],
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let body = builder.list(&at.key("body"), first)?;
         if !first.is_empty() {
             check_area(&at.key("body"), &body)?;
@@ -371,7 +343,7 @@ impl OwnBodies {
         at: Location,
         body: &BodyDescription,
         first: Option<[DVec3; 2]>,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let name = check::name(&at.key("name"), body.name.clone().unwrap_or_default())?;
         if body.parts.is_empty() {
             let wanted = "a shape of the body; add one or leave the body out";
@@ -382,13 +354,9 @@ impl OwnBodies {
             check::radians(&at.key("poses").item(k).key("yaw"), pose.yaw)?;
         }
         let Some(motion) = Motion::new(&at, body.poses.as_deref(), None, false)? else {
-            return Err(DescriptionError::Missing {
-                at: Box::new(at),
-                key: "poses",
-                mend:
-                    "say where the body is in the ego frame, with one pose, or one for each frame"
-                        .to_owned(),
-            });
+            let mend =
+                "say where the body is in the ego frame, with one pose, or one for each frame";
+            return Err(check::missing(&at, "poses", mend));
         };
         let parts = builder.list(&at.key("parts"), &body.parts)?;
         check_area(&at.key("parts"), &parts)?;
@@ -402,29 +370,20 @@ impl OwnBodies {
 
     /// Puts bodies with a pose for each frame where they are in frame 0, with a note for each.
     pub(crate) fn hold_still(&mut self) -> Vec<Note> {
-        let (mut notes, mut moving) = (Vec::new(), Vec::new());
-        for body in std::mem::take(&mut self.moving) {
-            let poses = match &body.motion {
-                Motion::Poses(poses) if !poses.is_empty() => poses,
-                // A list without a pose is refused with the number of frames.
-                _ => {
-                    moving.push(body);
-                    continue;
-                }
-            };
-            self.body.append(&body.parts, &poses[0]);
+        let mut notes = Vec::new();
+        for OwnBody { parts, motion, at, .. } in std::mem::take(&mut self.moving) {
+            let Motion::Poses(poses) = motion else { continue };
+            self.body.append(&parts, &poses[0]);
+            let count = poses.len();
             notes.push(Note::fact(format!(
-                "{}: has {} poses, one for each frame; {HELD_STILL}",
-                body.at,
-                poses.len()
+                "{at}: has {count} poses, one for each frame; {HELD_STILL}"
             )));
         }
-        self.moving = moving;
         notes
     }
 
     /// True if no body has a triangle.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.body.faces.is_empty() && self.moving.iter().all(|body| body.parts.faces.is_empty())
     }
 }
@@ -443,7 +402,7 @@ fn covers(at: &Location, parts: &Solid, motion: &Motion, first: [DVec3; 2]) -> O
 }
 
 /// Refuses a body whose triangles are lines and points.
-fn check_area(at: &Location, body: &Solid) -> Result<(), DescriptionError> {
+fn check_area(at: &Location, body: &Solid) -> Checked<()> {
     if body.has_area() {
         return Ok(());
     }
@@ -452,7 +411,7 @@ fn check_area(at: &Location, body: &Solid) -> Result<(), DescriptionError> {
 }
 
 /// All triangles of the own vehicle in a frame, in the ego frame.
-pub fn standing(body: &Solid, moving: &[OwnBody], frame: usize) -> Solid {
+pub(super) fn standing(body: &Solid, moving: &[OwnBody], frame: usize) -> Solid {
     let mut all = Solid::default();
     all.append(body, &Pose::IDENTITY);
     moving.iter().for_each(|other| all.append(&other.parts, &other.motion.pose(frame)));

@@ -2,13 +2,13 @@
 
 use lidar_cast::geom::{crossing, turn};
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Corners of one prism; checks and clipping are quadratic in it.
 const MAX_CORNERS: usize = 1000;
 
 /// Checks that `base` is a simple polygon; returns it counter-clockwise.
-pub(crate) fn simple(at: &Location, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, DescriptionError> {
+pub(crate) fn simple(at: &Location, base: &[[f64; 2]]) -> Checked<Vec<[f64; 2]>> {
     let n = base.len();
     if !(3..=MAX_CORNERS).contains(&n) {
         return Err(bad(at, format!("a list of {n}"), format!("3 to {MAX_CORNERS} corners")));

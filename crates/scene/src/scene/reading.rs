@@ -7,11 +7,11 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use sightline_files::Note;
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 use super::classes::Classes;
 use super::description::{
-    BodyDescription, Dictionary, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
+    BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
 use super::doubts::SceneLocations;
 use super::parts::{OwnBodies, OwnBody};
@@ -34,9 +34,8 @@ impl Scene {
     /// File names in the scene are relative to the folder of the scene. A P-SOG file is not opened.
     ///
     /// # Errors
-    ///
     /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
+    pub fn read(path: impl AsRef<Path>) -> Checked<Self> {
         Self::read_with(path, None)
     }
 
@@ -44,10 +43,7 @@ impl Scene {
     ///
     /// # Errors
     /// See [`Self::read`].
-    pub fn read_with(
-        path: impl AsRef<Path>,
-        vehicle: Option<&Path>,
-    ) -> Result<Self, DescriptionError> {
+    pub fn read_with(path: impl AsRef<Path>, vehicle: Option<&Path>) -> Checked<Self> {
         let path = path.as_ref();
         let (text, name) = (json::read_text(path, MAX_FILE)?, path.display().to_string());
         let dir = path.parent().unwrap_or(Path::new(""));
@@ -61,7 +57,7 @@ impl Scene {
     ///
     /// # Errors
     /// See [`Self::read`].
-    pub fn level_ground(vehicle: &Path) -> Result<Self, DescriptionError> {
+    pub fn level_ground(vehicle: &Path) -> Checked<Self> {
         let mut scene =
             Self::from_text(LEVEL_GROUND, (Path::new(""), "level ground"), Some(vehicle), true)?;
         // Errors name the first file: the vehicle rather than one of its meshes.
@@ -77,13 +73,8 @@ impl Scene {
     /// A scene without a name, or with a blank one, is called `name_for_errors` without folder and ending.
     ///
     /// # Errors
-    ///
     /// See [`Scene::read`].
-    pub fn from_json(
-        text: &str,
-        dir: &Path,
-        name_for_errors: &str,
-    ) -> Result<Self, DescriptionError> {
+    pub fn from_json(text: &str, dir: &Path, name_for_errors: &str) -> Checked<Self> {
         Self::from_text(text, (dir, name_for_errors), None, false)
     }
 
@@ -94,7 +85,7 @@ impl Scene {
         (dir, name_for_errors): (&Path, &str),
         vehicle: Option<&Path>,
         holds_still: bool,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Location::top(name_for_errors);
@@ -126,7 +117,7 @@ impl Scene {
         carrier: SceneVehicle,
         things: SceneGeometry,
         dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let SceneVehicle { vehicle, mut files, mut notes, .. } = carrier;
         notes.extend(things.own.moving.iter().map(OwnBody::note));
         let reflectances = Reflectances::new(top, &classes, &scene.reflectance, &scene.actors)?;
@@ -180,24 +171,25 @@ fn things(
     classes: &Classes,
     carrier: &mut SceneVehicle,
     dir: &Path,
-) -> Result<SceneGeometry, DescriptionError> {
+) -> Checked<SceneGeometry> {
     let mut builder = Builder::new(top, classes, &scene.shapes, dir);
     builder.check_named()?;
     let mut things =
         SceneGeometry::new(&mut builder, top, &scene.world, &scene.actors, scene.ego.as_ref())?;
     carrier.files.extend(builder.files());
-    if let Some(body) = carrier.body.take() {
-        let (own, more, said) = body.build(classes, &scene.shapes)?;
-        things.own = own;
-        carrier.files.extend(more);
-        carrier.notes.extend(said);
+    if let Some(VehicleBody { shapes, others, dir }) = &carrier.body {
+        let mut builder = Builder::new(&carrier.at, classes, &scene.shapes, dir);
+        things.own = OwnBodies::new(&mut builder, &carrier.at, shapes, others)?;
+        carrier.files.extend(builder.files());
+        carrier.notes.extend(builder.notes());
+        carrier.notes.extend(of_own_bodies(&carrier.at, shapes, others));
     }
     carrier.notes.extend(builder.notes());
     Ok(things)
 }
 
 /// Stated name, or the file name without its ending.
-fn name_of(top: &Location, given: Option<String>) -> Result<String, DescriptionError> {
+fn name_of(top: &Location, given: Option<String>) -> Checked<String> {
     let given = given.filter(|name| !name.trim().is_empty());
     let given = given.map(|name| check::name(&top.key("name"), name)).transpose()?;
     let stem = || Path::new(&top.file).file_stem().unwrap_or_default().to_string_lossy();
@@ -207,72 +199,51 @@ fn name_of(top: &Location, given: Option<String>) -> Result<String, DescriptionE
 /// A scene's vehicle, its body and its files.
 struct SceneVehicle {
     /// Where the vehicle is described: its file, or a place in the scene.
-    pub at: Location,
-    pub vehicle: Vehicle,
-    /// True if a body of the vehicle takes the place of the scene's own.
-    pub owns_body: bool,
+    at: Location,
+    vehicle: Vehicle,
     /// A body that takes the place of the scene's own.
-    pub body: Option<VehicleBody>,
-    pub files: Vec<PathBuf>,
+    body: Option<VehicleBody>,
+    files: Vec<PathBuf>,
     /// Sentences about the vehicle and its sensors.
-    pub notes: Vec<Note>,
+    notes: Vec<Note>,
 }
 
-/// Shapes of a vehicle's bodies.
 struct VehicleBody {
-    pub shapes: Vec<ShapeDescription>,
+    shapes: Vec<ShapeDescription>,
     /// Bodies beside the first.
-    pub others: Vec<BodyDescription>,
-    pub at: Location,
+    others: Vec<BodyDescription>,
     /// Where its files are.
-    pub dir: PathBuf,
-}
-
-impl VehicleBody {
-    /// The bodies' triangles, the files that their shapes name, and notes about them.
-    pub fn build(
-        &self,
-        classes: &Classes,
-        shapes: &Dictionary<Vec<ShapeDescription>>,
-    ) -> Result<(OwnBodies, Vec<PathBuf>, Vec<Note>), DescriptionError> {
-        let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
-        let own = OwnBodies::new(&mut builder, &self.at, &self.shapes, &self.others)?;
-        let mut notes = builder.notes();
-        notes.extend(of_own_bodies(&self.at, &self.shapes, &self.others));
-        Ok((own, builder.files(), notes))
-    }
+    dir: PathBuf,
 }
 
 impl SceneVehicle {
     /// From a scene's description, or from the vehicle file given beside it.
-    pub fn new(
+    fn new(
         top: &Location,
         scene: &mut SceneDescription,
         dir: &Path,
         given: Option<&Path>,
-    ) -> Result<Self, DescriptionError> {
-        let source = match (given, scene.vehicle.take()) {
-            (Some(file), _) => Some((Location::top(&file.display().to_string()), file.to_owned())),
+    ) -> Checked<Self> {
+        let file = match (given, scene.vehicle.take()) {
+            (Some(file), _) => file.to_owned(),
             (None, Some(VehicleSource::Inline(vehicle))) => {
                 only_vehicle(top, scene)?;
                 return Self::of_vehicle(top.key("vehicle"), *vehicle, None, dir);
             }
             (None, Some(VehicleSource::File(file))) => {
                 only_vehicle(top, scene)?;
-                let file = dir.join(file);
-                Some((Location::top(&file.display().to_string()), file))
+                dir.join(file)
             }
-            (None, None) => None,
+            (None, None) => return Self::nameless(top, scene, dir),
         };
-        if let Some((at, file)) = source {
-            let dir = file.parent().unwrap_or(Path::new("")).to_owned();
-            return Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir);
-        }
-        let missing = |key, mend: &str| DescriptionError::Missing {
-            at: Box::new(top.clone()),
-            key,
-            mend: mend.to_owned(),
-        };
+        let at = Location::top(&file.display().to_string());
+        let dir = file.parent().unwrap_or(Path::new("")).to_owned();
+        Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir)
+    }
+
+    /// From the `lidar` and `mount` of a scene.
+    fn nameless(top: &Location, scene: &mut SceneDescription, dir: &Path) -> Checked<Self> {
+        let missing = |key, mend: &str| check::missing(top, key, mend);
         let lidar = scene.lidar.take();
         let lidar =
             lidar.ok_or_else(|| missing("lidar", "describe the sensor, or give a `vehicle`"))?;
@@ -282,10 +253,9 @@ impl SceneVehicle {
         let files = lidar.file.iter().map(|file| dir.join(file)).collect();
         let vehicle = Vehicle::nameless(top, lidar, &mount, dir)?;
         let (at, notes) = (top.clone(), vehicle.notes.clone());
-        Ok(Self { at, notes, vehicle, owns_body: false, body: None, files })
+        Ok(Self { at, notes, vehicle, body: None, files })
     }
 
-    /// Where a mount is described.
     fn mount(&self, index: usize) -> Location {
         match self.vehicle.is_nameless() {
             true => self.at.key("mount"),
@@ -295,7 +265,7 @@ impl SceneVehicle {
 
     /// Where scene, mounts and body are described.
     fn places(&self, top: &Location) -> SceneLocations {
-        let body = if self.owns_body { &self.at } else { top };
+        let body = if self.body.is_some() { &self.at } else { top };
         let mounts = (0..self.vehicle.mounts.len()).map(|mount| self.mount(mount)).collect();
         SceneLocations {
             scene: top.file.clone(),
@@ -310,7 +280,7 @@ impl SceneVehicle {
         mut vehicle: VehicleDescription<ShapeDescription, BodyDescription>,
         file: Option<PathBuf>,
         dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let shapes = vehicle.take_body(&at)?;
         let others = std::mem::take(&mut vehicle.bodies);
         let stem = file.as_ref().and_then(|file| file.file_stem());
@@ -318,20 +288,17 @@ impl SceneVehicle {
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
         let is_there = !(shapes.is_empty() && others.is_empty());
-        let (place, dir) = (at.clone(), dir.to_owned());
-        let body = is_there.then_some(VehicleBody { shapes, others, at: place, dir });
+        let body = is_there.then_some(VehicleBody { shapes, others, dir: dir.to_owned() });
         let notes = vehicle.notes.clone();
-        Ok(Self { at, notes, vehicle, owns_body: is_there, body, files })
+        Ok(Self { at, notes, vehicle, body, files })
     }
 }
 
 /// Refuses a LiDAR or mount beside a vehicle.
-fn only_vehicle(top: &Location, scene: &SceneDescription) -> Result<(), DescriptionError> {
+fn only_vehicle(top: &Location, scene: &SceneDescription) -> Checked<()> {
     for (key, there) in [("lidar", scene.lidar.is_some()), ("mount", scene.mount.is_some())] {
         if there {
-            let (at, mend) =
-                (Box::new(top.clone()), "the `vehicle` says it; leave one out".to_owned());
-            return Err(DescriptionError::Misplaced { at, key, mend });
+            return Err(check::misplaced(top, key, "the `vehicle` says it; leave one out"));
         }
     }
     Ok(())

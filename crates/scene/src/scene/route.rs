@@ -6,28 +6,26 @@ use super::description::{PoseDescription, RouteDescription};
 use lidar_cast::geom::{Glide, Pose};
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// A pose for every frame.
 #[derive(Debug, Clone)]
-pub enum Motion {
+pub(crate) enum Motion {
     /// No motion: one pose for all frames.
     Still,
-    /// One pose a frame.
     Poses(Vec<Pose>),
-    /// Along a line.
     Route(Route),
 }
 
 impl Motion {
     /// Reads `poses` or `route` of the object at `at`; `None` where it has neither. On a route things pitch with the slope
     /// unless they stay `upright`.
-    pub fn new(
+    pub(crate) fn new(
         at: &Location,
         poses: Option<&[PoseDescription]>,
         route: Option<&RouteDescription>,
         upright: bool,
-    ) -> Result<Option<Self>, DescriptionError> {
+    ) -> Checked<Option<Self>> {
         match (poses, route) {
             (None, None) => Ok(None),
             (Some(poses), None) => {
@@ -42,20 +40,14 @@ impl Motion {
             (None, Some(route)) => {
                 Ok(Some(Self::Route(Route::new(&at.key("route"), route, upright)?)))
             }
-            (Some(_), Some(_)) => Err(DescriptionError::Choice {
-                at: Box::new(at.clone()),
-                found: vec!["poses", "route"],
-                of: &["poses", "route"],
-            }),
+            (Some(_), Some(_)) => {
+                Err(check::choice(at, vec!["poses", "route"], &["poses", "route"]))
+            }
         }
     }
 
     /// Checks for one explicit pose a frame.
-    pub(crate) fn check_frames(
-        &self,
-        at: &Location,
-        frames: usize,
-    ) -> Result<(), DescriptionError> {
+    pub(crate) fn check_frames(&self, at: &Location, frames: usize) -> Checked<()> {
         match self {
             Self::Poses(poses) if poses.len() != frames => {
                 let value = format!("a list of {}", poses.len());
@@ -71,7 +63,7 @@ impl Motion {
 
     /// The way from frame `t` to the next, on a straight line and turning evenly; after the last frame things
     /// go on as they came.
-    pub fn glide(&self, t: usize) -> Glide {
+    pub(crate) fn glide(&self, t: usize) -> Glide {
         let here = self.pose(t);
         let next = match self {
             Self::Still => here,
@@ -86,7 +78,7 @@ impl Motion {
     }
 
     /// Pose in frame `t`, below the number of frames.
-    pub fn pose(&self, t: usize) -> Pose {
+    pub(crate) fn pose(&self, t: usize) -> Pose {
         match self {
             Self::Still => Pose::IDENTITY,
             Self::Poses(poses) => poses[t],
@@ -95,7 +87,7 @@ impl Motion {
     }
 }
 
-fn pose(at: &Location, p: &PoseDescription) -> Result<Pose, DescriptionError> {
+fn pose(at: &Location, p: &PoseDescription) -> Checked<Pose> {
     let x = check::metres(&at.key("x"), p.x)?;
     let y = check::metres(&at.key("y"), p.y)?;
     let z = check::metres(&at.key("z"), p.z)?;
@@ -109,7 +101,7 @@ fn pose(at: &Location, p: &PoseDescription) -> Result<Pose, DescriptionError> {
 ///
 /// The end segments go on straight before the first and after the last point.
 #[derive(Debug, Clone)]
-pub struct Route {
+pub(crate) struct Route {
     points: Vec<DVec3>,
     /// Length of the line up to each point, in metres.
     along: Vec<f64>,
@@ -121,15 +113,11 @@ pub struct Route {
 
 impl Route {
     /// Metres from frame to frame.
-    pub fn spacing(&self) -> f64 {
+    pub(crate) fn spacing(&self) -> f64 {
         self.spacing
     }
 
-    fn new(
-        at: &Location,
-        route: &RouteDescription,
-        upright: bool,
-    ) -> Result<Self, DescriptionError> {
+    fn new(at: &Location, route: &RouteDescription, upright: bool) -> Checked<Self> {
         let here = at.key("points");
         if route.points.len() < 2 {
             let value = format!("a list of {}", route.points.len());

@@ -7,13 +7,12 @@ use crate::vehicle::Vehicle;
 
 use super::description::{PsogDescription, RoiDescription, ScanDescription};
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, DescriptionError, Location};
 
 /// Largest distance in metres from the top of the ROI up to the mount.
 const MOUNT_HEADROOM: f64 = 10.0;
 /// Most voxels along one axis.
 const MAX_AXIS: f64 = 16_777_216.0;
-/// Most voxels of a ROI.
 const MAX_VOXELS: u64 = 1 << 31;
 
 /// Highest scanner and longest range, in metres.
@@ -36,7 +35,7 @@ pub struct RoiBounds {
 }
 
 impl RoiBounds {
-    pub(crate) fn new(at: &Location, roi: &RoiDescription) -> Result<Self, DescriptionError> {
+    pub(crate) fn new(at: &Location, roi: &RoiDescription) -> Checked<Self> {
         let min = check::point(&at.key("min"), roi.min)?;
         let max = check::point(&at.key("max"), roi.max)?;
         let voxel = check::size(&at.key("voxel"), roi.voxel)?;
@@ -60,24 +59,22 @@ impl RoiBounds {
         let count = shape.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul);
         match count {
             Some(n) if n <= MAX_VOXELS => Ok(Self { min, max, voxel, shape }),
-            _ => Err(DescriptionError::TooMany {
-                at: Box::new(at.clone()),
-                what: "voxels",
-                count: count.unwrap_or(u64::MAX),
-                limit: MAX_VOXELS,
-                mend: "take a smaller ROI or larger voxels",
-            }),
+            _ => {
+                let (count, mend) =
+                    (count.unwrap_or(u64::MAX), "take a smaller ROI or larger voxels");
+                Err(check::too_many(at, "voxels", count, MAX_VOXELS, mend))
+            }
         }
     }
 
     /// Checks that every mount lies in the ROI of `scene` sideways, and that the box around all touches it in z or stands
     /// at most `MOUNT_HEADROOM` above. `place` is where each mount is written.
-    pub fn check_mounts(
+    pub(super) fn check_mounts(
         &self,
         scene: &Location,
         vehicle: &Vehicle,
         place: impl Fn(usize) -> Location,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let [lowest, highest] = vehicle.corners().map(|corner| corner[2]);
         let over = lowest <= self.max[2] + MOUNT_HEADROOM && highest >= self.min[2];
         for (k, mount) in vehicle.mounts.iter().enumerate() {
@@ -110,11 +107,7 @@ pub enum Coverage {
 }
 
 impl Coverage {
-    pub(crate) fn new(
-        at: &Location,
-        name: Option<&str>,
-        has_geometry: bool,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn new(at: &Location, name: Option<&str>, has_geometry: bool) -> Checked<Self> {
         match (name, has_geometry) {
             (None, true) | (Some("first-hit"), true) => Ok(Self::FirstHit),
             (None, false) | (Some("through"), _) => Ok(Self::Through),
@@ -168,12 +161,7 @@ impl ScanSettings {
         }
     }
 
-    fn new(
-        at: &Location,
-        scan: &ScanDescription,
-        lidar_range: f64,
-        highest: f64,
-    ) -> Result<Self, DescriptionError> {
+    fn new(at: &Location, scan: &ScanDescription, lidar_range: f64, highest: f64) -> Checked<Self> {
         let count = |key, value: Option<u64>, hi| {
             value.map(|value| check::count(&at.key(key), value, 1, hi)).transpose()
         };
@@ -208,14 +196,13 @@ impl PsogSource {
         dir: &Path,
         lidar_range: f64,
         highest: f64,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let at = top.key("psog");
         let mend = "a scene without geometry needs a P-SOG file, write `\"psog\": { \"file\": … }`";
         let scan = match psog {
             None if has_geometry => &ScanDescription::default(),
             None => {
-                let (at, mend) = (Box::new(top.clone()), mend.to_owned());
-                return Err(DescriptionError::Missing { at, key: "psog", mend });
+                return Err(check::missing(top, "psog", mend));
             }
             Some(PsogDescription { file: Some(file), scan: None }) => {
                 return Ok(Self::File(dir.join(file)));
@@ -223,16 +210,11 @@ impl PsogSource {
             Some(PsogDescription { file: None, scan: Some(scan) }) => scan,
             Some(PsogDescription { file, .. }) => {
                 let found = if file.is_some() { vec!["file", "scan"] } else { Vec::new() };
-                return Err(DescriptionError::Choice {
-                    at: Box::new(at),
-                    found,
-                    of: &["file", "scan"],
-                });
+                return Err(check::choice(&at, found, &["file", "scan"]));
             }
         };
         if !has_geometry {
-            let (at, mend) = (Box::new(at), mend.to_owned());
-            return Err(DescriptionError::Misplaced { at, key: "scan", mend });
+            return Err(check::misplaced(&at, "scan", mend));
         }
         ScanSettings::new(&at.key("scan"), scan, lidar_range, highest).map(Self::Scan)
     }
@@ -262,18 +244,12 @@ pub(super) fn doubts_of_scan(psog: &PsogSource) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::Scene;
-    use sightline_files::Note;
-
     fn told(scan: &str) -> String {
-        let text = format!(
-            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 3,
+        crate::scene::tests::told(&format!(
+            r#""lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 3,
             "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.2], "lidars": 1}}, "psog": {{"scan": {{{scan}}}}},
-            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
-        );
-        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n")
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]"#
+        ))
     }
 
     #[test]

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use glam::DVec3;
-use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check, nearest};
+use sightline_files::json::{Checked, DescriptionError, Location, check, nearest};
 
 use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
@@ -21,15 +20,19 @@ use crate::vehicle;
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
 const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
-/// Deepest nesting of named shapes.
 const MAX_DEPTH: usize = 8;
 const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "urdf", "shape"];
+/// Corners of a cylinder's base, and of a sphere's circles of latitude.
+const SIDES: u32 = 32;
+/// Bands of a sphere from pole to pole.
+const BANDS: u32 = 16;
+/// Links of a robot that a doubt names.
+const MOST_LINKS: usize = 6;
 
 /// Builds triangles from shapes; loads each mesh file once.
-pub struct Builder<'a> {
+pub(crate) struct Builder<'a> {
     classes: &'a Classes,
     named: &'a Dictionary<Vec<ShapeDescription>>,
-    /// Index in `named` by name.
     by_name: HashMap<&'a str, usize>,
     /// Place of the key `shapes`.
     named_at: Location,
@@ -46,7 +49,7 @@ pub struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    pub fn new(
+    pub(crate) fn new(
         top: &Location,
         classes: &'a Classes,
         named: &'a Dictionary<Vec<ShapeDescription>>,
@@ -71,12 +74,12 @@ impl<'a> Builder<'a> {
     }
 
     /// A builder of at most so many triangles.
-    pub fn limited(self, most: u64) -> Self {
+    pub(crate) fn limited(self, most: u64) -> Self {
         Self { most, ..self }
     }
 
     /// The files of all meshes and robots, in alphabetical order, each once.
-    pub fn files(&self) -> Vec<PathBuf> {
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
         let meshes = self.meshes.values().flat_map(|m| m.files.clone());
         let mut files: Vec<PathBuf> = meshes.chain(self.others.iter().cloned()).collect();
         files.sort();
@@ -89,12 +92,12 @@ impl<'a> Builder<'a> {
     }
 
     /// Notes on material names that no mesh has, and on actors that no beam can hit.
-    pub fn notes(&mut self) -> Vec<Note> {
+    pub(crate) fn notes(&mut self) -> Vec<Note> {
         std::mem::take(&mut self.notes)
     }
 
     /// Builds the named shapes, used or not.
-    pub(crate) fn check_named(&mut self) -> Result<(), DescriptionError> {
+    pub(crate) fn check_named(&mut self) -> Checked<()> {
         for (name, _) in &self.named.0 {
             let at = self.named_at.clone();
             self.named(&at, name, 0)?;
@@ -103,20 +106,12 @@ impl<'a> Builder<'a> {
     }
 
     /// The triangles of a list of shapes, in order, and where each shape ends.
-    pub fn list(
-        &mut self,
-        at: &Location,
-        list: &[ShapeDescription],
-    ) -> Result<Solid, DescriptionError> {
+    pub(crate) fn list(&mut self, at: &Location, list: &[ShapeDescription]) -> Checked<Solid> {
         self.nested_list(at, list, 0)
     }
 
     /// Triangles of an actor; an empty list is an error, an actor without area a note.
-    pub fn actor(
-        &mut self,
-        at: &Location,
-        parts: &[ShapeDescription],
-    ) -> Result<Solid, DescriptionError> {
+    pub(crate) fn actor(&mut self, at: &Location, parts: &[ShapeDescription]) -> Checked<Solid> {
         if parts.is_empty() {
             return Err(bad(at, "an empty list", "a shape; add one or leave the actor out"));
         }
@@ -135,7 +130,7 @@ impl<'a> Builder<'a> {
         at: &Location,
         list: &[ShapeDescription],
         depth: usize,
-    ) -> Result<Solid, DescriptionError> {
+    ) -> Checked<Solid> {
         let mut solid = Solid::default();
         for (i, shape) in list.iter().enumerate() {
             self.append(&at.item(i), shape, depth, &mut solid)?;
@@ -150,7 +145,7 @@ impl<'a> Builder<'a> {
         shape: &ShapeDescription,
         depth: usize,
         out: &mut Solid,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let there = [
             shape.cuboid.is_some(),
             shape.prism.is_some(),
@@ -163,7 +158,7 @@ impl<'a> Builder<'a> {
         let found = there.iter().zip(KINDS).filter_map(|(&there, &kind)| there.then_some(kind));
         let found: Vec<_> = found.collect();
         if found.len() != 1 {
-            return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of: KINDS });
+            return Err(check::choice(at, found, KINDS));
         }
         let copies = copies(at, shape)?;
         if shape.repeat.as_ref().is_some_and(|repeat| repeat.count > 1 && repeat.step == [0.0; 3]) {
@@ -174,11 +169,8 @@ impl<'a> Builder<'a> {
         }
         let solid = match &shape.shape {
             Some(name) if shape.class.is_some() => {
-                return Err(DescriptionError::Misplaced {
-                    at: Box::new(at.clone()),
-                    key: "class",
-                    mend: format!("the parts of the shape `{name}` have their own classes"),
-                });
+                let mend = format!("the parts of the shape `{name}` have their own classes");
+                return Err(check::misplaced(at, "class", mend));
             }
             Some(name) => self.named(&at.key("shape"), name, depth)?,
             None => Rc::new(self.single(at, shape)?),
@@ -192,39 +184,23 @@ impl<'a> Builder<'a> {
     }
 
     /// Refuses more triangles than there may be.
-    fn check_count(&self, at: &Location, count: u64) -> Result<(), DescriptionError> {
+    fn check_count(&self, at: &Location, count: u64) -> Checked<()> {
         if count <= self.most {
             return Ok(());
         }
-        Err(DescriptionError::TooMany {
-            at: Box::new(at.clone()),
-            what: "triangles",
-            count,
-            limit: self.most,
-            mend: "take fewer copies or a coarser mesh",
-        })
+        let mend = "take fewer copies or a coarser mesh";
+        Err(check::too_many(at, "triangles", count, self.most, mend))
     }
 
     /// Shape called `name`, used at `at` inside `depth` other named shapes.
-    fn named(
-        &mut self,
-        at: &Location,
-        name: &str,
-        depth: usize,
-    ) -> Result<Rc<Solid>, DescriptionError> {
+    fn named(&mut self, at: &Location, name: &str, depth: usize) -> Checked<Rc<Solid>> {
         if let Some(solid) = self.built.get(name) {
             return Ok(Rc::clone(solid));
         }
         let named = self.named;
         let Some((name, list)) = self.by_name.get(name).map(|&i| &named.0[i]) else {
-            let known = || named.0.iter().map(|(k, _)| k.as_str());
-            return Err(DescriptionError::UnknownName {
-                at: Box::new(at.clone()),
-                kind: "shape",
-                name: name.to_owned(),
-                nearest: nearest(name, known()),
-                known: known().map(str::to_owned).collect(),
-            });
+            let known = named.0.iter().map(|(k, _)| k.as_str());
+            return Err(check::unknown_name(at, "shape", name, known));
         };
         if depth == MAX_DEPTH {
             let wanted = format!("nested less than {MAX_DEPTH} deep; does it contain itself?");
@@ -240,11 +216,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Triangles of a primitive or mesh, before its copies are placed.
-    fn single(
-        &mut self,
-        at: &Location,
-        shape: &ShapeDescription,
-    ) -> Result<Solid, DescriptionError> {
+    fn single(&mut self, at: &Location, shape: &ShapeDescription) -> Checked<Solid> {
         let class = match &shape.class {
             Some(name) => Some(self.classes.id(&at.key("class"), name)?),
             None => None,
@@ -252,11 +224,8 @@ impl<'a> Builder<'a> {
         if let Some(mesh) = &shape.mesh {
             return self.mesh(&at.key("mesh"), mesh, class);
         }
-        let class = class.ok_or_else(|| DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "class",
-            mend: "name the class of this shape, `\"class\": \"building\"` for example".to_owned(),
-        })?;
+        let mend = "name the class of this shape, `\"class\": \"building\"` for example";
+        let class = class.ok_or_else(|| check::missing(at, "class", mend))?;
         match shape {
             ShapeDescription { cuboid: Some(b), .. } => cuboid(&at.key("box"), b, class),
             ShapeDescription { prism: Some(p), .. } => prism(&at.key("prism"), p, class),
@@ -273,15 +242,15 @@ impl<'a> Builder<'a> {
         at: &Location,
         mesh: &MeshDescription,
         default: Option<u16>,
-    ) -> Result<Solid, DescriptionError> {
+    ) -> Checked<Solid> {
         let file = self.dir.join(&mesh.file);
-        let placing = placing(at, mesh)?;
+        let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
+        let axes = mesh.axes.as_deref();
+        let placing = Placing::new(at, axes, scale, translate, [roll, pitch, yaw])?;
         let mut map = HashMap::new();
         for (material, class) in &mesh.classes.0 {
-            map.insert(
-                material.as_str(),
-                self.classes.id(&at.key("classes").key(material), class)?,
-            );
+            let class = self.classes.id(&at.key("classes").key(material), class)?;
+            map.insert(material.as_str(), class);
         }
         let raw = self.raw(at, &file, &placing)?;
         self.note_unused(&at.key("classes"), &file, &map, &raw);
@@ -301,16 +270,9 @@ impl<'a> Builder<'a> {
             ends: Vec::new(),
         })
     }
-}
 
-impl Builder<'_> {
     /// A mesh file, read on first use.
-    fn raw(
-        &mut self,
-        at: &Location,
-        file: &Path,
-        placing: &Placing,
-    ) -> Result<Rc<RawMesh>, DescriptionError> {
+    fn raw(&mut self, at: &Location, file: &Path, placing: &Placing) -> Checked<Rc<RawMesh>> {
         if let Some(raw) = self.meshes.get(file) {
             return Ok(Rc::clone(raw));
         }
@@ -319,14 +281,7 @@ impl Builder<'_> {
         self.meshes.insert(file.to_owned(), Rc::clone(&raw));
         Ok(raw)
     }
-}
 
-fn placing(at: &Location, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
-    let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
-    Placing::new(at, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
-}
-
-impl Builder<'_> {
     /// Notes material names that the mesh does not have: one map may serve several meshes, or hold a slip.
     fn note_unused(&mut self, at: &Location, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
         let has = || raw.materials.iter().flatten().map(String::as_str);
@@ -344,23 +299,9 @@ impl Builder<'_> {
             unused.join("`, `")
         )));
     }
-}
 
-/// Corners of a cylinder's base, and of a sphere's circles of latitude.
-const SIDES: u32 = 32;
-/// Bands of a sphere from pole to pole.
-const BANDS: u32 = 16;
-/// Links of a robot that a doubt names.
-const MOST_LINKS: usize = 6;
-
-impl Builder<'_> {
     /// Triangles of a robot's links, with all joints at rest.
-    fn urdf(
-        &mut self,
-        at: &Location,
-        urdf: &UrdfDescription,
-        class: u16,
-    ) -> Result<Solid, DescriptionError> {
+    fn urdf(&mut self, at: &Location, urdf: &UrdfDescription, class: u16) -> Checked<Solid> {
         let UrdfDescription { translate, roll, pitch, yaw, .. } = *urdf;
         let placing = Placing::new(at, None, None, translate, [roll, pitch, yaw])?;
         let tag = urdf.geometry.as_deref().unwrap_or("visual");
@@ -370,9 +311,14 @@ impl Builder<'_> {
         }
         let file = self.dir.join(&urdf.file);
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
-        let robot = RobotFile { file: &file, packages: packages.as_deref(), tag };
-        let RobotShapes { parts, origins, missing } = robot.parts(at, &urdf.without)?;
-        self.note_degrees(at, &file, &origins);
+        let (packages, without) = (packages.as_deref(), &urdf.without[..]);
+        let robot = RobotFile { file: &file, packages, tag, without };
+        let RobotShapes { parts, origins, missing } = robot.parts(at)?;
+        // Origins of one file share one mistake.
+        let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
+            vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
+        });
+        self.notes.extend(in_degrees.take(3).map(Note::doubt));
         self.note_missing(at, &file, tag, &missing);
         self.others.push(file.clone());
         let mut solid = Solid::default();
@@ -389,14 +335,6 @@ impl Builder<'_> {
                 Err(bad(&at.key("file"), format!("{:?}", urdf.file), wanted))
             }
         }
-    }
-
-    /// Doubts of a robot's origins in degrees; origins of one file share one mistake.
-    fn note_degrees(&mut self, at: &Location, file: &Path, origins: &[OriginAngles]) {
-        let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
-            vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
-        });
-        self.notes.extend(in_degrees.take(3).map(Note::doubt));
     }
 
     /// A doubt about links of a robot that have no shape of the kind that is meant.
@@ -416,12 +354,7 @@ impl Builder<'_> {
         )));
     }
 
-    fn part(
-        &mut self,
-        at: &Location,
-        geometry: &Geometry,
-        class: u16,
-    ) -> Result<Solid, DescriptionError> {
+    fn part(&mut self, at: &Location, geometry: &Geometry, class: u16) -> Checked<Solid> {
         Ok(match geometry {
             Geometry::Box(edges) => Solid::cuboid(DVec3::ZERO, *edges, 0.0, class),
             Geometry::Cylinder(radius, length) => {
@@ -429,24 +362,11 @@ impl Builder<'_> {
                 Solid::cylinder(foot, *radius, *length, SIDES, class)
             }
             Geometry::Sphere(radius) => Solid::sphere(*radius, [SIDES, BANDS], class),
-            Geometry::Mesh(file, scale) => self.mesh_of_link(at, file, *scale, class)?,
-        })
-    }
-
-    fn mesh_of_link(
-        &mut self,
-        at: &Location,
-        file: &Path,
-        scale: DVec3,
-        class: u16,
-    ) -> Result<Solid, DescriptionError> {
-        let placing = Placing::scaled(scale, Pose::IDENTITY);
-        let raw = self.raw(at, file, &placing)?;
-        Ok(Solid {
-            vertices: placing.vertices(at, file, &raw)?,
-            faces: raw.faces.clone(),
-            classes: vec![class; raw.faces.len()],
-            ends: Vec::new(),
+            Geometry::Mesh(file, scale) => {
+                let placing = Placing::scaled(*scale);
+                let raw = self.raw(at, file, &placing)?;
+                Solid::of_class(placing.vertices(at, file, &raw)?, raw.faces.clone(), class)
+            }
         })
     }
 }

@@ -9,16 +9,47 @@ use super::polygon::{self, triangulate};
 use lidar_cast::geom::{Pose, TriangleSoup};
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Least height of a triangle over its longest side from one corner that is more than rounding.
 const THINNEST: f64 = 1e-14;
+
+/// Lower and upper corner of the box around points; `None` without any.
+pub(crate) fn around(mut points: impl Iterator<Item = DVec3>) -> Option<[DVec3; 2]> {
+    let first = points.next()?;
+    Some(points.fold([first; 2], |[low, high], p| [low.min(p), high.max(p)]))
+}
+
+/// The part of a polygon within a box (Sutherland, Hodgman 1974). Each corner is a position, and vectors that vary along
+/// the sides.
+pub(crate) fn clipped<const N: usize>(
+    mut ring: Vec<[DVec3; N]>,
+    [low, high]: [[f64; 3]; 2],
+) -> Vec<[DVec3; N]> {
+    for k in 0..3 {
+        for (sign, bound) in [(1.0, low[k]), (-1.0, -high[k])] {
+            let depth = |corner: &[DVec3; N]| sign * corner[0][k] - bound;
+            let mut inside = Vec::with_capacity(ring.len() + 1);
+            for (i, a) in ring.iter().enumerate() {
+                let b = &ring[(i + 1) % ring.len()];
+                let (from, to) = (depth(a), depth(b));
+                inside.extend((from >= 0.0).then_some(*a));
+                if (from >= 0.0) != (to >= 0.0) {
+                    let share = from / (from - to);
+                    inside.push(std::array::from_fn(|part| a[part].lerp(b[part], share)));
+                }
+            }
+            ring = inside;
+        }
+    }
+    ring
+}
 
 /// Triangles with a class each, in the frame of their owner: world, actor or ego.
 ///
 /// Coordinates are `f64`: national ones keep their millimetres until they are moved to the ego.
 #[derive(Debug, Clone, Default)]
-pub struct Solid {
+pub(crate) struct Solid {
     pub vertices: Vec<DVec3>,
     pub faces: Vec<[u32; 3]>,
     pub classes: Vec<u16>,
@@ -27,8 +58,13 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// Appends `other`, moved by `pose`.
-    pub fn append(&mut self, other: &Self, pose: &Pose) {
+    /// Triangles of one class.
+    pub(crate) fn of_class(vertices: Vec<DVec3>, faces: Vec<[u32; 3]>, class: u16) -> Self {
+        let classes = vec![class; faces.len()];
+        Self { vertices, faces, classes, ends: Vec::new() }
+    }
+
+    pub(crate) fn append(&mut self, other: &Self, pose: &Pose) {
         let base = self.vertices.len() as u32;
         let faces = self.faces.len();
         self.ends.extend(other.ends.iter().map(|end| end + faces));
@@ -56,7 +92,7 @@ impl Solid {
 
     /// A box of `size` around `center`, turned by `yaw` about its own vertical axis: 12 triangles
     /// facing outwards.
-    pub fn cuboid(center: DVec3, size: DVec3, yaw: f64, class: u16) -> Self {
+    pub(crate) fn cuboid(center: DVec3, size: DVec3, yaw: f64, class: u16) -> Self {
         let half = size / 2.0;
         let base = [[-half.x, -half.y], [half.x, -half.y], [half.x, half.y], [-half.x, half.y]];
         let mut solid = Self::prism(&base, [-half.z, half.z], class);
@@ -69,7 +105,7 @@ impl Solid {
 
     /// Walls, floor and roof over a simple counter-clockwise `base`, facing outwards:
     /// 4n − 4 triangles for n corners.
-    pub fn prism(base: &[[f64; 2]], z: [f64; 2], class: u16) -> Self {
+    pub(crate) fn prism(base: &[[f64; 2]], z: [f64; 2], class: u16) -> Self {
         let n = base.len() as u32;
         let ring = |z| base.iter().map(move |p| DVec3::new(p[0], p[1], z));
         let vertices = ring(z[0]).chain(ring(z[1])).collect();
@@ -80,12 +116,11 @@ impl Solid {
             let j = (i + 1) % n;
             faces.extend([[i, j, j + n], [i, j + n, i + n]]);
         }
-        let classes = vec![class; faces.len()];
-        Self { vertices, faces, classes, ends: Vec::new() }
+        Self::of_class(vertices, faces, class)
     }
 
     /// Upright prism with `sides` corners on the circle around `foot`, the first at +x.
-    pub fn cylinder(foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) -> Self {
+    pub(crate) fn cylinder(foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) -> Self {
         let corner = |i: u32| {
             let (sin, cos) =
                 maths::sin_cos(f64::from(i) * std::f64::consts::TAU / f64::from(sides));
@@ -101,7 +136,7 @@ impl Solid {
 
     /// A ball of circles of latitude with `sides` corners, `bands` of them from pole to pole; all corners lie on the
     /// sphere around the origin.
-    pub fn sphere(radius: f64, [sides, bands]: [u32; 2], class: u16) -> Self {
+    pub(crate) fn sphere(radius: f64, [sides, bands]: [u32; 2], class: u16) -> Self {
         let corner = |band: u32, side: u32| {
             let (sin, cos) =
                 maths::sin_cos(std::f64::consts::PI * f64::from(band) / f64::from(bands));
@@ -124,32 +159,19 @@ impl Solid {
                 [[a, c, d], [a, d, b]].into_iter().filter(|f| f[0] != f[2] && f[1] != f[2]),
             );
         }
-        let classes = vec![class; faces.len()];
-        Self { vertices, faces, classes, ends: Vec::new() }
+        Self::of_class(vertices, faces, class)
     }
 
     /// A level rectangle facing up: two triangles.
-    pub fn plane(min: [f64; 2], max: [f64; 2], z: f64, class: u16) -> Self {
+    pub(crate) fn plane(min: [f64; 2], max: [f64; 2], z: f64, class: u16) -> Self {
         let corners = [[min[0], min[1]], [max[0], min[1]], [max[0], max[1]], [min[0], max[1]]];
-        Self {
-            vertices: corners.iter().map(|p| DVec3::new(p[0], p[1], z)).collect(),
-            faces: vec![[0, 1, 2], [0, 2, 3]],
-            classes: vec![class; 2],
-            ends: Vec::new(),
-        }
+        let vertices = corners.iter().map(|p| DVec3::new(p[0], p[1], z)).collect();
+        Self::of_class(vertices, vec![[0, 1, 2], [0, 2, 3]], class)
     }
 }
 
-pub(crate) fn cuboid(
-    at: &Location,
-    b: &BoxDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Checked<Solid> {
     let yaw = check::radians(&at.key("yaw"), b.yaw)?;
-    let one_of = |found| {
-        let of = &["center, size", "foot, size", "min, max"];
-        Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of })
-    };
     let (center, size) = match (b.center, b.foot, b.size, b.min, b.max) {
         (Some(center), None, Some(size), None, None) => {
             let center = check::point(&at.key("center"), center)?;
@@ -161,35 +183,20 @@ pub(crate) fn cuboid(
             (foot + DVec3::Z * (size.z / 2.0), size)
         }
         (None, None, None, Some(min), Some(max)) => {
-            check::point(&at.key("min"), min)?;
-            check::point(&at.key("max"), max)?;
-            for i in 0..3 {
-                if min[i] >= max[i] {
-                    let wanted = format!("above min ({})", min[i]);
-                    return Err(bad(&at.key("max").item(i), max[i], wanted));
-                }
-            }
-            let (min, max) = (DVec3::from(min), DVec3::from(max));
+            let [min, max] = check::corners(at, min, max, "")?.map(DVec3::from);
             ((min + max) / 2.0, max - min)
         }
         _ => {
-            let mut found = Vec::new();
-            found.extend(b.center.map(|_| "center"));
-            found.extend(b.foot.map(|_| "foot"));
-            found.extend(b.size.map(|_| "size"));
-            found.extend(b.min.map(|_| "min"));
-            found.extend(b.max.map(|_| "max"));
-            return one_of(found);
+            let keys = ["center", "foot", "size", "min", "max"];
+            let keys = keys.into_iter().zip([b.center, b.foot, b.size, b.min, b.max]);
+            let found = keys.filter_map(|(key, value)| value.map(|_| key)).collect();
+            return Err(check::choice(at, found, &["center, size", "foot, size", "min, max"]));
         }
     };
     Ok(Solid::cuboid(center, size, yaw, class))
 }
 
-pub(crate) fn prism(
-    at: &Location,
-    p: &PrismDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn prism(at: &Location, p: &PrismDescription, class: u16) -> Checked<Solid> {
     let base = polygon::simple(&at.key("base"), &p.base)?;
     let z = at.key("z");
     for i in 0..2 {
@@ -201,11 +208,7 @@ pub(crate) fn prism(
     Ok(Solid::prism(&base, p.z, class))
 }
 
-pub(crate) fn cylinder(
-    at: &Location,
-    c: &CylinderDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn cylinder(at: &Location, c: &CylinderDescription, class: u16) -> Checked<Solid> {
     let foot = check::point(&at.key("foot"), c.foot)?;
     let radius = check::length(&at.key("radius"), c.radius)?;
     let height = check::length(&at.key("height"), c.height)?;
@@ -213,11 +216,7 @@ pub(crate) fn cylinder(
     Ok(Solid::cylinder(foot.into(), radius, height, sides, class))
 }
 
-pub(crate) fn plane(
-    at: &Location,
-    p: &PlaneDescription,
-    class: u16,
-) -> Result<Solid, DescriptionError> {
+pub(crate) fn plane(at: &Location, p: &PlaneDescription, class: u16) -> Checked<Solid> {
     for i in 0..2 {
         check::metres(&at.key("min").item(i), p.min[i])?;
         check::metres(&at.key("max").item(i), p.max[i])?;
@@ -232,17 +231,13 @@ pub(crate) fn plane(
 const MAX_COPIES: u64 = 100_000;
 
 /// Poses of the copies of a shape; without `at` and `repeat` one copy in place.
-pub(super) fn copies(
-    at: &Location,
-    shape: &ShapeDescription,
-) -> Result<Vec<Pose>, DescriptionError> {
+pub(super) fn copies(at: &Location, shape: &ShapeDescription) -> Checked<Vec<Pose>> {
     match (&shape.at, &shape.repeat) {
         (None, None) => Ok(vec![Pose::IDENTITY]),
-        (Some(_), Some(_)) => Err(DescriptionError::Misplaced {
-            at: Box::new(at.clone()),
-            key: "repeat",
-            mend: "`at` already says where the copies stand; keep one of the two".to_owned(),
-        }),
+        (Some(_), Some(_)) => {
+            let mend = "`at` already says where the copies stand; keep one of the two";
+            Err(check::misplaced(at, "repeat", mend))
+        }
         (Some(list), None) => {
             let at = at.key("at");
             if list.is_empty() || list.len() as u64 > MAX_COPIES {

@@ -6,17 +6,19 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::classes::Classes;
 use super::description::{Dictionary, ShapeDescription};
 use super::shapes::Builder;
+use super::solid::around;
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, FileKind, Location, nearest};
+use sightline_files::json::{self, Checked, FileKind, Location};
 
 /// Largest target file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -110,17 +112,13 @@ impl Target {
     /// A preset by its name; any other text is the name of a target file.
     ///
     /// # Errors
-    /// No such preset and no such file; any [`DescriptionError`] of the file.
-    pub fn named(text: &str) -> Result<Self, DescriptionError> {
+    /// No such preset and no such file; any [`DescriptionError`](super::DescriptionError) of the file.
+    pub fn named(text: &str) -> Checked<Self> {
         Self::named_at(&Location::top("target"), Path::new(""), text)
     }
 
     /// Like [`Self::named`], with target files relative to a folder; an error names the place of the text.
-    pub(crate) fn named_at(
-        at: &Location,
-        dir: &Path,
-        text: &str,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn named_at(at: &Location, dir: &Path, text: &str) -> Checked<Self> {
         if let Some(preset) = preset_targets().iter().find(|preset| preset.name == text) {
             return Ok(preset.clone());
         }
@@ -128,33 +126,27 @@ impl Target {
         if Path::new(text).extension().is_some() || file.exists() {
             return Self::read(&file).map_err(|error| match error {
                 // A place in a file: the file that names another one is at fault.
-                DescriptionError::OtherKind { file, found, .. } if !at.path.is_empty() => {
+                json::DescriptionError::OtherKind { file, found, .. } if !at.path.is_empty() => {
                     let wanted = format!(
                         "a target: {file} is {found}; name a preset, or a file with the `shapes` of a target"
                     );
                     bad(at, format!("`{text}`"), wanted)
                 }
-                error @ DescriptionError::Read { .. } if !at.path.is_empty() => {
+                error @ json::DescriptionError::Read { .. } if !at.path.is_empty() => {
                     error.of_file(at.clone())
                 }
                 error => error,
             });
         }
-        let known = || preset_targets().iter().map(|preset| preset.name.as_str());
-        Err(DescriptionError::UnknownName {
-            at: Box::new(at.clone()),
-            kind: "preset or file of a target",
-            name: text.to_owned(),
-            nearest: nearest(text, known()),
-            known: known().map(str::to_owned).collect(),
-        })
+        let known = preset_targets().iter().map(|preset| preset.name.as_str());
+        Err(check::unknown_name(at, "preset or file of a target", text, known))
     }
 
     /// Reads a target file.
     ///
     /// # Errors
-    /// Any [`DescriptionError`]; each names the file, the place in it and the mend.
-    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+    /// Any [`DescriptionError`](super::DescriptionError); each names the file, the place in it and the mend.
+    pub fn read(path: &Path) -> Checked<Self> {
         let text = json::read_text(path, MAX_FILE)?;
         let dir = path.parent().unwrap_or(Path::new(""));
         let mut target = Self::from_text(&text, dir, &path.display().to_string())?;
@@ -169,7 +161,7 @@ impl Target {
     }
 
     /// From the text of a target file, whose meshes are in `dir`.
-    fn from_text(text: &str, dir: &Path, file: &str) -> Result<Self, DescriptionError> {
+    fn from_text(text: &str, dir: &Path, file: &str) -> Checked<Self> {
         json::check_version(text, file, FileKind::Target)?;
         let TargetDescription { name, mut shapes, reflectance, source, .. } =
             json::parse(text, file)?;
@@ -229,23 +221,17 @@ fn to_micrometres(metres: f64) -> f64 {
 }
 
 /// Corners of the box around triangles, which must fit a road.
-fn checked_corners(at: &Location, soup: &TriangleSoup) -> Result<[[f64; 3]; 2], DescriptionError> {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for vertex in &soup.vertices {
-        for k in 0..3 {
-            low[k] = low[k].min(f64::from(vertex[k]));
-            high[k] = high[k].max(f64::from(vertex[k]));
-        }
-    }
-    let sides = [0, 1, 2].map(|k| high[k] - low[k]);
-    if sides.iter().any(|side| *side > MOST_METRES) {
-        let longest = sides.iter().copied().fold(0.0, f64::max);
+fn checked_corners(at: &Location, soup: &TriangleSoup) -> Checked<[[f64; 3]; 2]> {
+    let corners = soup.vertices.iter().map(|vertex| DVec3::from(vertex.map(f64::from)));
+    let [low, high] = around(corners).unwrap_or_default();
+    let longest = (high - low).max_element();
+    if longest > MOST_METRES {
         let wanted = format!(
             "a target of at most {MOST_METRES} m; if a mesh is in millimetres, give it `\"scale\": 0.001`"
         );
         return Err(bad(&at.key("shapes"), format!("a target of {longest:.1} m"), wanted));
     }
-    Ok([low, high])
+    Ok([low, high].map(|corner| corner.to_array()))
 }
 
 /// Notes on a target that stands off the origin of its file, or not on the ground.

@@ -3,73 +3,219 @@
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
 use serde::Deserialize;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub(crate) struct LidarDescription {
-    /// Evenly spaced channels.
-    pub(crate) channels: Option<u64>,
-    /// Lowest and highest elevation, degrees.
-    pub(crate) fov: Option<[f64; 2]>,
-    /// Sensor file of a vendor, or JSON with `elevation_deg`.
-    pub(crate) file: Option<String>,
-    /// `clockwise` for offsets of such JSON that count so.
-    pub(crate) azimuth_offsets: Option<String>,
-    /// Azimuth steps of a frame.
-    pub(crate) azimuth_steps: Option<u64>,
-    /// First and last azimuth of a sensor that looks to one side, degrees counter-clockwise from ahead.
-    pub(crate) azimuth: Option<[f64; 2]>,
-    /// First and last second of a Livox pattern.
-    pub(crate) window: Option<[f64; 2]>,
-    /// Every beam by itself, of any length but 0.
-    pub(crate) directions: Option<Vec<[f64; 3]>>,
-    /// Metres.
-    pub(crate) range: Option<f64>,
-}
+described! {
+    pub(crate) struct LidarDescription {
+        /// Evenly spaced channels.
+        pub(crate) channels: Option<u64>,
+        /// Lowest and highest elevation, degrees.
+        pub(crate) fov: Option<[f64; 2]>,
+        /// Sensor file of a vendor, or JSON with `elevation_deg`.
+        pub(crate) file: Option<String>,
+        /// `clockwise` for offsets of such JSON that count so.
+        pub(crate) azimuth_offsets: Option<String>,
+        /// Azimuth steps of a frame.
+        pub(crate) azimuth_steps: Option<u64>,
+        /// First and last azimuth of a sensor that looks to one side, degrees counter-clockwise from ahead.
+        pub(crate) azimuth: Option<[f64; 2]>,
+        /// First and last second of a Livox pattern.
+        pub(crate) window: Option<[f64; 2]>,
+        /// Every beam by itself, of any length but 0.
+        pub(crate) directions: Option<Vec<[f64; 3]>>,
+        /// Metres.
+        pub(crate) range: Option<f64>,
+    }
 
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub(crate) struct MountDescription {
-    /// Lower corner of the box of sensor origins, ego frame, metres.
-    pub(crate) min: [f64; 3],
-    /// Upper corner of that box, metres.
-    pub(crate) max: [f64; 3],
-    /// Lowest and highest, radians.
-    #[serde(default)]
-    pub(crate) roll: [f64; 2],
-    /// Lowest and highest, radians.
-    #[serde(default)]
-    pub(crate) pitch: [f64; 2],
-    /// Lowest and highest, radians.
-    #[serde(default)]
-    pub(crate) yaw: [f64; 2],
-    /// Least distance between two sensors, metres.
-    #[serde(default)]
-    pub(crate) min_distance: f64,
-    /// Sensors of a placement, 1 to 16.
-    pub(crate) lidars: u64,
-    /// Boxes of the ego frame in which no sensor stands.
-    #[serde(default)]
-    pub(crate) keep_out: Vec<KeepOutDescription>,
-    /// True: all sensors stand at one height.
-    #[serde(default)]
-    pub(crate) equal_height: bool,
-    /// True: sensors come in pairs mirrored at the plane y = 0.
-    #[serde(default)]
-    pub(crate) symmetric: bool,
-}
+    pub(crate) struct MountDescription {
+        /// Lower corner of the box of sensor origins, ego frame, metres.
+        pub(crate) min: [f64; 3],
+        /// Upper corner of that box, metres.
+        pub(crate) max: [f64; 3],
+        /// Lowest and highest, radians.
+        #[serde(default)]
+        pub(crate) roll: [f64; 2],
+        /// Lowest and highest, radians.
+        #[serde(default)]
+        pub(crate) pitch: [f64; 2],
+        /// Lowest and highest, radians.
+        #[serde(default)]
+        pub(crate) yaw: [f64; 2],
+        /// Least distance between two sensors, metres.
+        #[serde(default)]
+        pub(crate) min_distance: f64,
+        /// Sensors of a placement, 1 to 16.
+        pub(crate) lidars: u64,
+        /// Boxes of the ego frame in which no sensor stands.
+        #[serde(default)]
+        pub(crate) keep_out: Vec<KeepOutDescription>,
+        /// True: all sensors stand at one height.
+        #[serde(default)]
+        pub(crate) equal_height: bool,
+        /// True: sensors come in pairs mirrored at the plane y = 0.
+        #[serde(default)]
+        pub(crate) symmetric: bool,
+    }
 
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct KeepOutDescription {
-    /// Lower corner, ego frame, metres.
-    pub min: [f64; 3],
-    /// Upper corner, ego frame, metres.
-    pub max: [f64; 3],
+    pub(crate) struct KeepOutDescription {
+        /// Lower corner, ego frame, metres.
+        pub min: [f64; 3],
+        /// Upper corner, ego frame, metres.
+        pub max: [f64; 3],
+    }
+
+    pub(crate) struct OtherSensorDescription {
+        /// Name in reports.
+        pub name: String,
+        /// Word of 1 to 16 letters, `camera` for example.
+        pub technology: String,
+        /// Metres forward.
+        pub x: f64,
+        /// Metres left.
+        pub y: f64,
+        /// Metres up.
+        pub z: f64,
+        /// Radians about x.
+        #[serde(default)]
+        pub roll: f64,
+        /// Radians about y.
+        #[serde(default)]
+        pub pitch: f64,
+        /// Radians about z.
+        #[serde(default)]
+        pub yaw: f64,
+        /// Whole angles of azimuth and of elevation, degrees.
+        pub fov: [f64; 2],
+        /// Metres.
+        pub range: f64,
+    }
+
+    pub(crate) struct ModelDescription {
+        /// Name that mounts and placements use.
+        pub name: String,
+        /// Beams.
+        pub lidar: LidarDescription,
+        /// Price in any currency.
+        pub price: Option<f64>,
+        /// `free`, an angle in radians, or a range of them that the search chooses from.
+        pub phase: Option<PhaseDescription>,
+        /// Measuring, for scans.
+        pub response: Option<ResponseDescription>,
+    }
+
+    pub(crate) struct ResponseDescription {
+        /// Turns a second.
+        pub rate: Option<f64>,
+        /// Metres at which a surface that reflects a tenth is seen half of the time.
+        pub rated_range: Option<f64>,
+        /// Standard deviation of the threshold, as a share; 0.1.
+        pub softness: Option<f64>,
+        /// Standard deviation of the distance of strong echoes, metres.
+        pub noise: Option<f64>,
+        /// Full width across and along, radians.
+        pub divergence: Option<[f64; 2]>,
+        /// Metres within which echoes are one.
+        pub pulse: Option<f64>,
+        /// `strongest`, `last` or `dual`.
+        pub echoes: Option<String>,
+        /// Least distance, metres.
+        pub min_range: Option<f64>,
+    }
+
+    pub(crate) struct MountingDescription {
+        /// Name in reports.
+        pub name: String,
+        /// Lower corner of a box, ego frame, metres.
+        pub min: Option<[f64; 3]>,
+        /// Upper corner of that box, metres.
+        pub max: Option<[f64; 3]>,
+        /// Corners of a flat patch, counter-clockwise from outside, metres.
+        pub polygon: Option<Vec<[f64; 3]>>,
+        /// Patch of a mesh.
+        pub mesh: Option<MeshPatchDescription>,
+        /// Least and most metres in front of a patch.
+        pub offset: Option<[f64; 2]>,
+        /// Lowest and highest, radians.
+        #[serde(default)]
+        pub roll: [f64; 2],
+        /// Lowest and highest, radians.
+        #[serde(default)]
+        pub pitch: [f64; 2],
+        /// Lowest and highest, radians.
+        #[serde(default)]
+        pub yaw: [f64; 2],
+        /// Models that may stand here; all unless given.
+        pub sensors: Option<Vec<String>>,
+        /// Number of sensors, or a range of it.
+        pub count: CountDescription,
+    }
+
+    pub(crate) struct MeshPatchDescription {
+        /// Mesh file: OBJ, PLY, STL or glTF.
+        pub file: String,
+        /// Factor on its lengths; 1.
+        pub scale: Option<f64>,
+        /// Move, metres, after all turns.
+        #[serde(default)]
+        pub translate: [f64; 3],
+        /// Radians about x.
+        #[serde(default)]
+        pub roll: f64,
+        /// Radians about y.
+        #[serde(default)]
+        pub pitch: f64,
+        /// Radians about z.
+        #[serde(default)]
+        pub yaw: f64,
+        /// `y-up` or `z-up`; by the format unless given.
+        pub axes: Option<String>,
+        /// Box of the ego frame to which triangles are cut.
+        pub within: Option<KeepOutDescription>,
+        /// Direction of the triangles that are meant.
+        pub facing: Option<FacingDescription>,
+    }
+
+    pub(crate) struct FacingDescription {
+        /// Direction in the ego frame, of any length but 0.
+        pub direction: [f64; 3],
+        /// Most radians from it; π/3.
+        pub angle: Option<f64>,
+    }
+
+    pub(crate) struct RequirementDescription {
+        /// Name in results.
+        pub name: Option<String>,
+        /// Lower corner of a box of voxels, ego frame, metres.
+        pub min: Option<[f64; 3]>,
+        /// Upper corner of that box, metres.
+        pub max: Option<[f64; 3]>,
+        /// Boxes that are left out.
+        #[serde(default)]
+        pub without: Vec<KeepOutDescription>,
+        /// Preset or file of a target. Its places lie on level ground, in scenes too.
+        pub target: Option<String>,
+        /// Nearest distance of a target, metres; 5.
+        pub from: Option<f64>,
+        /// Farthest distance of a target, metres.
+        pub within: Option<f64>,
+        /// First and last bearing, degrees counter-clockwise from ahead.
+        pub bearing: Option<[f64; 2]>,
+        /// Least beams on a target; 5.
+        pub beams: Option<u64>,
+        /// Metres around the body in which ground must be seen.
+        pub ground: Option<f64>,
+        /// `ahead`, `behind`, `left` or `right`.
+        pub blind_zone: Option<String>,
+        /// Most metres that the blind zone reaches.
+        pub depth: Option<f64>,
+        /// Share of surface voxels that neighbouring LiDARs share.
+        pub overlap: Option<f64>,
+        /// Share that is required, 0 to 1.
+        pub share: Option<f64>,
+        /// True: holds whichever one LiDAR is lost; not of a box.
+        #[serde(default)]
+        pub without_any_one: bool,
+    }
 }
 
 /// A vehicle, in a file of its own or in a scene.
@@ -78,7 +224,7 @@ pub struct KeepOutDescription {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "schema", schemars(rename = "VehicleDescription"))]
-pub struct VehicleDescription<B, M> {
+pub(crate) struct VehicleDescription<B, M> {
     /// JSON Schema of this file, which editors read.
     #[serde(rename = "$schema")]
     _schema: Option<String>,
@@ -120,147 +266,11 @@ pub struct VehicleDescription<B, M> {
 
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct OtherSensorDescription {
-    /// Name in reports.
-    pub name: String,
-    /// Word of 1 to 16 letters, `camera` for example.
-    pub technology: String,
-    /// Metres forward.
-    pub x: f64,
-    /// Metres left.
-    pub y: f64,
-    /// Metres up.
-    pub z: f64,
-    /// Radians about x.
-    #[serde(default)]
-    pub roll: f64,
-    /// Radians about y.
-    #[serde(default)]
-    pub pitch: f64,
-    /// Radians about z.
-    #[serde(default)]
-    pub yaw: f64,
-    /// Whole angles of azimuth and of elevation, degrees.
-    pub fov: [f64; 2],
-    /// Metres.
-    pub range: f64,
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct ModelDescription {
-    /// Name that mounts and placements use.
-    pub name: String,
-    /// Beams.
-    pub lidar: LidarDescription,
-    /// Price in any currency.
-    pub price: Option<f64>,
-    /// `free`, an angle in radians, or a range of them that the search chooses from.
-    pub phase: Option<PhaseDescription>,
-    /// Measuring, for scans.
-    pub response: Option<ResponseDescription>,
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct ResponseDescription {
-    /// Turns a second.
-    pub rate: Option<f64>,
-    /// Metres at which a surface that reflects a tenth is seen half of the time.
-    pub rated_range: Option<f64>,
-    /// Standard deviation of the threshold, as a share; 0.1.
-    pub softness: Option<f64>,
-    /// Standard deviation of the distance of strong echoes, metres.
-    pub noise: Option<f64>,
-    /// Full width across and along, radians.
-    pub divergence: Option<[f64; 2]>,
-    /// Metres within which echoes are one.
-    pub pulse: Option<f64>,
-    /// `strongest`, `last` or `dual`.
-    pub echoes: Option<String>,
-    /// Least distance, metres.
-    pub min_range: Option<f64>,
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "expected \"free\", an angle in radians, or a range of them")]
-pub enum PhaseDescription {
+pub(crate) enum PhaseDescription {
     Angle(f64),
     Range([f64; 2]),
     Word(String),
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct MountingDescription {
-    /// Name in reports.
-    pub name: String,
-    /// Lower corner of a box, ego frame, metres.
-    pub min: Option<[f64; 3]>,
-    /// Upper corner of that box, metres.
-    pub max: Option<[f64; 3]>,
-    /// Corners of a flat patch, counter-clockwise from outside, metres.
-    pub polygon: Option<Vec<[f64; 3]>>,
-    /// Patch of a mesh.
-    pub mesh: Option<MeshPatchDescription>,
-    /// Least and most metres in front of a patch.
-    pub offset: Option<[f64; 2]>,
-    /// Lowest and highest, radians.
-    #[serde(default)]
-    pub roll: [f64; 2],
-    /// Lowest and highest, radians.
-    #[serde(default)]
-    pub pitch: [f64; 2],
-    /// Lowest and highest, radians.
-    #[serde(default)]
-    pub yaw: [f64; 2],
-    /// Models that may stand here; all unless given.
-    pub sensors: Option<Vec<String>>,
-    /// Number of sensors, or a range of it.
-    pub count: CountDescription,
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct MeshPatchDescription {
-    /// Mesh file: OBJ, PLY, STL or glTF.
-    pub file: String,
-    /// Factor on its lengths; 1.
-    pub scale: Option<f64>,
-    /// Move, metres, after all turns.
-    #[serde(default)]
-    pub translate: [f64; 3],
-    /// Radians about x.
-    #[serde(default)]
-    pub roll: f64,
-    /// Radians about y.
-    #[serde(default)]
-    pub pitch: f64,
-    /// Radians about z.
-    #[serde(default)]
-    pub yaw: f64,
-    /// `y-up` or `z-up`; by the format unless given.
-    pub axes: Option<String>,
-    /// Box of the ego frame to which triangles are cut.
-    pub within: Option<KeepOutDescription>,
-    /// Direction of the triangles that are meant.
-    pub facing: Option<FacingDescription>,
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct FacingDescription {
-    /// Direction in the ego frame, of any length but 0.
-    pub direction: [f64; 3],
-    /// Most radians from it; π/3.
-    pub angle: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -269,47 +279,9 @@ pub struct FacingDescription {
     untagged,
     expecting = "expected a number of sensors, 4 for example, or a range, [0, 2] for example"
 )]
-pub enum CountDescription {
+pub(crate) enum CountDescription {
     Exactly(u64),
     Range([u64; 2]),
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct RequirementDescription {
-    /// Name in results.
-    pub name: Option<String>,
-    /// Lower corner of a box of voxels, ego frame, metres.
-    pub min: Option<[f64; 3]>,
-    /// Upper corner of that box, metres.
-    pub max: Option<[f64; 3]>,
-    /// Boxes that are left out.
-    #[serde(default)]
-    pub without: Vec<KeepOutDescription>,
-    /// Preset or file of a target. Its places lie on level ground, in scenes too.
-    pub target: Option<String>,
-    /// Nearest distance of a target, metres; 5.
-    pub from: Option<f64>,
-    /// Farthest distance of a target, metres.
-    pub within: Option<f64>,
-    /// First and last bearing, degrees counter-clockwise from ahead.
-    pub bearing: Option<[f64; 2]>,
-    /// Least beams on a target; 5.
-    pub beams: Option<u64>,
-    /// Metres around the body in which ground must be seen.
-    pub ground: Option<f64>,
-    /// `ahead`, `behind`, `left` or `right`.
-    pub blind_zone: Option<String>,
-    /// Most metres that the blind zone reaches.
-    pub depth: Option<f64>,
-    /// Share of surface voxels that neighbouring LiDARs share.
-    pub overlap: Option<f64>,
-    /// Share that is required, 0 to 1.
-    pub share: Option<f64>,
-    /// True: holds whichever one LiDAR is lost; not of a box.
-    #[serde(default)]
-    pub without_any_one: bool,
 }
 
 impl<B, M> VehicleDescription<B, M> {
@@ -317,7 +289,7 @@ impl<B, M> VehicleDescription<B, M> {
     ///
     /// # Errors
     /// An empty list, which says neither that there is no body nor which one it is.
-    pub(crate) fn take_body(&mut self, at: &Location) -> Result<Vec<B>, DescriptionError> {
+    pub(crate) fn take_body(&mut self, at: &Location) -> Checked<Vec<B>> {
         let wanted = "a list of shapes; leave `body` out to keep the body of the scene, or give boxes or a mesh";
         match self.body.take() {
             Some(shapes) if shapes.is_empty() => {
@@ -333,7 +305,7 @@ impl RequirementDescription {
     ///
     /// # Errors
     /// A name that is not one.
-    pub fn named(&self, at: &Location, default: String) -> Result<String, DescriptionError> {
+    pub(crate) fn named(&self, at: &Location, default: String) -> Checked<String> {
         match &self.name {
             Some(name) => check::name(&at.key("name"), name.clone()),
             None => Ok(default),
@@ -349,7 +321,7 @@ impl RequirementDescription {
         at: &Location,
         keys: &[&str],
         mend: impl Fn(&str) -> &'static str,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let given = [
             ("min", self.min.is_some()),
             ("max", self.max.is_some()),
@@ -368,10 +340,7 @@ impl RequirementDescription {
         ];
         match given.into_iter().find(|(key, is_given)| *is_given && !keys.contains(key)) {
             None => Ok(()),
-            Some((key, _)) => {
-                let mend = mend(key).to_owned();
-                Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend })
-            }
+            Some((key, _)) => Err(check::misplaced(at, key, mend(key))),
         }
     }
 
@@ -379,11 +348,8 @@ impl RequirementDescription {
     ///
     /// # Errors
     /// None is given.
-    pub fn share(&self, at: &Location) -> Result<f64, DescriptionError> {
-        self.share.ok_or_else(|| DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "share",
-            mend: "say which share must be seen, `\"share\": 0.9` for example".to_owned(),
-        })
+    pub(crate) fn share(&self, at: &Location) -> Checked<f64> {
+        let mend = "say which share must be seen, `\"share\": 0.9` for example";
+        self.share.ok_or_else(|| check::missing(at, "share", mend))
     }
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use super::violation::HOLDS_NONE;
+use super::constraints::HOLDS_NONE;
 use super::{Constraints, Lidar, Placement, Region, SensorPose};
 
 /// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.
@@ -25,13 +25,18 @@ const RATED: f64 = 2000.0;
 const RATE: f64 = 100.0;
 
 /// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
-pub fn is_degrees(angle: f64) -> bool {
+pub(crate) fn is_degrees(angle: f64) -> bool {
     in_degrees(angle).is_some()
+}
+
+/// True if an angle in radians is more than a turn.
+fn is_beyond_a_turn(angle: f64) -> bool {
+    angle.abs() > TAU + 1e-6
 }
 
 /// A sign that an angle in radians is one in degrees, in words.
 fn in_degrees(angle: f64) -> Option<String> {
-    if angle.abs() > TAU + 1e-6 {
+    if is_beyond_a_turn(angle) {
         return Some("is more than a turn".to_owned());
     }
     let is_whole = angle.fract() == 0.0 && angle.abs() >= WHOLE;
@@ -39,11 +44,11 @@ fn in_degrees(angle: f64) -> Option<String> {
 }
 
 /// A doubt about angles that a file states in radians; `what` names the angles.
-pub fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
+pub(crate) fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
     // A range from 3 to 3.3 is around π: a fraction beside a whole number says radians.
     let beside = |angle: f64| angles.iter().any(|a| a.fract() != 0.0 && (a - angle).abs() < 1.0);
-    let is_turn = |angle: f64| angle.abs() > TAU + 1e-6;
-    let mut doubted = angles.iter().filter(|a| is_turn(**a) || (is_degrees(**a) && !beside(**a)));
+    let is_doubted = |a: &&f64| is_beyond_a_turn(**a) || (is_degrees(**a) && !beside(**a));
+    let mut doubted = angles.iter().filter(is_doubted);
     let angle = doubted.next()?;
     Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
 }
@@ -60,7 +65,7 @@ pub fn of_degrees(what: &str, degrees: &[f64]) -> Option<String> {
 
 /// Doubts about a LiDAR, which `who` names: its range and its field of view across. Elevations are doubted where they are
 /// read.
-pub fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
+pub(crate) fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
     let mut doubts = Vec::new();
     let range = lidar.range();
     if !(RANGE[0]..=RANGE[1]).contains(&range) {
@@ -95,15 +100,13 @@ pub(super) fn of_measures(
     place: impl Fn(&str) -> String,
     [noise, rated_range, rate]: [Option<f64>; 3],
 ) -> Vec<String> {
-    let mut doubts = Vec::new();
-    if let Some(noise) = noise.filter(|noise| *noise > NOISE) {
-        let (at, metres) = (place("noise"), noise / 1000.0);
-        doubts.push(format!("{at}: {noise} m; millimetres? {noise} mm are {metres} m"));
-    }
-    if let Some(range) = rated_range.filter(|range| *range > RATED) {
-        let (at, metres) = (place("rated_range"), range / 1000.0);
-        doubts.push(format!("{at}: {range} m; millimetres? {range} mm are {metres} m"));
-    }
+    let lengths = [("noise", noise, NOISE), ("rated_range", rated_range, RATED)];
+    let large = lengths.into_iter().filter_map(|(key, value, most)| {
+        let value = value.filter(|value| *value > most)?;
+        let (at, metres) = (place(key), value / 1000.0);
+        Some(format!("{at}: {value} m; millimetres? {value} mm are {metres} m"))
+    });
+    let mut doubts: Vec<String> = large.collect();
     if let Some(rate) = rate.filter(|rate| *rate > RATE) {
         let (at, turns) = (place("rate"), rate / 60.0);
         doubts.push(format!("{at}: {rate} turns a second; a minute? {rate} rpm are {turns}"));

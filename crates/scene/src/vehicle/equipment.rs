@@ -38,7 +38,7 @@ pub struct VehicleMount {
 }
 
 /// All that a vehicle says about its LiDARs, and its sensors of other technologies.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Vehicle {
     /// Name in reports.
     pub name: String,

@@ -7,7 +7,7 @@ use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 
 use super::description::{OtherSensorDescription, ResponseDescription};
 use super::doubts::{of_angles, of_degrees, of_measures};
@@ -50,7 +50,7 @@ impl Lidar {
     }
 
     /// True if it turns all the way round.
-    pub fn turns(&self) -> bool {
+    pub(super) fn turns(&self) -> bool {
         matches!(self, Self::Spinning { azimuth: None, .. })
     }
 
@@ -121,7 +121,7 @@ impl Lidar {
 }
 
 /// The usual response, with the numbers that a sensor file states in place of the usual ones.
-pub fn stated(range: f64, measures: &Measures) -> Response {
+pub(super) fn stated(range: f64, measures: &Measures) -> Response {
     let usual = Response::usual(range);
     Response {
         rate: measures.rate.unwrap_or(usual.rate),
@@ -141,7 +141,7 @@ pub(super) fn read(
     range: f64,
     measures: &Measures,
     notes: &mut Vec<Note>,
-) -> Result<Response, DescriptionError> {
+) -> Checked<Response> {
     let usual = stated(range, measures);
     let Some(written) = written else { return Ok(usual) };
     let given = [written.noise, written.rated_range, written.rate];
@@ -155,11 +155,8 @@ pub(super) fn read(
     notes
         .extend(both.into_iter().filter_map(|(key, given, stated)| other(at, key, given?, stated)));
     let between = |key: &str, value: Option<f64>, usual: f64, low: f64, high: f64| {
-        let value = value.unwrap_or(usual);
-        if (low..=high).contains(&value) {
-            return Ok(value);
-        }
-        Err(bad(&at.key(key), value, format!("a number from {low} to {high}")))
+        let value = check::within(at, key, Some(value.unwrap_or(usual)), low, high);
+        value.map(|value| value.unwrap_or(usual))
     };
     let widths = written.divergence.unwrap_or(usual.divergence);
     let width = |k: usize| {
@@ -260,7 +257,7 @@ impl OtherSensor {
         at: &Location,
         list: Vec<OtherSensorDescription>,
         notes: &mut Vec<Note>,
-    ) -> Result<Vec<Self>, DescriptionError> {
+    ) -> Checked<Vec<Self>> {
         if list.len() > MOST {
             let found = format!("a list of {}", list.len());
             return Err(bad(at, found, format!("at most {MOST} entries; leave some out")));
@@ -283,7 +280,7 @@ impl OtherSensor {
         at: &Location,
         described: OtherSensorDescription,
         notes: &mut Vec<Note>,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let OtherSensorDescription { name, technology, fov, range, .. } = described;
         let name = check::name(&at.key("name"), name)?;
         if name.trim().is_empty() {
@@ -331,7 +328,7 @@ fn view_in_radians(at: &Location, fov: [f64; 2]) -> Option<Note> {
 }
 
 /// A word for a technology; `lidar` is taken.
-fn word(at: &Location, word: String) -> Result<String, DescriptionError> {
+fn word(at: &Location, word: String) -> Checked<String> {
     let is_word = (1..=MOST_LETTERS).contains(&word.len())
         && word.bytes().all(|letter| letter.is_ascii_lowercase());
     if !is_word {

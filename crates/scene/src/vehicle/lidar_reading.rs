@@ -9,7 +9,7 @@ use super::sensor_file::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, Location};
+use sightline_files::json::{self, Checked, DescriptionError, Location};
 
 const MAX_STEPS: u64 = 100_000;
 
@@ -21,11 +21,7 @@ impl Lidar {
     ///
     /// # Errors
     /// Like [`sensor_file::read`], and too many beams.
-    pub fn from_sensor_file(
-        path: &Path,
-        azimuth_steps: u32,
-        range: f64,
-    ) -> Result<Self, DescriptionError> {
+    pub fn from_sensor_file(path: &Path, azimuth_steps: u32, range: f64) -> Checked<Self> {
         let at = Location::top(&path.display().to_string());
         let pattern = sensor_file::read(path, None)?;
         let (steps, azimuth) = pattern.columns(azimuth_steps);
@@ -44,11 +40,7 @@ impl Lidar {
     ///
     /// # Errors
     /// Text that is no such object, numbers out of bounds, a sensor file that cannot be read.
-    pub fn from_json(
-        text: &str,
-        dir: &Path,
-        name_for_errors: &str,
-    ) -> Result<(Self, Vec<Note>), DescriptionError> {
+    pub fn from_json(text: &str, dir: &Path, name_for_errors: &str) -> Checked<(Self, Vec<Note>)> {
         let top = Location::top(name_for_errors);
         let DescribedLidar { lidar, mut notes, .. } =
             DescribedLidar::new(&top, json::parse(text, name_for_errors)?, dir)?;
@@ -60,7 +52,7 @@ impl Lidar {
 
 /// A LiDAR as a scene or vehicle file describes it.
 #[derive(Debug)]
-pub struct DescribedLidar {
+pub(crate) struct DescribedLidar {
     pub(crate) lidar: Lidar,
     /// Ranges, noise and rate stated by the sensor file.
     pub measures: Measures,
@@ -70,18 +62,12 @@ pub struct DescribedLidar {
 
 impl DescribedLidar {
     /// Reads a description; `dir` is where its sensor file is.
-    pub(crate) fn new(
-        at: &Location,
-        lidar: LidarDescription,
-        dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn new(at: &Location, lidar: LidarDescription, dir: &Path) -> Checked<Self> {
         let form = form(at, &lidar)?;
         let stated_range =
             lidar.range.map(|range| check::range(&at.key("range"), range)).transpose()?;
-        let range = stated_range.ok_or_else(|| DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "range",
-            mend: "give the range in metres, 100 for example".to_owned(),
+        let range = stated_range.ok_or_else(|| {
+            check::missing(at, "range", "give the range in metres, 100 for example")
         });
         match form {
             "directions" => {
@@ -124,7 +110,7 @@ impl DescribedLidar {
         lidar: &LidarDescription,
         mut pattern: SensorPattern,
         range: f64,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let mut notes = std::mem::take(&mut pattern.notes);
         let measures = pattern.measures;
         notes.extend(other(at, "range", range, measures.range));
@@ -164,14 +150,13 @@ impl DescribedLidar {
 }
 
 /// The key that says where the beams come from; keys that belong to another one are refused.
-fn form(at: &Location, lidar: &LidarDescription) -> Result<&'static str, DescriptionError> {
+fn form(at: &Location, lidar: &LidarDescription) -> Checked<&'static str> {
     let mut found = Vec::new();
     found.extend(lidar.channels.map(|_| "channels"));
     found.extend(lidar.file.as_ref().map(|_| "file"));
     found.extend(lidar.directions.as_ref().map(|_| "directions"));
     let [form] = found[..] else {
-        let of = &["channels", "file", "directions"];
-        return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of });
+        return Err(check::choice(at, found, &["channels", "file", "directions"]));
     };
     spare(at, "fov", lidar.fov.is_some() && form != "channels", "it belongs to `channels`")?;
     let of_file = "it belongs to `file`";
@@ -181,11 +166,8 @@ fn form(at: &Location, lidar: &LidarDescription) -> Result<&'static str, Descrip
 }
 
 fn no_steps(at: &Location) -> DescriptionError {
-    DescriptionError::Missing {
-        at: Box::new(at.clone()),
-        key: "azimuth_steps",
-        mend: "give the measurements of one channel in a turn, 250 for example".to_owned(),
-    }
+    let mend = "give the measurements of one channel in a turn, 250 for example";
+    check::missing(at, "azimuth_steps", mend)
 }
 
 /// A note on a number that the sensor file states otherwise; the description's own counts.
@@ -232,7 +214,7 @@ fn spinning_in(
     steps: u64,
     azimuth: Option<[f64; 2]>,
     range: f64,
-) -> Result<Lidar, DescriptionError> {
+) -> Checked<Lidar> {
     let azimuth = azimuth.map(|azimuth| sector(&at.key("azimuth"), azimuth)).transpose()?;
     spinning(at, channels, steps, azimuth, range)
 }
@@ -243,23 +225,18 @@ fn spinning(
     steps: u64,
     azimuth: Option<[f64; 2]>,
     range: f64,
-) -> Result<Lidar, DescriptionError> {
+) -> Checked<Lidar> {
     let azimuth_steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
     let beams = elevations.len() as u64 * steps;
     if beams > MAX_BEAMS {
-        return Err(DescriptionError::TooMany {
-            at: Box::new(at.clone()),
-            what: "beams",
-            count: beams,
-            limit: MAX_BEAMS,
-            mend: "take fewer channels or azimuth steps",
-        });
+        let mend = "take fewer channels or azimuth steps";
+        return Err(check::too_many(at, "beams", beams, MAX_BEAMS, mend));
     }
     Ok(Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range })
 }
 
 /// A horizontal field of view in degrees that is less than a turn.
-fn sector(at: &Location, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+fn sector(at: &Location, [from, to]: [f64; 2]) -> Checked<[f64; 2]> {
     for (i, angle) in [from, to].into_iter().enumerate() {
         if !(-360.0..=360.0).contains(&angle) {
             return Err(bad(&at.item(i), angle, "an azimuth from -360 to 360 degrees"));
@@ -277,57 +254,32 @@ fn sector(at: &Location, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionEr
 }
 
 /// Refuses a key that has no meaning beside the others.
-fn spare(
-    at: &Location,
-    key: &'static str,
-    there: bool,
-    mend: &str,
-) -> Result<(), DescriptionError> {
-    if !there {
-        return Ok(());
-    }
-    Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.to_owned() })
+fn spare(at: &Location, key: &'static str, there: bool, mend: &str) -> Checked<()> {
+    if there { Err(check::misplaced(at, key, mend)) } else { Ok(()) }
 }
 
-fn no_turning(
-    at: &Location,
-    steps: Option<u64>,
-    azimuth: Option<[f64; 2]>,
-) -> Result<(), DescriptionError> {
+fn no_turning(at: &Location, steps: Option<u64>, azimuth: Option<[f64; 2]>) -> Checked<()> {
     let mend = "listed directions are not repeated by turning";
     spare(at, "azimuth_steps", steps.is_some(), mend)?;
     spare(at, "azimuth", azimuth.is_some(), mend)
 }
 
 /// Elevations and offsets of `count` channels spread evenly over `fov`; one channel takes the lower end.
-fn even_channels(
-    at: &Location,
-    count: u64,
-    fov: Option<[f64; 2]>,
-) -> Result<Channels, DescriptionError> {
+fn even_channels(at: &Location, count: u64, fov: Option<[f64; 2]>) -> Checked<Channels> {
     if count == 0 {
         let wanted = "a number of channels: a LiDAR without channels casts no beam; give 1 to 1024";
         return Err(bad(&at.key("channels"), 0, wanted));
     }
     let n = check::count(&at.key("channels"), count, 1, MAX_CHANNELS as u64)?;
-    let Some(fov) = fov else {
-        return Err(DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "fov",
-            mend: "give the vertical field of view in degrees, [-24.8, 2.0] for example".to_owned(),
-        });
-    };
+    let mend = "give the vertical field of view in degrees, [-24.8, 2.0] for example";
+    let fov = fov.ok_or_else(|| check::missing(at, "fov", mend))?;
     let [lower, upper] = check::fov(&at.key("fov"), fov)?;
     let step = |k: u32| f64::from(k) * (upper - lower) / f64::from(n.max(2) - 1);
     Ok(((0..n).map(|k| lower + step(k)).collect(), vec![0.0; n as usize]))
 }
 
 /// The sensor file of a description, with its offsets counter-clockwise.
-fn file_pattern(
-    at: &Location,
-    lidar: &LidarDescription,
-    file: &Path,
-) -> Result<SensorPattern, DescriptionError> {
+fn file_pattern(at: &Location, lidar: &LidarDescription, file: &Path) -> Checked<SensorPattern> {
     let sign = match lidar.azimuth_offsets.as_deref() {
         None | Some("counter-clockwise") => 1.0,
         Some("clockwise") => -1.0,
@@ -354,7 +306,7 @@ fn file_pattern(
     Ok(pattern)
 }
 
-fn unit_vectors(at: &Location, mut list: Vec<[f64; 3]>) -> Result<Vec<[f64; 3]>, DescriptionError> {
+fn unit_vectors(at: &Location, mut list: Vec<[f64; 3]>) -> Checked<Vec<[f64; 3]>> {
     if list.is_empty() || list.len() as u64 > MAX_BEAMS {
         let wanted = format!("1 to {MAX_BEAMS} directions");
         return Err(bad(at, format!("a list of {}", list.len()), wanted));

@@ -9,15 +9,16 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::Region;
-use super::description::{FacingDescription, MeshPatchDescription};
+use super::description::{FacingDescription, KeepOutDescription, MeshPatchDescription};
 use super::equipment::VehicleMount;
 use super::pairing::flipped;
-use super::surface::{Facet, Image, Surface, is_roof, rest};
+use super::surface::{Facet, Image, Surface, frame_of_patch};
 use crate::mesh::{self, Placing};
+use crate::scene::clipped;
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Widest angle from the direction that triangles face unless the mount says so, radians.
 const FACING: f64 = std::f64::consts::FRAC_PI_3;
@@ -33,16 +34,15 @@ pub(super) fn patch(
     at: &Location,
     patch: &MeshPatchDescription,
     dir: &Path,
-) -> Result<(Region, Vec<PathBuf>), DescriptionError> {
+) -> Checked<(Region, Vec<PathBuf>)> {
     let file = dir.join(&patch.file);
     let MeshPatchDescription { scale, translate, roll, pitch, yaw, .. } = *patch;
     let axes = patch.axes.as_deref();
     let placing = Placing::new(at, axes, scale, translate, [roll, pitch, yaw])?;
     let facing = patch.facing.as_ref().map(|facing| direction(&at.key("facing"), facing));
     let facing = facing.transpose()?;
-    let within = patch.within.as_ref();
-    let within = within.map(|within| {
-        super::mount::box_corners(&at.key("within"), within, "the box would hold nothing")
+    let within = patch.within.as_ref().map(|KeepOutDescription { min, max }| {
+        check::corners(&at.key("within"), *min, *max, ": the box would hold nothing")
     });
     let within = within.transpose()?;
     let raw = mesh::load(at, &file)?;
@@ -64,7 +64,7 @@ pub(super) fn patch(
     Ok((region, raw.files))
 }
 
-fn direction(at: &Location, facing: &FacingDescription) -> Result<(DVec3, f64), DescriptionError> {
+fn direction(at: &Location, facing: &FacingDescription) -> Checked<(DVec3, f64)> {
     let here = at.key("direction");
     let direction = DVec3::from(check::point(&here, facing.direction)?).try_normalize();
     let Some(direction) = direction else {
@@ -104,29 +104,12 @@ fn smoothed(vertices: &[DVec3], faces: &[[u32; 3]], facing: Option<(DVec3, f64)>
     kept.into_iter().map(facet).collect()
 }
 
-/// The part of a triangle within a box, as triangles (Sutherland, Hodgman 1974).
-fn cut(facet: &Facet, [low, high]: [[f64; 3]; 2]) -> Vec<Facet> {
-    let mut ring: Vec<(DVec3, DVec3)> = facet.corners.into_iter().zip(facet.normals).collect();
-    for k in 0..3 {
-        for (sign, bound) in [(1.0, low[k]), (-1.0, -high[k])] {
-            let depth = |corner: &(DVec3, DVec3)| sign * corner.0[k] - bound;
-            let mut inside = Vec::with_capacity(ring.len() + 1);
-            for (i, a) in ring.iter().enumerate() {
-                let b = &ring[(i + 1) % ring.len()];
-                let (from, to) = (depth(a), depth(b));
-                if from >= 0.0 {
-                    inside.push(*a);
-                }
-                if (from >= 0.0) != (to >= 0.0) {
-                    let share = from / (from - to);
-                    inside.push((a.0.lerp(b.0, share), a.1.lerp(b.1, share)));
-                }
-            }
-            ring = inside;
-        }
-    }
+/// The part of a triangle within a box, as triangles.
+fn cut(facet: &Facet, within: [[f64; 3]; 2]) -> Vec<Facet> {
+    let ring = [0, 1, 2].map(|k| [facet.corners[k], facet.normals[k]]);
+    let ring = clipped(ring.to_vec(), within);
     let fan = (2..ring.len()).map(|k| [ring[0], ring[k - 1], ring[k]]);
-    fan.map(|ring| Facet { corners: ring.map(|c| c.0), normals: ring.map(|c| c.1) }).collect()
+    fan.map(|ring| Facet { corners: ring.map(|c| c[0]), normals: ring.map(|c| c[1]) }).collect()
 }
 
 /// The region of facets in the ego frame: heights over the plane of their mean normal. The error is a wish in words.
@@ -150,8 +133,7 @@ fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
         .zip(&areas)
         .map(|(facet, area)| (facet.corners.iter().sum::<DVec3>() / 3.0) * area.length());
     let middle = weighted.sum::<DVec3>() / whole;
-    let on_roof = is_roof(normal);
-    let frame = Pose { rotation: rest(normal, on_roof), translation: middle };
+    let (frame, axes) = frame_of_patch(normal, middle);
     let back = frame.inverse();
     let kept =
         facets.iter().zip(&areas).filter(|(_, area)| area.dot(normal) > STEEP * area.length());
@@ -159,7 +141,6 @@ fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
         corners: facet.corners.map(|corner| back.apply(corner)),
         normals: facet.normals.map(|normal| back.rotation * normal),
     });
-    let axes = if on_roof { [0, 1] } else { [1, 2] };
     let Some(surface) = Surface::new(axes, moved.collect()) else {
         return Err("a patch with an area; all its triangles are thin or steep");
     };

@@ -17,31 +17,28 @@ mod region;
 mod room;
 mod rules;
 pub mod sensor_file;
-mod spots;
 mod surface;
 mod variables;
-pub mod vehicle_file;
-mod violation;
+mod vehicle_file;
 
 pub use self::rules::{
     ANY_LOST, FARTHEST_GROUND, GroundAsked, GroundRule, OverlapRule, Side, TargetRule,
 };
-pub use constraints::{Constraints, OtherModel, Slot, Ties};
+pub use constraints::{Constraints, OtherModel, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::{
-    Doubts, FARTHEST as FARTHEST_ON_VEHICLE, doubt_of_ground, doubts_of_units, is_degrees,
-    of_angles, of_degrees, of_lidar,
+    Doubts, FARTHEST as FARTHEST_ON_VEHICLE, doubt_of_ground, doubts_of_units, of_degrees,
 };
+pub(crate) use doubts::{is_degrees, of_angles, of_lidar};
 pub use equipment::{
     Equipment, Vehicle, VehicleMount, VehicleSensor, is_within_budget, sum_of_prices,
 };
-pub use lidar::{LIDAR, Lidar, OtherSensor, stated};
+pub use lidar::{LIDAR, Lidar, OtherSensor};
 pub use lidar_cast::sensor::{
     BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Placement, Response, SensorError,
     SensorModel, SensorName, SensorPose, Sensors, SpinPhase, UnknownSensor,
 };
 pub use lidar_cast::task::Requirement;
-pub use lidar_reading::DescribedLidar;
 pub use mount::MountRules;
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use placements::{
@@ -52,5 +49,4 @@ pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
 pub use region::{Outline, Region};
 pub use room::NoRoom;
 pub use surface::Surface;
-pub use vehicle_file::read as read_vehicle;
-pub use violation::Violation;
+pub(crate) use vehicle_file::read as read_vehicle;

@@ -16,7 +16,7 @@ use super::{
     Constraints, MAX_LIDARS, Placement, Region, Response, SensorName, SensorPose, SpinPhase, Ties,
 };
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Most keep-out boxes of a mount.
 const MAX_KEEP_OUT: usize = 32;
@@ -41,7 +41,7 @@ impl Vehicle {
         lidar: LidarDescription,
         mount: &MountDescription,
         dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Checked<Self> {
         let at = top.key("mount");
         let corners = corners(&at, mount.min, mount.max)?;
         let min_distance = least_distance(&at, mount.min_distance)?;
@@ -54,18 +54,11 @@ impl Vehicle {
         let ties = Ties { equal_height: mount.equal_height, symmetric: mount.symmetric };
         let mut vehicle = Self {
             name: "vehicle".to_owned(),
-            sensors: Vec::new(),
             mounts: vec![VehicleMount { region, sensors: vec![name], count: [lidars; 2] }],
             min_distance,
             keep_out,
             ties,
-            require: Vec::new(),
-            targets: Vec::new(),
-            overlap: Vec::new(),
-            require_order: Vec::new(),
-            ground: Vec::new(),
-            other_sensors: Vec::new(),
-            notes: Vec::new(),
+            ..Self::default()
         };
         vehicle.check_room(&at)?;
         let DescribedLidar { lidar, measures, notes } =
@@ -88,18 +81,13 @@ impl Vehicle {
     }
 
     /// Vehicle of a scene's `lidar` and `mount` with further rules of the mount, which `at` names.
-    pub(crate) fn narrowed(
-        mut self,
-        at: &Location,
-        rules: &MountRules,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn narrowed(mut self, at: &Location, rules: &MountRules) -> Checked<Self> {
         if *rules == MountRules::default() {
             return Ok(self);
         }
         if !self.is_nameless() {
-            let (at, key) = (Box::new(at.clone()), "rules");
-            let mend = "the mounts are those of a vehicle; write the rules there".to_owned();
-            return Err(DescriptionError::Misplaced { at, key, mend });
+            let mend = "the mounts are those of a vehicle; write the rules there";
+            return Err(check::misplaced(at, "rules", mend));
         }
         let region = Arc::make_mut(&mut self.mounts[0].region);
         for (k, (field, value)) in rules.fixed.iter().enumerate() {
@@ -133,7 +121,7 @@ impl Vehicle {
     }
 
     /// Checks that the rules leave room for a placement on the first mount, a box.
-    fn check_room(&self, at: &Location) -> Result<(), DescriptionError> {
+    fn check_room(&self, at: &Location) -> Checked<()> {
         let VehicleMount { region, count: [_, lidars], .. } = &self.mounts[0];
         if is_kept_out(&self.keep_out, region.corners()) {
             let wanted = "a choice that leaves room for a sensor: the boxes cover the whole mount; make \
@@ -204,7 +192,7 @@ pub(super) fn is_kept_out(keep_out: &[[[f64; 3]; 2]], [lower, upper]: [[f64; 3];
 }
 
 /// Least distance between two LiDARs, in metres.
-pub(super) fn least_distance(at: &Location, metres: f64) -> Result<f64, DescriptionError> {
+pub(super) fn least_distance(at: &Location, metres: f64) -> Checked<f64> {
     if (0.0..=check::MAX_METRES).contains(&metres) {
         return Ok(metres);
     }
@@ -215,32 +203,15 @@ pub(super) fn least_distance(at: &Location, metres: f64) -> Result<f64, Descript
 pub(super) fn keep_out_boxes(
     at: &Location,
     boxes: &[KeepOutDescription],
-) -> Result<Vec<[[f64; 3]; 2]>, DescriptionError> {
+) -> Checked<Vec<[[f64; 3]; 2]>> {
     if boxes.len() > MAX_KEEP_OUT {
-        let at = Box::new(at.clone());
         let (count, limit) = (boxes.len() as u64, MAX_KEEP_OUT as u64);
-        let mend = "join some";
-        return Err(DescriptionError::TooMany { at, what: "boxes", count, limit, mend });
+        return Err(check::too_many(at, "boxes", count, limit, "join some"));
     }
-    let corners = |(i, cuboid)| box_corners(&at.item(i), cuboid, "the box would keep nothing out");
+    let corners = |(i, KeepOutDescription { min, max }): (usize, &KeepOutDescription)| {
+        check::corners(&at.item(i), *min, *max, ": the box would keep nothing out")
+    };
     boxes.iter().enumerate().map(corners).collect()
-}
-
-/// Lower and upper corner of a box; `empty` says how one without an extent is treated.
-pub(super) fn box_corners(
-    at: &Location,
-    cuboid: &KeepOutDescription,
-    empty: &str,
-) -> Result<[[f64; 3]; 2], DescriptionError> {
-    let min = check::point(&at.key("min"), cuboid.min)?;
-    let max = check::point(&at.key("max"), cuboid.max)?;
-    for i in 0..3 {
-        if min[i] >= max[i] {
-            let wanted = format!("above min ({}): {empty}", min[i]);
-            return Err(bad(&at.key("max").item(i), max[i], wanted));
-        }
-    }
-    Ok([min, max])
 }
 
 /// Metres and radians beside a mount that poses lose where they are written with three decimals.

@@ -10,12 +10,12 @@ use super::description::{CountDescription, MountingDescription};
 use super::equipment::{VehicleMount, VehicleSensor};
 use super::mesh_mount::{self, OFF};
 use super::pairing::ROUNDED;
-use super::surface::{is_roof, rest};
+use super::surface::frame_of_patch;
 use super::{MAX_LIDARS, Outline, Region, SensorName};
-use lidar_cast::geom::{Pose, crossing};
+use lidar_cast::geom::crossing;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 const MOST_CORNERS: usize = 256;
 /// Metres that corners of a polygon may lie off its plane.
@@ -27,7 +27,7 @@ pub(super) fn mounting(
     mount: MountingDescription,
     sensors: &[VehicleSensor],
     dir: &Path,
-) -> Result<(VehicleMount, Vec<PathBuf>), DescriptionError> {
+) -> Checked<(VehicleMount, Vec<PathBuf>)> {
     let name = check::name(&at.key("name"), mount.name.clone())?;
     let mut files = Vec::new();
     let region = match (&mount.polygon, &mount.mesh, mount.min, mount.max) {
@@ -73,7 +73,7 @@ fn allowed_models(
     at: &Location,
     names: Option<&[String]>,
     sensors: &[VehicleSensor],
-) -> Result<Vec<SensorName>, DescriptionError> {
+) -> Checked<Vec<SensorName>> {
     let known = || {
         let names: Vec<String> = sensors.iter().map(|model| format!("`{}`", model.name)).collect();
         names.join(", ")
@@ -100,10 +100,7 @@ fn allowed_models(
 }
 
 /// Ranges of roll, pitch and yaw in radians.
-pub(super) fn angles(
-    at: &Location,
-    [roll, pitch, yaw]: [[f64; 2]; 3],
-) -> Result<[[f64; 2]; 3], DescriptionError> {
+pub(super) fn angles(at: &Location, [roll, pitch, yaw]: [[f64; 2]; 3]) -> Checked<[[f64; 2]; 3]> {
     Ok([
         check::radian_range(&at.key("roll"), roll)?,
         check::radian_range(&at.key("pitch"), pitch)?,
@@ -112,11 +109,7 @@ pub(super) fn angles(
 }
 
 /// Lower and upper corner of a box of the ego frame, metres.
-pub(super) fn corners(
-    at: &Location,
-    min: [f64; 3],
-    max: [f64; 3],
-) -> Result<[[f64; 3]; 2], DescriptionError> {
+pub(super) fn corners(at: &Location, min: [f64; 3], max: [f64; 3]) -> Checked<[[f64; 3]; 2]> {
     let min = check::point(&at.key("min"), min)?;
     let max = check::point(&at.key("max"), max)?;
     for i in 0..3 {
@@ -145,21 +138,16 @@ fn boxed(
     mount: &MountingDescription,
     min: [f64; 3],
     max: [f64; 3],
-) -> Result<Region, DescriptionError> {
+) -> Checked<Region> {
     if mount.offset.is_some() {
-        let (at, mend) = (Box::new(at.clone()), "it belongs to `polygon` and `mesh`".to_owned());
-        return Err(DescriptionError::Misplaced { at, key: "offset", mend });
+        return Err(check::misplaced(at, "offset", "it belongs to `polygon` and `mesh`"));
     }
     let corners = corners(at, min, max)?;
     Ok(box_of(corners, angles(at, [mount.roll, mount.pitch, mount.yaw])?))
 }
 
 /// A flat polygon, its corners counter-clockwise as seen from outside the vehicle.
-fn patch(
-    at: &Location,
-    mount: &MountingDescription,
-    corners: &[[f64; 3]],
-) -> Result<Region, DescriptionError> {
+fn patch(at: &Location, mount: &MountingDescription, corners: &[[f64; 3]]) -> Checked<Region> {
     let place = at.key("polygon");
     if !(3..=MOST_CORNERS).contains(&corners.len()) {
         let wanted = format!("3 to {MOST_CORNERS} corners, counter-clockwise as seen from outside");
@@ -188,11 +176,8 @@ fn patch(
             return Err(bad(&place.item(i), format!("{corner:?}", corner = corners[i]), wanted));
         }
     }
-    let on_roof = is_roof(normal);
-    let rotation = rest(normal, on_roof);
-    let frame = Pose { rotation, translation: middle };
+    let (frame, axes) = frame_of_patch(normal, middle);
     let back = frame.inverse();
-    let axes = if on_roof { [0, 1] } else { [1, 2] };
     let outline: Vec<[f64; 2]> =
         points.iter().map(|point| back.apply(*point)).map(|p| axes.map(|k| p[k])).collect();
     if let Some((i, j)) = crossing(&outline) {
@@ -202,7 +187,6 @@ fn patch(
             format!("free of the side {}; the outline must not cross or touch itself", ends(i));
         return Err(bad(&place.item(j), format!("the side {}", ends(j)), wanted));
     }
-    let along = if on_roof { 2 } else { 0 };
     let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
     for (side, &field) in axes.iter().enumerate() {
         let values = outline.iter().map(|corner| corner[side]);
@@ -212,7 +196,7 @@ fn patch(
     let outline = Outline { axes, corners: outline };
     let region =
         Region { ego_from_region: Some(frame), lower, upper, outline, ..Region::default() };
-    with_ranges(at, mount, region, along)
+    with_ranges(at, mount, region, 3 - axes[0] - axes[1])
 }
 
 /// A patch with the ranges of `offset`, in front of it, and of the angles.
@@ -221,7 +205,7 @@ fn with_ranges(
     mount: &MountingDescription,
     mut region: Region,
     along: usize,
-) -> Result<Region, DescriptionError> {
+) -> Checked<Region> {
     let [from, to] = mount.offset.unwrap_or_default();
     if !(from <= to && from.abs().max(to.abs()) <= 10.0) {
         let wanted = "a range of metres in front of the patch, [0, 0.1] for example";
@@ -238,7 +222,7 @@ fn with_ranges(
 ///
 /// # Errors
 /// A patch of a mesh; several mounts, unless all are boxes with a height in common.
-pub(super) fn level(at: &Location, mounts: &mut [VehicleMount]) -> Result<(), DescriptionError> {
+pub(super) fn level(at: &Location, mounts: &mut [VehicleMount]) -> Checked<()> {
     let at = at.key("equal_height");
     if let Some(mount) = mounts.iter().find(|mount| mount.region.surface.is_some()) {
         let wanted = format!(
@@ -309,7 +293,7 @@ pub(super) fn face_back(at: &Location, mounts: &mut [VehicleMount]) -> Vec<Note>
 ///
 /// # Errors
 /// A mount without a mirror image for as many sensors of the same models, or more sensors than a placement has.
-pub(super) fn check_pairs(at: &Location, mounts: &[VehicleMount]) -> Result<(), DescriptionError> {
+pub(super) fn check_pairs(at: &Location, mounts: &[VehicleMount]) -> Checked<()> {
     let at = at.key("symmetric");
     for mount in mounts {
         let name = &mount.region.name;

@@ -31,19 +31,15 @@ pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    /// A folder.
     #[error("{}: {source}; give a file of placements, such as the placements.json of a run", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
     /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json { path: PathBuf, line: u64, column: usize, near: Option<String>, problem: String },
-    /// A comment before the JSON.
     #[error("{}: line {line} is a comment, and JSON has no comments; remove it", path.display())]
     Comment { path: PathBuf, line: u64 },
-    /// A text that is no JSON.
     #[error("{}{}: {told}; a file of placements begins with {{", path.display(), at_line(*line))]
     NotJson { path: PathBuf, line: Option<u64>, told: String },
-    /// Placements without the object around them.
     #[error("{}: is a bare list; write {{\"placements\": [ … ]}} around it", path.display())]
     BareList { path: PathBuf },
     /// A scene or a vehicle in the place of placements.
@@ -56,7 +52,6 @@ pub enum PlacementFileError {
     /// The result of a run, or a mesh, in the place of placements.
     #[error("{}: is {found}; {}", path.display(), found.mend())]
     Foreign { path: PathBuf, found: ForeignJson },
-    /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
     NotText { path: PathBuf, byte: usize },
     /// A placement that cannot be used.
@@ -67,10 +62,8 @@ pub enum PlacementFileError {
     Sensor { path: PathBuf, source: ForeignLidar },
     #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]
     LineNotText { path: PathBuf, line: u64 },
-    /// A line too long to be a placement.
     #[error("{}, line {line}: longer than {MAX_LINE} bytes; give one placement a line", path.display())]
     LongLine { path: PathBuf, line: u64 },
-    /// A document too large to be held.
     #[error(
         "{}: larger than {MAX_DOCUMENT} bytes; give one placement a line in a .jsonl file, which is \
          read as a stream",
@@ -80,7 +73,6 @@ pub enum PlacementFileError {
     /// No placement of the name behind the file's colon.
     #[error("{}: has no placement `{name}`; it has {known}", path.display())]
     NoSuch { path: PathBuf, name: String, known: String },
-    /// A file without placements.
     #[error("{}: holds no placement; add at least one", path.display())]
     Empty { path: PathBuf },
 }
@@ -163,7 +155,7 @@ pub(crate) struct PlacementFile {
     #[serde(default, rename = "sightline", deserialize_with = "json::version_1")]
     _version: Option<u64>,
     /// Placements, each of a name of its own.
-    placements: Vec<Placement>,
+    pub(super) placements: Vec<Placement>,
 }
 
 /// A file, and the name of one placement behind its colon: `rigs.json:roof`. A file whose own name is the whole text has
@@ -207,7 +199,6 @@ enum PlacementSource {
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
-/// First key of a document.
 const DOCUMENT: &[u8] = b"\"placements\"";
 /// Key that may stand before it, with a text.
 const SCHEMA: &[u8] = b"\"$schema\":\"";

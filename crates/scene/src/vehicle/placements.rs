@@ -4,8 +4,8 @@ use std::str::FromStr;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::Deserialize;
 
+use super::placement_file::PlacementFile;
 use super::{Constraints, ForeignLidar, Placement, SensorName, SensorPose, Vehicle, Violation};
 use sightline_files::json::written;
 
@@ -44,13 +44,8 @@ const TABLE_7: &str = include_str!("../../placements.json");
 /// The eleven hand-made layouts of four LiDARs of Table 7 of Place3D: the baselines where no others are
 /// given.
 pub fn table_7() -> Vec<Placement> {
-    #[derive(Deserialize)]
-    struct PublishedFile {
-        placements: Vec<Placement>,
-    }
-    let file: PublishedFile =
-        serde_json::from_str(TABLE_7).expect("a test reads the committed file");
-    file.placements
+    let file = serde_json::from_str::<PlacementFile>(TABLE_7);
+    file.expect("a test reads the committed file").placements
 }
 
 /// The layouts of Table 7 that fit on the mounts of a vehicle with one model, as on the paper's car. Empty for any other
@@ -66,7 +61,6 @@ pub fn table_7_held_by(vehicle: &Vehicle) -> Vec<Placement> {
     layouts
 }
 
-/// Word for every LiDAR.
 const ALL: &str = "all";
 
 /// A model for one LiDAR of every placement, or for all: `0=spin-32`, `all=spin-32`.

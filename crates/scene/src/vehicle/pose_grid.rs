@@ -17,7 +17,6 @@ const FEWEST_OF_KIND: u64 = 100;
 const ROOT_STEPS: usize = 32;
 /// Points of a recurrence for each pose that is wanted, at most.
 const MOST_DRAWN: u64 = 4;
-/// Most poses of a grid.
 const MAX_POSES: u64 = 1 << 31;
 
 /// Spacing of a grid of sensor poses: δ of Algorithm 1 of Place3D.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 
 use super::description::RequirementDescription;
 use crate::scene::Target;
@@ -82,24 +82,21 @@ pub struct GroundRule {
 
 impl GroundRule {
     /// Reads the rule at `at`; `None` where it is of another kind.
-    pub(super) fn read(
-        at: &Location,
-        required: &RequirementDescription,
-    ) -> Result<Option<Self>, DescriptionError> {
+    pub(super) fn read(at: &Location, required: &RequirementDescription) -> Checked<Option<Self>> {
         let asked = match (required.ground, &required.blind_zone) {
             (None, None) => return Ok(None),
             (Some(_), Some(_)) => {
-                return Err(misplaced(at, "blind_zone", "`ground` is another rule; write two"));
+                let mend = "`ground` is another rule; write two";
+                return Err(check::misplaced(at, "blind_zone", mend));
             }
             (Some(within), None) => GroundAsked::Within(distance(at, "ground", within)?),
             (None, Some(side)) => {
-                let side = side_named(at, side)?;
-                let depth = required.depth.ok_or_else(|| DescriptionError::Missing {
-                    at: Box::new(at.clone()),
-                    key: "depth",
-                    mend: "say within how many metres the blind zone must end, `\"depth\": 2` for example"
-                        .to_owned(),
-                })?;
+                let known = Side::ALL.into_iter().find(|known| known.name() == side);
+                let wanted = "a side: ahead, behind, left or right";
+                let wrong = || bad(&at.key("blind_zone"), format!("`{side}`"), wanted);
+                let side = known.ok_or_else(wrong)?;
+                let mend = "say within how many metres the blind zone must end, `\"depth\": 2` for example";
+                let depth = required.depth.ok_or_else(|| check::missing(at, "depth", mend))?;
                 GroundAsked::BlindZone(side, distance(at, "depth", depth)?)
             }
         };
@@ -125,23 +122,12 @@ impl GroundRule {
     }
 }
 
-fn misplaced(at: &Location, key: &'static str, mend: &str) -> DescriptionError {
-    DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.to_owned() }
-}
-
-fn distance(at: &Location, key: &'static str, metres: f64) -> Result<f64, DescriptionError> {
+fn distance(at: &Location, key: &'static str, metres: f64) -> Checked<f64> {
     if metres > 0.0 && metres <= FARTHEST_GROUND {
         return Ok(metres);
     }
     let wanted = format!("metres from the own body, above 0 and at most {FARTHEST_GROUND}");
     Err(bad(&at.key(key), metres, wanted))
-}
-
-fn side_named(at: &Location, name: &str) -> Result<Side, DescriptionError> {
-    let known = Side::ALL.iter().find(|side| side.name() == name);
-    known.copied().ok_or_else(|| {
-        bad(&at.key("blind_zone"), format!("`{name}`"), "a side: ahead, behind, left or right")
-    })
 }
 
 /// Distance from which on a rule counts where it does not say, metres.
@@ -194,12 +180,7 @@ impl TargetRule {
         required: &RequirementDescription,
         target: &str,
         dir: &Path,
-    ) -> Result<Self, DescriptionError> {
-        let missing = |key, mend: &str| DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key,
-            mend: mend.to_owned(),
-        };
+    ) -> Checked<Self> {
         const OWN: [&str; 7] =
             ["target", "from", "within", "bearing", "beams", "share", "without_any_one"];
         required.has_only(at, &OWN, |key| match key {
@@ -207,9 +188,8 @@ impl TargetRule {
             _ => "a `target` stands on the ground around the vehicle; leave the box out",
         })?;
         let target = Target::named_at(&at.key("target"), dir, target)?;
-        let within = required.within.ok_or_else(|| {
-            missing("within", "say up to which distance, `\"within\": 40` for example")
-        })?;
+        let mend = "say up to which distance, `\"within\": 40` for example";
+        let within = required.within.ok_or_else(|| check::missing(at, "within", mend))?;
         let from = required.from.unwrap_or(FROM.min(within.max(0.0)));
         if !(0.0..=FARTHEST).contains(&from) {
             return Err(bad(&at.key("from"), from, format!("metres from 0 to {FARTHEST}")));
@@ -269,10 +249,7 @@ pub struct OverlapRule {
 
 impl OverlapRule {
     /// Reads the rule at `at`; `None` where it is of another kind.
-    pub(super) fn read(
-        at: &Location,
-        required: &RequirementDescription,
-    ) -> Result<Option<Self>, DescriptionError> {
+    pub(super) fn read(at: &Location, required: &RequirementDescription) -> Checked<Option<Self>> {
         let Some(share) = required.overlap else { return Ok(None) };
         required.has_only(at, &["overlap", "without_any_one"], |key| match key {
             "share" => "`overlap` itself is the share; leave `share` out",

@@ -15,13 +15,14 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use sightline_files::Note;
 use sightline_files::json;
-use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, is_utf_16, read_limited};
+use sightline_files::json::check::{self, bad};
+use sightline_files::json::{Checked, DescriptionError, Location, is_utf_16, read_limited};
 
 use super::doubts::of_measures;
 pub use isaac_profile::isaac_profile;
 pub(super) use pattern::NARROWEST;
-pub use pattern::{Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, SensorFormat, SensorPattern};
+pub use pattern::{Beams, Channel, Measures, SensorFormat, SensorPattern};
+pub(crate) use pattern::{MAX_BEAMS, MAX_CHANNELS};
 pub(super) use table::is_on_sign;
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
@@ -36,25 +37,18 @@ const MAX_SENSOR_FILE: u64 = 64 << 20;
 /// # Errors
 /// A file that cannot be read, has no format that is read here, or breaks its rules; and a `window` for a
 /// format without times.
-pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, DescriptionError> {
+pub fn read(path: &Path, window: Option<[f64; 2]>) -> Checked<SensorPattern> {
     let bytes = read_limited(path, MAX_SENSOR_FILE)?;
     let at = Location::top(&path.display().to_string());
     let pattern = parse(&at, &bytes, window)?;
     if window.is_some() && pattern.format != SensorFormat::Livox {
-        return Err(DescriptionError::Misplaced {
-            at: Box::new(at),
-            key: "window",
-            mend: format!("it cuts a {}, which lists times; leave it out", SensorFormat::Livox),
-        });
+        let mend = format!("it cuts a {}, which lists times; leave it out", SensorFormat::Livox);
+        return Err(check::misplaced(&at, "window", mend));
     }
     Ok(pattern)
 }
 
-fn parse(
-    at: &Location,
-    bytes: &[u8],
-    window: Option<[f64; 2]>,
-) -> Result<SensorPattern, DescriptionError> {
+fn parse(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<SensorPattern> {
     let mut pattern = parse_any(at, bytes, window)?;
     pattern.notes.extend(pattern::doubts(at, &pattern.beams));
     let Measures { noise, rated_range, rate, .. } = pattern.measures;
@@ -63,12 +57,8 @@ fn parse(
     Ok(pattern)
 }
 
-fn parse_any(
-    at: &Location,
-    bytes: &[u8],
-    window: Option<[f64; 2]>,
-) -> Result<SensorPattern, DescriptionError> {
-    if csv::is_npy(bytes) {
+fn parse_any(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<SensorPattern> {
+    if bytes.starts_with(csv::MAGIC) {
         return csv::parse_npy(at, bytes);
     }
     if is_utf_16(bytes) {
@@ -112,7 +102,7 @@ fn parse_any(
 }
 
 /// JSON of several owners: one key of each tells them apart.
-fn parse_json(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+fn parse_json(at: &Location, text: &str) -> Checked<SensorPattern> {
     #[derive(Deserialize)]
     struct VendorKeys {
         elevation_deg: Option<IgnoredAny>,
@@ -141,12 +131,12 @@ fn parse_json(at: &Location, text: &str) -> Result<SensorPattern, DescriptionErr
                 listed()
             ),
         };
-        Err(DescriptionError::Missing { at: Box::new(at.clone()), key: "elevation_deg", mend })
+        Err(check::missing(at, "elevation_deg", mend))
     }
 }
 
 fn listed() -> String {
-    SensorFormat::ALL.map(|format| format.to_string()).join(", ")
+    pattern::FORMATS.join(", ")
 }
 
 fn unknown(at: &Location) -> DescriptionError {

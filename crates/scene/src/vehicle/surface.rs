@@ -256,7 +256,7 @@ impl Surface {
 
 /// Axes of a sensor at rest on a patch: on a roof z along the normal and x ahead, on a side x along the
 /// normal and z up, as near as may be.
-pub(super) fn rest(normal: DVec3, on_roof: bool) -> DMat3 {
+fn rest(normal: DVec3, on_roof: bool) -> DMat3 {
     let [x, y, z] = if on_roof {
         let up = normal;
         let y = up.cross(DVec3::X).normalize_or(DVec3::Y);
@@ -268,7 +268,10 @@ pub(super) fn rest(normal: DVec3, on_roof: bool) -> DMat3 {
     DMat3::from_cols(x, y, z)
 }
 
-/// True if a patch with this normal is a roof: within 45° of level.
-pub(super) fn is_roof(normal: DVec3) -> bool {
-    normal.z.abs() >= std::f64::consts::FRAC_1_SQRT_2
+/// Frame of a patch with a normal, and the fields of a pose that count along its plane: a patch within 45° of level is a
+/// roof.
+pub(super) fn frame_of_patch(normal: DVec3, middle: DVec3) -> (Pose, [usize; 2]) {
+    let on_roof = normal.z.abs() >= std::f64::consts::FRAC_1_SQRT_2;
+    let frame = Pose { rotation: rest(normal, on_roof), translation: middle };
+    (frame, if on_roof { [0, 1] } else { [1, 2] })
 }

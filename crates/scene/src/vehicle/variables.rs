@@ -6,7 +6,6 @@ use super::{Constraints, Placement, SensorPose, Slot};
 /// Number of the phase among the fields of a pose, behind the six of [`SensorPose::FIELDS`].
 const PHASE: usize = 6;
 
-/// One number of a search.
 struct Variable {
     /// Pose field that the variable sets, or the phase.
     field: usize,

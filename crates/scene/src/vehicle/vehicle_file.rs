@@ -13,7 +13,7 @@ use super::description::{
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar_reading::DescribedLidar;
 use super::mesh_mount::mirror_meshes;
-use super::mount::{box_corners, keep_out_boxes, least_distance};
+use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, face_back, level, mounting};
 use super::{
     GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Requirement, SensorName, SpinPhase,
@@ -21,19 +21,18 @@ use super::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, FileKind, Location};
+use sightline_files::json::{self, Checked, FileKind, Location};
 
 /// Largest vehicle file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
-/// Highest price of a sensor.
 const MOST_PRICE: f64 = 1e12;
 /// Most sensor models, mounts and requirements.
 const MOST: usize = 64;
 
 /// Reads a vehicle file: its description, and its text's name for errors.
-pub fn read<B: DeserializeOwned, M: DeserializeOwned>(
+pub(crate) fn read<B: DeserializeOwned, M: DeserializeOwned>(
     path: &Path,
-) -> Result<VehicleDescription<B, M>, DescriptionError> {
+) -> Checked<VehicleDescription<B, M>> {
     let name = path.display().to_string();
     let text = json::read_text(path, MAX_FILE)?;
     json::check_version(&text, &name, FileKind::Vehicle)?;
@@ -44,8 +43,8 @@ impl Vehicle {
     /// Reads a vehicle file; its body is left to the scenes that name it.
     ///
     /// # Errors
-    /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
-    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+    /// Any [`DescriptionError`](json::DescriptionError); each names the file, the place in it and a remedy.
+    pub fn read(path: &Path) -> Checked<Self> {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let at = Location::top(&path.display().to_string());
@@ -55,12 +54,12 @@ impl Vehicle {
     }
 
     /// Checks a description; `dir` is where its files are. Returns the vehicle and the files it names.
-    pub fn new<B, M>(
+    pub(crate) fn new<B, M>(
         at: &Location,
         vehicle: VehicleDescription<B, M>,
         stem: &str,
         dir: &Path,
-    ) -> Result<(Self, Vec<PathBuf>), DescriptionError> {
+    ) -> Checked<(Self, Vec<PathBuf>)> {
         let lists = [("sensors", vehicle.sensors.len()), ("mounts", vehicle.mounts.len())];
         for (key, count) in lists.into_iter().chain([("require", vehicle.require.len().max(1))]) {
             if count == 0 || count > MOST {
@@ -73,7 +72,8 @@ impl Vehicle {
         let name = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
         let (mut files, mut notes) = (Vec::new(), Vec::new());
         let sensors = models(at, vehicle.sensors, dir, &mut files, &mut notes)?;
-        notes.extend(doubts_of_mounts(at, &vehicle.mounts));
+        let doubts = vehicle.mounts.iter().enumerate().flat_map(doubts_of_mount);
+        notes.extend(doubts.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
         let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
         files.extend(meshes);
         let min_distance = least_distance(at, vehicle.min_distance)?;
@@ -88,11 +88,10 @@ impl Vehicle {
             check_pairs(at, &mounts)?;
         }
         let required = Requirements::new(&at.key("require"), &vehicle.require, dir)?;
-        let require_order = required.order();
-        let Requirements { areas, targets, ground, overlap, files: read, notes: told } = required;
-        files.extend(read);
-        notes.extend(told);
-        notes.extend(out_of_reach(&at.key("require"), &targets, &sensors));
+        let Requirements { areas, targets, ground, overlap, positions, .. } = required;
+        files.extend(required.files);
+        notes.extend(required.notes);
+        notes.extend(out_of_reach(&at.key("require"), &positions[1], &targets, &sensors));
         let other_sensors = at.key("other_sensors");
         let other_sensors =
             OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;
@@ -104,11 +103,11 @@ impl Vehicle {
             min_distance,
             keep_out,
             ties,
-            require: alone(areas),
-            targets: alone(targets),
-            ground: alone(ground),
-            overlap: alone(overlap),
-            require_order,
+            require: areas,
+            targets,
+            ground,
+            overlap,
+            require_order: positions.concat(),
             other_sensors,
             notes,
         };
@@ -124,7 +123,7 @@ fn models(
     dir: &Path,
     files: &mut Vec<PathBuf>,
     notes: &mut Vec<Note>,
-) -> Result<Vec<VehicleSensor>, DescriptionError> {
+) -> Checked<Vec<VehicleSensor>> {
     let mut sensors: Vec<VehicleSensor> = Vec::new();
     for (i, model) in list.into_iter().enumerate() {
         let at = at.key("sensors").item(i);
@@ -143,14 +142,8 @@ fn models(
     Ok(sensors)
 }
 
-/// Doubts about each mount, with the place of the vehicle.
-fn doubts_of_mounts(at: &Location, mounts: &[MountingDescription]) -> Vec<Note> {
-    let doubts = mounts.iter().enumerate().flat_map(|(i, mount)| doubts_of_mount(i, mount));
-    doubts.map(|doubt| Note::doubt(format!("{at}: {doubt}"))).collect()
-}
-
 /// Doubts about the angles of a mount and of its mesh, and about a mount below the ground.
-fn doubts_of_mount(i: usize, mount: &MountingDescription) -> Vec<String> {
+fn doubts_of_mount((i, mount): (usize, &MountingDescription)) -> Vec<String> {
     let of = |key: &str, angles: &[f64]| super::of_angles(&format!("mounts[{i}].{key}"), angles);
     let own = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
     let mut doubts: Vec<String> = own.iter().filter_map(|(key, range)| of(key, range)).collect();
@@ -181,7 +174,7 @@ fn mounts(
     list: Vec<MountingDescription>,
     sensors: &[VehicleSensor],
     dir: &Path,
-) -> Result<(Vec<VehicleMount>, Vec<PathBuf>), DescriptionError> {
+) -> Checked<(Vec<VehicleMount>, Vec<PathBuf>)> {
     let mut names = HashSet::new();
     let (mut mounts, mut files) = (Vec::new(), Vec::new());
     for (i, mount) in list.into_iter().enumerate() {
@@ -209,7 +202,7 @@ fn sensor(
     model: ModelDescription,
     dir: &Path,
     notes: &mut Vec<Note>,
-) -> Result<VehicleSensor, DescriptionError> {
+) -> Checked<VehicleSensor> {
     let refused = |wanted: String| bad(&at.key("name"), format!("{:?}", model.name), wanted);
     if !SensorName::is_name(&model.name) {
         let wanted = format!(
@@ -247,7 +240,7 @@ fn sensor(
 }
 
 /// Angles to choose from, at most a whole turn of them.
-fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Result<SpinPhase, DescriptionError> {
+fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Checked<SpinPhase> {
     let [from, to] = [check::radians(&at.item(0), from)?, check::radians(&at.item(1), to)?];
     if from == to {
         return Ok(SpinPhase::Locked(from));
@@ -260,12 +253,8 @@ fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Result<SpinPhase, Descr
 }
 
 /// An area of the vehicle's surroundings that beams must pass.
-fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement, DescriptionError> {
-    let missing = |key, mend: &str| DescriptionError::Missing {
-        at: Box::new(at.clone()),
-        key,
-        mend: mend.to_owned(),
-    };
+fn area(at: &Location, required: &RequirementDescription) -> Checked<Requirement> {
+    let missing = |key, mend: &str| check::missing(at, key, mend);
     let corner = "give the corners of a box, a `target`, `ground`, a `blind_zone` or `overlap`";
     let min = required.min.ok_or_else(|| missing("min", corner))?;
     let max = required.max.ok_or_else(|| missing("max", corner))?;
@@ -278,24 +267,26 @@ fn area(at: &Location, required: &RequirementDescription) -> Result<Requirement,
         }
         _ => "it is of a `target`; a box has none",
     })?;
-    let inside = KeepOutDescription { min, max };
-    let inside = box_corners(at, &inside, "the area would hold nothing")?;
-    let without = required.without.iter().enumerate().map(|(i, cuboid)| {
-        box_corners(&at.key("without").item(i), cuboid, "the box would take nothing away")
-    });
+    let inside = check::corners(at, min, max, ": the area would hold nothing")?;
+    let without =
+        required.without.iter().enumerate().map(|(i, KeepOutDescription { min, max })| {
+            let at = at.key("without").item(i);
+            check::corners(&at, *min, *max, ": the box would take nothing away")
+        });
     let without = without.collect::<Result<Vec<_>, _>>()?;
     Ok(Requirement { name, inside, without, share: required.share(at)? })
 }
 
-/// Doubts about targets at distances that no beam of any model reaches.
+/// Doubts about targets at distances that no beam of any model reaches; `positions` are theirs in the file.
 fn out_of_reach(
     at: &Location,
-    rules: &[(usize, TargetRule)],
+    positions: &[usize],
+    rules: &[TargetRule],
     sensors: &[VehicleSensor],
 ) -> Vec<Note> {
     let farthest = sensors.iter().map(|model| model.lidar.range()).fold(0.0, f64::max);
-    let beyond = rules.iter().filter(|(_, rule)| rule.within > farthest);
-    let doubt = |(position, rule): &(usize, TargetRule)| {
+    let beyond = positions.iter().zip(rules).filter(|(_, rule)| rule.within > farthest);
+    let doubt = |(position, rule): (&usize, &TargetRule)| {
         Note::doubt(format!(
             "{}: {} m is farther than any sensor of the vehicle reaches, {farthest} m; lower it, or give a sensor of \
              longer range",
@@ -323,30 +314,24 @@ fn doubts_of_rule(at: &Location, required: &RequirementDescription) -> Vec<Note>
     doubts.into_iter().map(Note::doubt).collect()
 }
 
-/// Rules without their positions in the file.
-fn alone<T>(rules: Vec<(usize, T)>) -> Vec<T> {
-    rules.into_iter().map(|(_, rule)| rule).collect()
-}
-
-/// Content of a vehicle's `require`, each entry with its position.
+/// Content of a vehicle's `require`.
 #[derive(Default)]
 struct Requirements {
-    areas: Vec<(usize, Requirement)>,
-    targets: Vec<(usize, TargetRule)>,
-    ground: Vec<(usize, GroundRule)>,
-    overlap: Vec<(usize, OverlapRule)>,
+    areas: Vec<Requirement>,
+    targets: Vec<TargetRule>,
+    ground: Vec<GroundRule>,
+    overlap: Vec<OverlapRule>,
+    /// Positions in the file of areas, targets, ground and overlap.
+    positions: [Vec<usize>; 4],
     /// Target files and their meshes.
     files: Vec<PathBuf>,
     notes: Vec<Note>,
 }
 
 impl Requirements {
-    fn new(
-        at: &Location,
-        list: &[RequirementDescription],
-        dir: &Path,
-    ) -> Result<Self, DescriptionError> {
+    fn new(at: &Location, list: &[RequirementDescription], dir: &Path) -> Checked<Self> {
         let mut all = Self::default();
+        let mut names: Vec<String> = Vec::new();
         for (i, required) in list.iter().enumerate() {
             let at = at.item(i);
             if let Some(share) = required.share.filter(|share| !(0.0..=1.0).contains(share)) {
@@ -356,57 +341,50 @@ impl Requirements {
                 return Err(bad(&at.key("share"), share, wanted));
             }
             all.notes.extend(doubts_of_rule(&at, required));
-            if let Some(rule) = OverlapRule::read(&at, required)? {
-                all.overlap.push((i, rule));
-                continue;
-            }
-            if let Some(rule) = GroundRule::read(&at, required)? {
-                all.ground.push((i, rule));
-                continue;
-            }
-            match &required.target {
-                None => all.areas.push((i, area(&at, required)?)),
-                Some(target) => {
-                    let rule = TargetRule::new(&at, required, target, dir)?;
-                    all.notes.extend(rule.target.notes.iter().cloned());
-                    all.files.extend(rule.target.files.iter().cloned());
-                    all.targets.push((i, rule));
-                }
-            }
+            let (kind, name) = all.read(&at, required, dir)?;
+            all.positions[kind].push(i);
+            names.push(name);
         }
-        all.check_names(at)?;
-        Ok(all)
-    }
-
-    /// Checks that the names differ, the default ones too: results tell the entries apart by them.
-    fn check_names(&self, at: &Location) -> Result<(), DescriptionError> {
-        fn of<'a, T>(
-            rules: &'a [(usize, T)],
-            name: impl Fn(&'a T) -> &'a String,
-        ) -> Vec<(usize, &'a String)> {
-            rules.iter().map(|(position, rule)| (*position, name(rule))).collect()
-        }
-        let (areas, targets) = (of(&self.areas, |r| &r.name), of(&self.targets, |r| &r.name));
-        let (ground, overlap) = (of(&self.ground, |r| &r.name), of(&self.overlap, |r| &r.name));
-        let mut named = [areas, targets, ground, overlap].concat();
-        named.sort();
-        for (i, (position, name)) in named.iter().enumerate() {
-            if let Some((first, _)) = named[..i].iter().find(|(_, other)| other == name) {
+        // Results tell the entries apart by their names, the default ones too.
+        for (i, name) in names.iter().enumerate() {
+            if let Some(first) = names[..i].iter().position(|other| other == name) {
                 let wanted = format!(
                     "a name of its own, since require[{first}] has this one; give one of them another `name`"
                 );
-                return Err(bad(&at.item(*position).key("name"), format!("`{name}`"), wanted));
+                return Err(bad(&at.item(i).key("name"), format!("`{name}`"), wanted));
             }
         }
-        Ok(())
+        Ok(all)
     }
 
-    /// Position of every entry, kind after kind.
-    fn order(&self) -> Vec<usize> {
-        fn of<T>(rules: &[(usize, T)]) -> impl Iterator<Item = usize> {
-            rules.iter().map(|(position, _)| *position)
+    /// Reads an entry; returns the number of its kind and its name.
+    fn read(
+        &mut self,
+        at: &Location,
+        required: &RequirementDescription,
+        dir: &Path,
+    ) -> Checked<(usize, String)> {
+        if let Some(rule) = OverlapRule::read(at, required)? {
+            let name = rule.name.clone();
+            self.overlap.push(rule);
+            return Ok((3, name));
         }
-        let kinds = of(&self.areas).chain(of(&self.targets));
-        kinds.chain(of(&self.ground)).chain(of(&self.overlap)).collect()
+        if let Some(rule) = GroundRule::read(at, required)? {
+            let name = rule.name.clone();
+            self.ground.push(rule);
+            return Ok((2, name));
+        }
+        let Some(target) = &required.target else {
+            let area = area(at, required)?;
+            let name = area.name.clone();
+            self.areas.push(area);
+            return Ok((0, name));
+        };
+        let rule = TargetRule::new(at, required, target, dir)?;
+        let name = rule.name.clone();
+        self.notes.extend(rule.target.notes.iter().cloned());
+        self.files.extend(rule.target.files.iter().cloned());
+        self.targets.push(rule);
+        Ok((1, name))
     }
 }

@@ -82,7 +82,6 @@ fn in_degrees(plan: Node) -> Option<String> {
     ))
 }
 
-/// How a warning is taken.
 enum Severity {
     /// Part of the map would be missing.
     Error,
@@ -92,54 +91,24 @@ enum Severity {
     Passed,
 }
 
+#[rustfmt::skip] // Words of a list stand side by side.
 fn taken(warning: &Warning) -> Severity {
     use Warning as W;
     match warning {
-        W::RoadSkipped { .. }
-        | W::GeometryDropped { .. }
-        | W::LaneIdUnreadable { .. }
-        | W::LaneOnWrongSide { .. }
-        | W::LaneIdRepeated { .. }
-        | W::LaneDropped { .. }
-        | W::LaneSectionDropped { .. }
-        | W::RecordDropped { .. }
-        | W::RecordValueUnreadable { .. }
-        | W::StripDropped { .. }
-        | W::UnknownStripMode { .. }
-        | W::UnknownTrafficRule { .. }
-        | W::UnknownLaneDirection { .. }
-        | W::JunctionIdRepeated { .. }
-        | W::LaneLinkDropped { .. }
-        | W::IncludeDropped { .. }
-        | W::TooManyCopies { .. }
-        | W::OutlineDropped { .. }
-        | W::SkeletonDropped { .. }
-        | W::JunctionObjectsDropped { .. }
-        | W::ObjectDropped { .. }
-        | W::RepeatDropped { .. }
-        | W::SignalDropped { .. }
-        | W::RoadMarkLineDropped { .. } => Severity::Error,
-        W::NewerThanDeclared { .. }
-        | W::SpeedLimitDropped { .. }
-        | W::SpeedLimitDisagrees { .. }
-        | W::AccessDropped { .. }
-        | W::VisibilityDropped { .. }
-        | W::NeighborDropped { .. }
-        | W::PriorityDropped { .. }
-        | W::SignalLinkDropped { .. }
-        | W::JunctionReferenceDropped { .. }
-        | W::UnknownJunctionGroupType { .. }
-        | W::CrossPathDropped { .. }
-        | W::BoundarySegmentDropped { .. }
-        | W::BoundaryNotClosed { .. }
-        | W::BoundaryClockwise { .. }
-        | W::ElevationGridDropped { .. }
-        | W::TransitionDropped { .. }
-        | W::RoadSectionDropped { .. }
-        | W::RailwayDropped { .. }
-        | W::StructureDropped { .. }
-        | W::ObjectSurfaceDropped { .. }
-        | W::CrgHideIgnored { .. }
+        W::RoadSkipped { .. } | W::GeometryDropped { .. } | W::LaneIdUnreadable { .. } | W::LaneOnWrongSide { .. }
+        | W::LaneIdRepeated { .. } | W::LaneDropped { .. } | W::LaneSectionDropped { .. } | W::RecordDropped { .. }
+        | W::RecordValueUnreadable { .. } | W::StripDropped { .. } | W::UnknownStripMode { .. }
+        | W::UnknownTrafficRule { .. } | W::UnknownLaneDirection { .. } | W::JunctionIdRepeated { .. }
+        | W::LaneLinkDropped { .. } | W::IncludeDropped { .. } | W::TooManyCopies { .. } | W::OutlineDropped { .. }
+        | W::SkeletonDropped { .. } | W::JunctionObjectsDropped { .. } | W::ObjectDropped { .. }
+        | W::RepeatDropped { .. } | W::SignalDropped { .. } | W::RoadMarkLineDropped { .. } => Severity::Error,
+        W::NewerThanDeclared { .. } | W::SpeedLimitDropped { .. } | W::SpeedLimitDisagrees { .. }
+        | W::AccessDropped { .. } | W::VisibilityDropped { .. } | W::NeighborDropped { .. }
+        | W::PriorityDropped { .. } | W::SignalLinkDropped { .. } | W::JunctionReferenceDropped { .. }
+        | W::UnknownJunctionGroupType { .. } | W::CrossPathDropped { .. } | W::BoundarySegmentDropped { .. }
+        | W::BoundaryNotClosed { .. } | W::BoundaryClockwise { .. } | W::ElevationGridDropped { .. }
+        | W::TransitionDropped { .. } | W::RoadSectionDropped { .. } | W::RailwayDropped { .. }
+        | W::StructureDropped { .. } | W::ObjectSurfaceDropped { .. } | W::CrgHideIgnored { .. }
         | W::CrgDropped { .. } => Severity::Passed,
         _ => Severity::Told,
     }

@@ -23,27 +23,14 @@ pub(super) fn point(p: Point) -> DVec3 {
 const MAX_AREA: f64 = 4e6;
 
 /// Words in the name and the subtype of an object, and the class that they mean.
+#[rustfmt::skip] // Words of a list stand side by side.
 const WORDS: &[(&str, u16)] = &[
-    ("hedge", class::VEGETATION),
-    ("tree", class::VEGETATION),
-    ("bush", class::VEGETATION),
-    ("vegetation", class::VEGETATION),
-    ("pole", class::POLE),
-    ("post", class::POLE),
-    ("lamp", class::POLE),
-    ("bollard", class::POLE),
-    ("trafficlight", class::TRAFFIC_LIGHT),
-    ("sign", class::TRAFFIC_SIGN),
-    ("guard", class::GUARD_RAIL),
-    ("jersey", class::WALL),
-    ("wall", class::WALL),
-    ("noise", class::WALL),
-    ("fence", class::FENCE),
-    ("railing", class::FENCE),
-    ("barrier", class::GUARD_RAIL),
-    ("bridge", class::BRIDGE),
-    ("building", class::BUILDING),
-    ("house", class::BUILDING),
+    ("hedge", class::VEGETATION), ("tree", class::VEGETATION), ("bush", class::VEGETATION),
+    ("vegetation", class::VEGETATION), ("pole", class::POLE), ("post", class::POLE), ("lamp", class::POLE),
+    ("bollard", class::POLE), ("trafficlight", class::TRAFFIC_LIGHT), ("sign", class::TRAFFIC_SIGN),
+    ("guard", class::GUARD_RAIL), ("jersey", class::WALL), ("wall", class::WALL), ("noise", class::WALL),
+    ("fence", class::FENCE), ("railing", class::FENCE), ("barrier", class::GUARD_RAIL), ("bridge", class::BRIDGE),
+    ("building", class::BUILDING), ("house", class::BUILDING),
 ];
 
 /// Class of an object: by its type, where that leaves a choice by the words of its subtype and name.
@@ -73,16 +60,12 @@ fn painted(kind: ObjectType) -> bool {
 ///
 /// # Errors
 /// Objects that are larger, or farther away, than a world can hold.
-pub(super) fn add(
-    roads: &RoadNetwork,
-    network: &mut Network,
-    file: &str,
-) -> Result<(), WorldError> {
-    let mesh = roads.object_mesh();
+pub(super) fn add(map: &RoadNetwork, network: &mut Network, file: &str) -> Result<(), WorldError> {
+    let mesh = map.object_mesh();
     let mut without_size: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut bays, mut area) = (0, 0.0);
     let mut spans = mesh.objects.iter().peekable();
-    for object in roads.objects() {
+    for object in map.objects() {
         let paint = object.markings.iter().flat_map(|m| &m.pieces);
         let paint = paint.chain(object.borders.iter().flat_map(|b| &b.pieces));
         let marks: Vec<[DVec3; 4]> = paint.map(|q| q.map(|p| point(p) + DVec3::Z * MARK)).collect();
@@ -104,9 +87,8 @@ pub(super) fn add(
         let faces = faces(&mesh, &mesh.indices[range], lift);
         area += faces.iter().map(around).sum::<f64>();
         if !area.is_finite() || area > MAX_AREA {
-            let name = file.to_owned();
             let what = "square metres of its objects";
-            return Err(WorldError::TooLarge { file: name, what, value: area, most: MAX_AREA });
+            return Err(WorldError::too_large(file, what, area, MAX_AREA));
         }
         network.shapes.push(MapShape {
             class: class_of(object),

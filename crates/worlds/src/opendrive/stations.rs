@@ -5,7 +5,6 @@
 //!
 //! [`Profile`] has the heights across a road that its lanes lose: lanes are flat between their edges.
 
-use std::fmt::Write;
 use std::ops::Range;
 
 use roxmltree::{Document, Node};
@@ -194,8 +193,7 @@ pub(super) fn write(text: &str, roads: &[RoadStations<'_, '_>]) -> String {
 
 /// A crossfall from `s` on with the values of `before` there; level where there is none before.
 fn record(s: f64, before: Option<&Node<'_, '_>>) -> String {
-    let mut cubic = [0.0; 4];
-    let mut side = "both";
+    let (mut cubic, mut side) = ([0.0; 4], "both");
     if let Some(before) = before {
         let own = ["a", "b", "c", "d"].map(|key| number(*before, key));
         cubic = moved(own, s - number(*before, "s").max(0.0));
@@ -205,12 +203,7 @@ fn record(s: f64, before: Option<&Node<'_, '_>>) -> String {
             .unwrap_or("both");
     }
     let [a, b, c, d] = cubic;
-    let mut text = String::new();
-    let _ = write!(
-        text,
-        "<crossfall side=\"{side}\" s=\"{s}\" a=\"{a}\" b=\"{b}\" c=\"{c}\" d=\"{d}\"/>"
-    );
-    text
+    format!("<crossfall side=\"{side}\" s=\"{s}\" a=\"{a}\" b=\"{b}\" c=\"{c}\" d=\"{d}\"/>")
 }
 
 /// Heights across a road beside its banking, from its `<lateralProfile>`.
@@ -224,7 +217,7 @@ pub(super) struct Profile {
 
 impl Profile {
     /// The profile of a road that has one that can bend across a lane.
-    pub fn of(road: Node<'_, '_>) -> Option<Self> {
+    pub(super) fn of(road: Node<'_, '_>) -> Option<Self> {
         let parts = |name| inside(road, "lateralProfile").flat_map(move |n| inside(n, name));
         let record = |n| (number(n, "s"), cubic(n, "t"));
         let mut records: Vec<(f64, Cubic)> = parts("shape").map(record).collect();
@@ -238,7 +231,7 @@ impl Profile {
     }
 
     /// Largest height in metres between the surface at `s` and the chord between two places across the road, `t` in metres.
-    pub fn gap(&self, s: f64, [right, left]: [f64; 2]) -> f64 {
+    pub(super) fn gap(&self, s: f64, [right, left]: [f64; 2]) -> f64 {
         let [low, high] = [right, left].map(|t| self.height(s, t));
         let off = |t: f64| {
             let chord = low + (high - low) * (t - right) / (left - right);
@@ -254,9 +247,8 @@ impl Profile {
     fn height(&self, s: f64, t: f64) -> f64 {
         let across = |rows: &[Cubic]| {
             let begun = rows.partition_point(|(start, _)| *start <= t);
-            let (start, [a, b, c, d]) = rows[begun.saturating_sub(1)];
-            let along = if begun == 0 { 0.0 } else { t - start };
-            a + along * (b + along * (c + along * d))
+            let (start, cubic) = rows[begun.saturating_sub(1)];
+            moved(cubic, if begun == 0 { 0.0 } else { t - start })[0]
         };
         let next = self.places.partition_point(|(place, _)| *place <= s);
         let before = next.checked_sub(1).map(|i| &self.places[i]);

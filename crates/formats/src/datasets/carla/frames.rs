@@ -38,7 +38,10 @@ pub(super) fn read_points(path: &Path) -> Result<Vec<Record>, DatasetError> {
     let records = match path.extension().and_then(|ending| ending.to_str()) {
         Some("ply") => ply(path, &sequence::read_text(path)?)?,
         Some("npy") => array(path, &sequence::read_bytes(path)?)?,
-        _ => raw(&sequence::read_units(path, RECORD as u64)?),
+        _ => {
+            let bytes = sequence::read_units(path, RECORD as u64)?;
+            bytes.chunks_exact(RECORD).map(|record| of_bytes(record, [0, 4, 8, 16, 20])).collect()
+        }
     };
     for (point, record) in records.iter().enumerate() {
         sequence::check_finite(path, point, record.xyz)?;
@@ -51,13 +54,12 @@ fn left_handed([x, y, z]: [f32; 3], object: u32, tag: u32) -> Record {
     Record { xyz: [x, 0.0 - y, z], object, tag }
 }
 
-fn raw(bytes: &[u8]) -> Vec<Record> {
-    let record = |record: &[u8; RECORD]| {
-        let four = |at: usize| [record[at], record[at + 1], record[at + 2], record[at + 3]];
-        let xyz = [0, 4, 8].map(|at| f32::from_le_bytes(four(at)));
-        left_handed(xyz, u32::from_le_bytes(four(16)), u32::from_le_bytes(four(20)))
-    };
-    bytes.as_chunks::<RECORD>().0.iter().map(record).collect()
+/// The record whose numbers begin at these bytes.
+fn of_bytes(record: &[u8], places: [usize; 5]) -> Record {
+    let [x, y, z, object, tag] =
+        places.map(|at| [record[at], record[at + 1], record[at + 2], record[at + 3]]);
+    let xyz = [x, y, z].map(f32::from_le_bytes);
+    left_handed(xyz, u32::from_le_bytes(object), u32::from_le_bytes(tag))
 }
 
 /// An array `[N]` of records that name x, y, z, ObjIdx and ObjTag, in any order.
@@ -86,12 +88,8 @@ fn array(path: &Path, bytes: &[u8]) -> Result<Vec<Record>, DatasetError> {
         if size == 0 || rows.checked_mul(size as u64) != Some(data.len() as u64) {
             return None;
         }
-        let record = |record: &[u8]| {
-            let four = |at: usize| [record[at], record[at + 1], record[at + 2], record[at + 3]];
-            let xyz = [x, y, z].map(|at| f32::from_le_bytes(four(at)));
-            left_handed(xyz, u32::from_le_bytes(four(object)), u32::from_le_bytes(four(tag)))
-        };
-        Some(data.chunks_exact(size).map(record).collect())
+        let places = [x, y, z, object, tag];
+        Some(data.chunks_exact(size).map(|record| of_bytes(record, places)).collect())
     };
     split().ok_or_else(|| DatasetError::Array { path: path.to_owned() })
 }
@@ -326,7 +324,6 @@ pub(super) struct ActorPoints {
 }
 
 impl ActorPoints {
-    /// The track through its frames.
     pub(super) fn track(&self) -> Option<BoxTrack> {
         let (name, (class, _, kind)) = self.tag?;
         let middles: Vec<DVec2> = self.frames.values().map(|points| middle(points)).collect();

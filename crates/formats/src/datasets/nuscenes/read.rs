@@ -1,7 +1,7 @@
 //! From tables to scenes: only rows of the wanted scenes are kept.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::tables::{
@@ -9,7 +9,8 @@ use super::tables::{
     LidarsegRow, SampleDataRow, SampleRow, SceneRow, SensorRow, SourceTables,
 };
 use super::{Category, Keyframe, NuscenesScene, category, known};
-use crate::datasets::{BoxTrack, DatasetError, TrackPose, ground};
+use crate::datasets::sequence::entries;
+use crate::datasets::{BoxTrack, Checked, DatasetError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 
@@ -57,16 +58,13 @@ pub fn read_nuscenes(
     Ok(read)
 }
 
-fn only_version(folder: &Path) -> Result<String, DatasetError> {
-    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(to_read)? {
-        let entry = entry.map_err(to_read)?;
-        if entry.path().join("scene.json").is_file() {
-            found.push(entry.file_name().to_string_lossy().into_owned());
-        }
-    }
+fn only_version(folder: &Path) -> Checked<String> {
+    let mut found = entries(folder)?;
+    found.retain(|entry| entry.join("scene.json").is_file());
     found.sort();
+    let name =
+        |entry: PathBuf| entry.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let found: Vec<String> = found.into_iter().map(name).collect();
     match <[String; 1]>::try_from(found) {
         Ok([only]) => Ok(only),
         Err(found) => Err(DatasetError::Version { path: folder.to_owned(), found }),
@@ -96,7 +94,7 @@ fn times_doubted(tables: &SourceTables, scene: &str, times: &[f64]) -> Option<No
 }
 
 /// Token and name of the scenes, in the requested order or the table's.
-fn scenes(tables: &SourceTables, names: &[String]) -> Result<Vec<(String, String)>, DatasetError> {
+fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, String)>> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(DatasetError::SceneTwice { name: names[k].clone() });
     }
@@ -119,7 +117,6 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Result<Vec<(String, String
     Ok(if names.is_empty() { all } else { wanted? })
 }
 
-/// A keyframe's row.
 struct Sample {
     token: String,
     /// Position of its scene.
@@ -130,10 +127,7 @@ struct Sample {
 }
 
 /// Samples of the scenes, by scene and time.
-fn samples(
-    tables: &SourceTables,
-    scenes: &[(String, String)],
-) -> Result<Vec<Sample>, DatasetError> {
+fn samples(tables: &SourceTables, scenes: &[(String, String)]) -> Checked<Vec<Sample>> {
     let scene: HashMap<&str, usize> =
         scenes.iter().enumerate().map(|(i, (token, _))| (token.as_str(), i)).collect();
     let mut samples = Vec::new();
@@ -163,13 +157,13 @@ type LabelCategories = Vec<Option<Category>>;
 /// Name and meaning of categories, by token.
 type ByToken = HashMap<String, (String, Category)>;
 
-fn categories(tables: &SourceTables) -> Result<(LabelCategories, ByToken), DatasetError> {
+fn categories(tables: &SourceTables) -> Checked<(LabelCategories, ByToken)> {
     let (mut labels, mut by_token) = (vec![None; 256], HashMap::new());
     // Sets of Place3D have one table of categories for points and another for boxes.
     let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
     for table in ["category"].into_iter().chain(apart) {
         let mut here: HashSet<u8> = HashSet::new();
-        tables.rows(table, |CategoryRow { token, name, index }| {
+        tables.rows(table, |CategoryRow { token, name, index, .. }| {
             let Some(found) = category(&name) else {
                 let path = tables.path(table);
                 return Err(DatasetError::Category { path, name, known: known() });
@@ -197,7 +191,7 @@ fn keyframes(
     tables: &SourceTables,
     folder: &Path,
     samples: &[Sample],
-) -> Result<HashMap<usize, Vec<Keyframe>>, DatasetError> {
+) -> Checked<HashMap<usize, Vec<Keyframe>>> {
     let calibrated = calibrated(tables)?;
     let wanted: HashSet<&str> = samples.iter().map(|s| s.token.as_str()).collect();
     let mut data: HashMap<String, SampleDataRow> = HashMap::new();
@@ -238,7 +232,7 @@ fn keyframes(
 }
 
 /// Poses of LIDAR_TOP on the vehicle, by token.
-fn calibrated(tables: &SourceTables) -> Result<HashMap<String, Pose>, DatasetError> {
+fn calibrated(tables: &SourceTables) -> Checked<HashMap<String, Pose>> {
     let mut sensors = HashSet::new();
     tables.rows("sensor", |row: SensorRow| {
         if row.channel == CHANNEL {
@@ -266,7 +260,7 @@ fn tracks(
     tables: &SourceTables,
     samples: &[Sample],
     categories: &ByToken,
-) -> Result<HashMap<usize, Vec<BoxTrack>>, DatasetError> {
+) -> Checked<HashMap<usize, Vec<BoxTrack>>> {
     let by_token: HashMap<&str, &Sample> = samples.iter().map(|s| (s.token.as_str(), s)).collect();
     let mut seen: BTreeMap<(usize, String), (Vec<TrackPose>, [f64; 3])> = BTreeMap::new();
     tables.rows("sample_annotation", |row: AnnotationRow| {

@@ -1,7 +1,7 @@
 //! Tables of nuScenes, read row by row: the whole set's tables are too large to hold in memory.
 
 use std::cell::{Cell, RefCell};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fmt;
 use std::io::{BufRead, BufReader, Read};
 use std::marker::PhantomData;
@@ -9,17 +9,20 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 use lidar_cast::geom::Pose;
-use serde::de::{DeserializeSeed, SeqAccess, Visitor};
+use serde::de::{DeserializeSeed, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use sightline_files::Note;
 use sightline_files::files::stays_inside;
-use sightline_files::json::is_utf_16;
+use sightline_files::json::{is_utf_16, quoted};
 
-use super::{Unknown, Watched};
-use crate::datasets::{DatasetError, sequence};
+use crate::datasets::{Checked, DatasetError, sequence};
 
 /// Most bytes of a row; rows of nuScenes have up to 800.
 const MOST_OF_A_ROW: usize = 1 << 20;
+/// Most unknown names that a table keeps; a table of other things has one a row.
+const MOST_KEPT: usize = 8;
+/// Most characters of a name that are kept.
+const LONGEST: usize = 40;
 /// Farthest that the length of a quaternion may be from 1.
 const UNIT: f64 = 1e-3;
 /// Largest coordinate in metres.
@@ -59,87 +62,51 @@ fn passed_over(table: &str) -> &'static [&'static str] {
     PASSED.iter().find(|(name, _)| *name == table).map_or(&[], |(_, fields)| fields)
 }
 
-#[derive(Deserialize)]
-pub(super) struct SceneRow {
-    pub token: String,
-    pub name: String,
+pub(super) trait TableRow: for<'de> Deserialize<'de> {
+    /// Its fields that are not read.
+    fn others(&mut self) -> &mut BTreeMap<String, IgnoredAny>;
 }
 
-#[derive(Deserialize)]
-pub(super) struct SampleRow {
-    pub token: String,
-    pub scene_token: String,
-    /// Microseconds.
-    pub timestamp: f64,
+macro_rules! rows {
+    ($($row:ident { $($field:ident: $kind:ty),* })*) => {$(
+        #[derive(Deserialize)]
+        pub(super) struct $row {
+            $(pub $field: $kind,)*
+            #[serde(flatten)]
+            others: BTreeMap<String, IgnoredAny>,
+        }
+
+        impl TableRow for $row {
+            fn others(&mut self) -> &mut BTreeMap<String, IgnoredAny> {
+                &mut self.others
+            }
+        }
+    )*};
 }
 
-#[derive(Deserialize)]
-pub(super) struct SensorRow {
-    pub token: String,
-    pub channel: String,
-}
-
-#[derive(Deserialize)]
-pub(super) struct CalibratedRow {
-    pub token: String,
-    pub sensor_token: String,
-    pub translation: [f64; 3],
-    /// Quaternion w, x, y, z.
-    pub rotation: [f64; 4],
-}
-
-#[derive(Deserialize)]
-pub(super) struct SampleDataRow {
-    pub token: String,
-    pub sample_token: String,
-    pub ego_pose_token: String,
-    pub calibrated_sensor_token: String,
-    pub filename: String,
-    pub is_key_frame: bool,
-}
-
-#[derive(Deserialize)]
-pub(super) struct EgoPoseRow {
-    pub token: String,
-    pub translation: [f64; 3],
-    /// Quaternion w, x, y, z.
-    pub rotation: [f64; 4],
-}
-
-#[derive(Deserialize)]
-pub(super) struct LidarsegRow {
-    pub sample_data_token: String,
-    pub filename: String,
-}
-
-#[derive(Deserialize)]
-pub(super) struct CategoryRow {
-    pub token: String,
-    pub name: String,
-    /// Label of lidarseg; sets without it lack the field.
-    pub index: Option<u8>,
-}
-
-#[derive(Deserialize)]
-pub(super) struct InstanceRow {
-    pub token: String,
-    pub category_token: String,
-}
-
-#[derive(Deserialize)]
-pub(super) struct AnnotationRow {
-    pub token: String,
-    pub sample_token: String,
-    pub instance_token: String,
-    /// Width, length, height.
-    pub size: [f64; 3],
-    pub translation: [f64; 3],
-    /// Quaternion w, x, y, z.
-    pub rotation: [f64; 4],
+// Times are microseconds, rotations quaternions w, x, y, z, sizes width, length, height. `index` is the label of lidarseg;
+// sets without it lack the field.
+rows! {
+    SceneRow { token: String, name: String }
+    SampleRow { token: String, scene_token: String, timestamp: f64 }
+    SensorRow { token: String, channel: String }
+    CalibratedRow { token: String, sensor_token: String, translation: [f64; 3], rotation: [f64; 4] }
+    SampleDataRow {
+        token: String, sample_token: String, ego_pose_token: String, calibrated_sensor_token: String, filename: String,
+        is_key_frame: bool
+    }
+    EgoPoseRow { token: String, translation: [f64; 3], rotation: [f64; 4] }
+    LidarsegRow { sample_data_token: String, filename: String }
+    CategoryRow { token: String, name: String, index: Option<u8> }
+    InstanceRow { token: String, category_token: String }
+    AnnotationRow {
+        token: String, sample_token: String, instance_token: String, size: [f64; 3], translation: [f64; 3],
+        rotation: [f64; 4]
+    }
 }
 
 /// A row that others name by its token.
-pub(super) trait TokenRow: for<'de> Deserialize<'de> {
+pub(super) trait TokenRow: TableRow {
     fn token(&self) -> &str;
 }
 
@@ -153,7 +120,7 @@ macro_rules! by_token {
     )*};
 }
 
-by_token!(CalibratedRow.token, EgoPoseRow.token, InstanceRow.token, LidarsegRow.sample_data_token);
+by_token!(EgoPoseRow.token, InstanceRow.token, LidarsegRow.sample_data_token);
 
 /// The folder of a version's tables.
 pub(super) struct SourceTables {
@@ -177,12 +144,7 @@ impl SourceTables {
     }
 
     /// The file that a row names, in the folder of the set.
-    pub(super) fn file(
-        &self,
-        table: &str,
-        folder: &Path,
-        name: &str,
-    ) -> Result<PathBuf, DatasetError> {
+    pub(super) fn file(&self, table: &str, folder: &Path, name: &str) -> Checked<PathBuf> {
         stays_inside(folder, name).map_err(|fault| DatasetError::Outside {
             path: self.path(table),
             fault: fault.to_string(),
@@ -190,29 +152,26 @@ impl SourceTables {
     }
 
     /// Reads a table row by row; `keep` takes each row.
-    pub(super) fn rows<R: for<'de> Deserialize<'de>>(
+    pub(super) fn rows<R: TableRow>(
         &self,
         name: &str,
-        mut keep: impl FnMut(R) -> Result<(), DatasetError>,
-    ) -> Result<(), DatasetError> {
+        mut keep: impl FnMut(R) -> Checked<()>,
+    ) -> Checked<()> {
         let path = self.path(name);
         let file = sequence::open(&path).map_err(|error| match error {
             DatasetError::Read { path, source } => DatasetError::Table { path, source },
             other => other,
         })?;
-        let (mut row, mut refused) = (0, None);
-        let (left, unknown) = (Cell::new(MOST_OF_A_ROW), Unknown::default());
+        let (mut row, mut refused, mut unknown) = (0, None, BTreeSet::new());
+        let left = Cell::new(MOST_OF_A_ROW);
         let each = EachRow {
             row: &mut row,
             refused: &mut refused,
             keep: &mut keep,
             left: &left,
-            rows: Watched {
-                of: PhantomData,
-                read: &[],
-                passed: passed_over(name),
-                unknown: &unknown,
-            },
+            passed: passed_over(name),
+            unknown: &mut unknown,
+            rows: PhantomData::<R>,
         };
         let mut file = BufReader::new(file);
         let head = file.fill_buf();
@@ -228,14 +187,11 @@ impl SourceTables {
         match (refused, read) {
             (Some(error), _) => Err(error),
             (None, Err(cause)) => Err(DatasetError::Json { path, row, cause }),
+            (None, Ok(())) if unknown.is_empty() => Ok(()),
             (None, Ok(())) => {
-                let note = |names| {
-                    Note::fact(format!(
-                        "{}: {names}: not known here, and not read.",
-                        path.display()
-                    ))
-                };
-                self.notes.borrow_mut().extend(unknown.in_words().map(note));
+                let (path, names) = (path.display(), quoted(unknown));
+                let text = format!("{path}: {names}: not known here, and not read.");
+                self.notes.borrow_mut().push(Note::fact(text));
                 Ok(())
             }
         }
@@ -247,7 +203,7 @@ impl SourceTables {
         name: &str,
         wanted: &HashSet<&str>,
         wanted_by: &str,
-    ) -> Result<HashMap<String, R>, DatasetError> {
+    ) -> Checked<HashMap<String, R>> {
         let mut found = HashMap::new();
         self.rows(name, |row: R| {
             if wanted.contains(row.token()) {
@@ -272,7 +228,7 @@ impl SourceTables {
         token: &str,
         translation: [f64; 3],
         [w, x, y, z]: [f64; 4],
-    ) -> Result<Pose, DatasetError> {
+    ) -> Checked<Pose> {
         let rotation = DQuat::from_xyzw(x, y, z, w);
         let fault = if (rotation.length() - 1.0).abs() > UNIT {
             "its rotation is no unit quaternion w, x, y, z"
@@ -298,7 +254,10 @@ struct EachRow<'a, R, F> {
     refused: &'a mut Option<DatasetError>,
     keep: &'a mut F,
     left: &'a Cell<usize>,
-    rows: Watched<'a, PhantomData<R>>,
+    passed: &'static [&'static str],
+    /// Names of fields that are neither read nor passed over.
+    unknown: &'a mut BTreeSet<String>,
+    rows: PhantomData<R>,
 }
 
 /// A table that ends with an error where a row is longer than any row is: a text without an end would fill memory.
@@ -323,8 +282,8 @@ impl<R: Read> Read for MeteredTable<'_, R> {
 
 impl<'de, R, F> DeserializeSeed<'de> for EachRow<'_, R, F>
 where
-    R: Deserialize<'de>,
-    F: FnMut(R) -> Result<(), DatasetError>,
+    R: TableRow,
+    F: FnMut(R) -> Checked<()>,
 {
     type Value = ();
 
@@ -335,8 +294,8 @@ where
 
 impl<'de, R, F> Visitor<'de> for EachRow<'_, R, F>
 where
-    R: Deserialize<'de>,
-    F: FnMut(R) -> Result<(), DatasetError>,
+    R: TableRow,
+    F: FnMut(R) -> Checked<()>,
 {
     type Value = ();
 
@@ -345,7 +304,12 @@ where
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
-        while let Some(row) = rows.next_element_seed(self.rows.again())? {
+        while let Some(mut row) = rows.next_element::<R>()? {
+            for name in std::mem::take(row.others()).into_keys() {
+                if !self.passed.contains(&name.as_str()) && self.unknown.len() < MOST_KEPT {
+                    self.unknown.insert(name.escape_debug().take(LONGEST).collect());
+                }
+            }
             if let Err(error) = (self.keep)(row) {
                 *self.refused = Some(error);
                 return Err(serde::de::Error::custom("refused"));

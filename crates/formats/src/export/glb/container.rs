@@ -7,6 +7,7 @@ use std::io::Write;
 use lidar_cast::maths;
 use serde::Serialize;
 use serde_json::{Value, json};
+use sightline_scene::scene::DEFAULT_CLASSES;
 use sightline_scene::vehicle::BeamTable;
 
 use super::super::ExportError;
@@ -28,10 +29,9 @@ pub(super) enum PrimitiveMode {
 }
 
 impl PrimitiveMode {
-    /// A primitive of accessors.
-    pub fn primitive(self, positions: usize, indices: Option<usize>, material: usize) -> Value {
+    pub(super) fn primitive(self, points: usize, indices: Option<usize>, material: usize) -> Value {
         let mut primitive = json!({
-            "attributes": { "POSITION": positions }, "material": material, "mode": self as u32,
+            "attributes": { "POSITION": points }, "material": material, "mode": self as u32,
         });
         if let Some(indices) = indices {
             primitive["indices"] = indices.into();
@@ -59,16 +59,16 @@ fn add(list: &mut Vec<Value>, value: Value) -> usize {
 }
 
 impl Container {
-    pub fn node(&mut self, node: Value) -> usize {
+    pub(super) fn node(&mut self, node: Value) -> usize {
         add(&mut self.nodes, node)
     }
 
-    pub fn mesh(&mut self, name: &str, primitives: Vec<Value>) -> usize {
+    pub(super) fn mesh(&mut self, name: &str, primitives: Vec<Value>) -> usize {
         add(&mut self.meshes, json!({ "name": name, "primitives": primitives }))
     }
 
     /// Material of a name, made on first use; colour in linear light.
-    pub fn material(&mut self, name: &str, colour: [f64; 4]) -> usize {
+    pub(super) fn material(&mut self, name: &str, colour: [f64; 4]) -> usize {
         if let Some(&known) = self.named.get(name) {
             return known;
         }
@@ -90,7 +90,7 @@ impl Container {
     ///
     /// # Errors
     /// The file would be too large.
-    pub fn positions(&mut self, positions: &[[f32; 3]]) -> Result<usize, ExportError> {
+    pub(super) fn positions(&mut self, positions: &[[f32; 3]]) -> Result<usize, ExportError> {
         let view = self.view(bytemuck::cast_slice(positions), ARRAY_BUFFER)?;
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for position in positions {
@@ -112,7 +112,7 @@ impl Container {
     ///
     /// # Errors
     /// The file would be too large.
-    pub fn indices(&mut self, indices: &[u32]) -> Result<usize, ExportError> {
+    pub(super) fn indices(&mut self, indices: &[u32]) -> Result<usize, ExportError> {
         let view = self.view(bytemuck::cast_slice(indices), ELEMENT_ARRAY_BUFFER)?;
         Ok(add(
             &mut self.accessors,
@@ -136,7 +136,7 @@ impl Container {
     }
 
     /// Closes the document: one scene with one root.
-    pub fn finish(&mut self, scene: &str, root: usize) {
+    pub(super) fn finish(&mut self, scene: &str, root: usize) {
         let mut document = json!({
             "asset": { "version": "2.0",
                        "generator": concat!("sightline ", env!("CARGO_PKG_VERSION")),
@@ -167,7 +167,7 @@ impl Container {
     }
 
     /// Header, JSON, buffer: all little-endian, all lengths multiples of 4.
-    pub fn write(&self, mut out: impl Write) -> std::io::Result<()> {
+    pub(super) fn write(&self, mut out: impl Write) -> std::io::Result<()> {
         let chunk = |bytes: &[u8]| if bytes.is_empty() { 0 } else { 8 + bytes.len() };
         let length = 12 + chunk(&self.json) + chunk(&self.binary);
         let length = u32::try_from(length).map_err(std::io::Error::other)?;
@@ -207,7 +207,7 @@ pub(super) struct Frustum {
 }
 
 impl Frustum {
-    pub fn of(table: &BeamTable) -> Self {
+    pub(super) fn of(table: &BeamTable) -> Self {
         let directions = || table.directions().iter().map(|d| d.map(f64::from));
         let rise = |[x, y, z]: [f64; 3]| maths::atan2(z, maths::hypot(x, y));
         let low = directions().map(rise).fold(f64::INFINITY, f64::min);
@@ -219,7 +219,7 @@ impl Frustum {
     }
 
     /// Ends of line after line.
-    pub fn lines(&self) -> Vec<[f32; 3]> {
+    pub(super) fn lines(&self) -> Vec<[f32; 3]> {
         let ([from, to], [low, high]) = (self.azimuth, self.elevation);
         let mut ends = Vec::new();
         for ray in steps(from, to, RAY_STEP) {
@@ -265,38 +265,20 @@ fn sector(azimuths: &[f64]) -> [f64; 2] {
     if best.0 < GAP { [0.0, TAU] } else { best.1 }
 }
 
-/// Colour of a frustum's lines.
 pub(super) const FRUSTUM: [f64; 4] = [0.9, 0.35, 0.02, 0.7];
 
-/// Names and colours (sRGB) of classes that scenes usually have, near the colours of Cityscapes and CARLA.
-const KNOWN: [(&str, [u8; 3]); 21] = [
-    ("building", [112, 112, 118]),
-    ("fence", [190, 153, 153]),
-    ("other", [85, 90, 100]),
-    ("pedestrian", [220, 20, 60]),
-    ("pole", [153, 153, 153]),
-    ("road_line", [222, 214, 170]),
-    ("road", [128, 100, 128]),
-    ("sidewalk", [216, 120, 200]),
-    ("vegetation", [90, 140, 45]),
-    ("vehicle", [35, 80, 190]),
-    ("wall", [150, 140, 120]),
-    ("traffic_sign", [220, 200, 20]),
-    ("ground", [120, 90, 70]),
-    ("bridge", [150, 100, 100]),
-    ("rail_track", [200, 150, 140]),
-    ("guard_rail", [180, 165, 180]),
-    ("traffic_light", [250, 170, 30]),
-    ("static", [110, 190, 160]),
-    ("dynamic", [170, 120, 50]),
-    ("water", [45, 60, 150]),
-    ("terrain", [145, 190, 120]),
+/// Colours (sRGB) of the default classes, near those of Cityscapes and CARLA.
+#[rustfmt::skip]
+const COLOURS: [[u8; 3]; DEFAULT_CLASSES.len()] = [
+    [112, 112, 118], [190, 153, 153], [85, 90, 100], [220, 20, 60], [153, 153, 153], [222, 214, 170], [128, 100, 128],
+    [216, 120, 200], [90, 140, 45], [35, 80, 190], [150, 140, 120], [220, 200, 20], [120, 90, 70], [150, 100, 100],
+    [200, 150, 140], [180, 165, 180], [250, 170, 30], [110, 190, 160], [170, 120, 50], [45, 60, 150], [145, 190, 120],
 ];
 
 /// Colour of a class in linear light, with alpha 1; one of other name has a hue that follows from its letters.
 pub(super) fn of_class(name: &str) -> [f64; 4] {
-    let known = KNOWN.iter().find(|(known, _)| *known == name);
-    let [r, g, b] = known.map_or_else(|| of_letters(name), |&(_, colour)| colour.map(linear));
+    let known = DEFAULT_CLASSES.iter().position(|known| *known == name);
+    let [r, g, b] = known.map_or_else(|| of_letters(name), |class| COLOURS[class].map(linear));
     [r, g, b, 1.0]
 }
 

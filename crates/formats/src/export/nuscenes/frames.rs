@@ -191,10 +191,10 @@ impl Rows<'_> {
         before: Option<&FrameRecord>,
         ahead: Option<&FrameRecord>,
     ) -> Result<(), ExportError> {
-        let step = self.about.settings.keyframe_every;
-        let name =
-            |instance: u16, at: usize| self.token("sample_annotation", format!("{instance}/{at}"));
-        let mut rows = Vec::new();
+        let (step, scene) = (self.about.settings.keyframe_every, &self.about.planned.name);
+        let name = |instance: u16, at: usize| {
+            token(&["sample_annotation", scene, &format!("{instance}/{at}")])
+        };
         for tracked in &here.boxes {
             let instance = tracked.instance;
             let in_frame = |other: Option<&FrameRecord>, at: usize| {
@@ -206,8 +206,9 @@ impl Rows<'_> {
             let moves = tracked.velocity.iter().map(|v| v * v).sum::<f64>() > MOVES * MOVES;
             let attributes = attribute(tracked.category, moves);
             let attributes = attributes.map(|name| token(&["attribute", name]));
-            rows.push((tracked, json!({
-                "token": name(instance, at), "sample_token": self.token("sample", at),
+            let own = name(instance, at);
+            self.tables.sample_annotation.push(&json!({
+                "token": own, "sample_token": self.token("sample", at),
                 "instance_token": self.token("instance", instance),
                 "visibility_token": visibility(tracked.visible, tracked.points),
                 "attribute_tokens": attributes.into_iter().collect::<Vec<_>>(),
@@ -215,17 +216,11 @@ impl Rows<'_> {
                 "rotation": rotation(&pose),
                 "prev": in_frame(before, at.saturating_sub(step)), "next": in_frame(ahead, at + step),
                 "num_lidar_pts": tracked.points, "num_radar_pts": 0,
-            }), name(instance, at)));
-        }
-        for (tracked, row, token) in rows {
-            self.tables.sample_annotation.push(&row)?;
-            let known = self.instances.entry(tracked.instance).or_insert_with(|| ActorRow {
-                category: tracked.category,
-                first: token.clone(),
-                last: String::new(),
-                count: 0,
-            });
-            known.last = token;
+            }))?;
+            let (category, first) = (tracked.category, own.clone());
+            let unseen = ActorRow { category, first, last: String::new(), count: 0 };
+            let known = self.instances.entry(instance).or_insert(unseen);
+            known.last = own;
             known.count += 1;
         }
         Ok(())
@@ -330,19 +325,18 @@ fn fixed_tables<'a>(
     whole(folder, version, "map", [map])
 }
 
-/// A table that is being written.
-pub(super) struct OutputTable {
+struct OutputTable {
     staged: StagedFile,
     empty: bool,
 }
 
 impl OutputTable {
-    pub fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, ExportError> {
+    fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, ExportError> {
         let staged = folder.begin(&format!("{version}/{name}.json"))?;
         Ok(Self { staged, empty: true })
     }
 
-    pub fn push(&mut self, row: &Value) -> Result<(), ExportError> {
+    fn push(&mut self, row: &Value) -> Result<(), ExportError> {
         let before: &[u8] = if std::mem::take(&mut self.empty) { b"[\n" } else { b",\n" };
         self.staged.write(|out| {
             out.write_all(before)?;
@@ -350,55 +344,35 @@ impl OutputTable {
         })
     }
 
-    pub fn end(mut self) -> Result<(), ExportError> {
+    fn end(mut self) -> Result<(), ExportError> {
         let end: &[u8] = if self.empty { b"[]\n" } else { b"\n]\n" };
         self.staged.write(|out| out.write_all(end))?;
         self.staged.end().map(drop)
     }
 }
 
-/// Tables that grow with scenes and frames.
-pub(super) struct OutputTables {
-    pub calibrated_sensor: OutputTable,
-    pub ego_pose: OutputTable,
-    pub instance: OutputTable,
-    pub lidarseg: OutputTable,
-    pub log: OutputTable,
-    pub sample: OutputTable,
-    pub sample_annotation: OutputTable,
-    pub sample_data: OutputTable,
-    pub scene: OutputTable,
+macro_rules! tables {
+    ($($name:ident),*) => {
+        /// Tables that grow with scenes and frames.
+        struct OutputTables {
+            $($name: OutputTable,)*
+        }
+
+        impl OutputTables {
+            fn begin(folder: &Folder, version: &str) -> Result<Self, ExportError> {
+                Ok(Self { $($name: OutputTable::begin(folder, version, stringify!($name))?,)* })
+            }
+
+            fn end(self) -> Result<(), ExportError> {
+                $(self.$name.end()?;)*
+                Ok(())
+            }
+        }
+    };
 }
 
-impl OutputTables {
-    /// Begins all of them.
-    pub fn begin(folder: &Folder, version: &str) -> Result<Self, ExportError> {
-        let table = |name: &str| OutputTable::begin(folder, version, name);
-        Ok(Self {
-            calibrated_sensor: table("calibrated_sensor")?,
-            ego_pose: table("ego_pose")?,
-            instance: table("instance")?,
-            lidarseg: table("lidarseg")?,
-            log: table("log")?,
-            sample: table("sample")?,
-            sample_annotation: table("sample_annotation")?,
-            sample_data: table("sample_data")?,
-            scene: table("scene")?,
-        })
-    }
-
-    /// Ends all of them.
-    pub fn end(self) -> Result<(), ExportError> {
-        self.calibrated_sensor.end()?;
-        self.ego_pose.end()?;
-        self.instance.end()?;
-        self.lidarseg.end()?;
-        self.log.end()?;
-        self.sample.end()?;
-        self.sample_annotation.end()?;
-        self.sample_data.end()?;
-        self.scene.end()
-    }
+tables! {
+    calibrated_sensor, ego_pose, instance, lidarseg, log, sample, sample_annotation, sample_data, scene
 }
 
 /// Category of an actor of no other.
@@ -406,19 +380,14 @@ pub(super) const DEBRIS: u8 = 10;
 /// First and last category of things that have boxes.
 pub(super) const BOXED: std::ops::RangeInclusive<u8> = 1..=23;
 
+#[rustfmt::skip] // Words of a list stand side by side.
 const ATTRIBUTES: [&str; 8] = [
-    "vehicle.moving",
-    "vehicle.stopped",
-    "vehicle.parked",
-    "cycle.with_rider",
-    "cycle.without_rider",
-    "pedestrian.sitting_lying_down",
-    "pedestrian.standing",
-    "pedestrian.moving",
+    "vehicle.moving", "vehicle.stopped", "vehicle.parked", "cycle.with_rider", "cycle.without_rider",
+    "pedestrian.sitting_lying_down", "pedestrian.standing", "pedestrian.moving",
 ];
 
 /// Attribute of an actor; `None` for categories without attributes.
-pub(super) fn attribute(category: u8, moves: bool) -> Option<&'static str> {
+fn attribute(category: u8, moves: bool) -> Option<&'static str> {
     let name = CATEGORIES.get(usize::from(category))?;
     Some(match *name {
         "vehicle.bicycle" | "vehicle.motorcycle" => "cycle.with_rider",
@@ -434,7 +403,7 @@ pub(super) fn attribute(category: u8, moves: bool) -> Option<&'static str> {
 const VISIBILITIES: [&str; 4] = ["v0-40", "v40-60", "v60-80", "v80-100"];
 
 /// Token of a visibility, by the share of a box's hull that is seen; where nobody looked, by whether it has points.
-pub(super) fn visibility(seen: Option<f32>, points: u32) -> &'static str {
+fn visibility(seen: Option<f32>, points: u32) -> &'static str {
     let seen = seen.unwrap_or(if points > 0 { 1.0 } else { 0.0 });
     match [0.4, 0.6, 0.8].iter().filter(|&&least| seen >= least).count() {
         0 => "1",
@@ -445,13 +414,10 @@ pub(super) fn visibility(seen: Option<f32>, points: u32) -> &'static str {
 }
 
 /// Cameras that mmdetection3d asks for, and where they look: degrees to the left.
+#[rustfmt::skip] // Words of a list stand side by side.
 const CAMERAS: [(&str, f64); 6] = [
-    ("CAM_FRONT", 0.0),
-    ("CAM_FRONT_RIGHT", -55.0),
-    ("CAM_FRONT_LEFT", 55.0),
-    ("CAM_BACK", 180.0),
-    ("CAM_BACK_LEFT", 110.0),
-    ("CAM_BACK_RIGHT", -110.0),
+    ("CAM_FRONT", 0.0), ("CAM_FRONT_RIGHT", -55.0), ("CAM_FRONT_LEFT", 55.0), ("CAM_BACK", 180.0),
+    ("CAM_BACK_LEFT", 110.0), ("CAM_BACK_RIGHT", -110.0),
 ];
 
 #[cfg(test)]

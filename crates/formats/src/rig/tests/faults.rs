@@ -332,6 +332,11 @@ fn a_large_file_is_not_read() {
     .unwrap();
     let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err().to_string();
     assert!(error.ends_with("wide.urdf: is UTF-16 text; save it as UTF-8"), "{error}");
+    let path = folder.path().join("latin.urdf");
+    std::fs::write(&path, b"<robot name='\xe9'/>").unwrap();
+    let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err().to_string();
+    let told = "latin.urdf: is not UTF-8 text; save it as UTF-8 (line 1, column 14)";
+    assert!(error.ends_with(told), "{error}");
     let error = crate::rig::import(&[folder.path().join("none.yaml")], &ImportSettings::default());
     assert!(error.unwrap_err().to_string().contains("cannot be read"));
     let error = crate::rig::import(&[folder.path().to_owned()], &ImportSettings::default());

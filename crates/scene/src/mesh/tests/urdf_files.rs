@@ -5,8 +5,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 use glam::DVec3;
 
 use super::near;
-use crate::mesh::urdf::Robot;
-use crate::mesh::{Geometry, RobotPart};
+use crate::mesh::{Geometry, RobotFile, RobotPart};
 
 fn robot(body: &str) -> String {
     format!("<?xml version=\"1.0\"?><robot name=\"r\">{body}</robot>")
@@ -26,10 +25,9 @@ fn joint(kind: &str, parent: &str, child: &str, origin: &str) -> String {
 
 fn read(text: &str, without: &[&str]) -> Result<Vec<RobotPart>, String> {
     let without: Vec<String> = without.iter().map(|name| (*name).to_owned()).collect();
-    let folder = std::path::Path::new("nowhere");
-    let robot = Robot { text, folder, packages: None, tag: "visual", without: &without };
-    robot
-        .parts()
+    let file = std::path::Path::new("nowhere/robot.urdf");
+    RobotFile { file, packages: None, tag: "visual", without: &without }
+        .shapes(text)
         .map(|shapes| shapes.parts)
         .map_err(|fault| format!("{}: {}", fault.element, fault.problem))
 }

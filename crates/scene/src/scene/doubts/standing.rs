@@ -1,9 +1,14 @@
-//! Doubts about where the own body stands: under the ground, above it, inside the static world.
+//! Doubts about where things stand: the own body under the ground, above it, or inside the static world; mounts inside the
+//! body, far from it, or too close for their LiDARs.
 
 use glam::DVec3;
 use lidar_cast::geom::Pose;
 
+use super::super::{around, clipped};
 use super::{Ground, Scene, Solid, corners, inside, inside_faces};
+use crate::scene::parts;
+use crate::vehicle::Region;
+use sightline_files::json::Location;
 
 /// Metres below and above the ground z = 0 that the lowest point of a body may lie: wheels sink in, a body may be without
 /// wheels.
@@ -54,9 +59,7 @@ fn within_shape(scene: &Scene) -> Option<String> {
         if is_ground.get(class).is_some_and(|is_ground| *is_ground) {
             return None;
         }
-        let used = || faces.iter().flatten().map(|v| world.vertices[*v as usize]);
-        let low = used().reduce(DVec3::min)?;
-        let high = used().reduce(DVec3::max)?;
+        let [low, high] = around(faces.iter().flatten().map(|v| world.vertices[*v as usize]))?;
         let holds = |p: &DVec3| (0..2).all(|k| (low[k]..=high[k]).contains(&p[k]));
         let is_hall = region.iter().all(holds);
         (holds(&middle) && !is_hall && inside_faces(world, faces, middle)).then_some(class)
@@ -151,56 +154,139 @@ fn surface_in(scene: &Scene, body: &Solid, t: usize, ego_from_body: Pose) -> Opt
 
 /// Middle of the part of a triangle that lies in a box; `None` where there is none.
 fn middle_within(triangle: &[DVec3; 3], low: DVec3, high: DVec3) -> Option<DVec3> {
-    let mut polygon = triangle.to_vec();
-    for axis in 0..3 {
-        for (sign, end) in [(1.0, low[axis]), (-1.0, high[axis])] {
-            let depth = |p: DVec3| sign * (p[axis] - end);
-            let mut kept = Vec::new();
-            for (k, &from) in polygon.iter().enumerate() {
-                let to = polygon[(k + 1) % polygon.len()];
-                let [a, b] = [from, to].map(depth);
-                kept.extend((a >= 0.0).then_some(from));
-                kept.extend(((a < 0.0) != (b < 0.0)).then(|| from.lerp(to, a / (a - b))));
-            }
-            polygon = kept;
-        }
-    }
+    let polygon: Vec<[DVec3; 1]> = triangle.iter().map(|corner| [*corner]).collect();
+    let polygon = clipped(polygon, [low.to_array(), high.to_array()]);
     let count = polygon.len() as f64;
-    (count > 0.0).then(|| polygon.into_iter().sum::<DVec3>() / count)
+    (count > 0.0).then(|| polygon.into_iter().map(|[corner]| corner).sum::<DVec3>() / count)
+}
+
+/// Metres between a body and the nearest place of a mount, and its farthest, that a mast or a beam explains.
+const BESIDE: f64 = 2.5;
+const REACH: f64 = 8.0;
+/// Metres of a mount above the body that a mast explains.
+const MAST: f64 = 3.0;
+/// Places of a patch that are looked at.
+const MOST_PLACES: usize = 16;
+
+/// Doubts about mounts inside the body, or far from it.
+pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
+    let body = parts::standing(&scene.body, &scene.bodies, 0);
+    let Some([low, high]) = corners(&body) else { return Vec::new() };
+    let far = scene.vehicle.mounts.iter().zip(places).filter_map(|(mount, at)| {
+        let [from, to] = mount.region.corners().map(DVec3::from);
+        let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
+        let is_box = mount.region.ego_from_region.is_none();
+        let swept = swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner)).filter(|_| is_box);
+        if let Some((body, frame)) = swept {
+            return Some(format!(
+                "{at}: the whole mount lies inside the ego's body {body} that moves in frame {frame}, where every beam ends at \
+                 once; move it out of the way of that body, or correct its `poses`"
+            ));
+        }
+        if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
+            return Some(format!(
+                "{at}: the whole mount lies inside the ego body, where every beam ends at once; move it onto the body: \
+                 heights are in metres from the ground"
+            ));
+        }
+        if !is_box && leads_inside(&scene.body, &mount.region) {
+            return Some(format!(
+                "{at}: `offset` leads into the ego body, where every beam ends at once; offsets count along the outer side: \
+                 give positive ones, list the corners of a polygon counter-clockwise as seen from outside, or say with \
+                 `facing` which side of a mesh is meant"
+            ));
+        }
+        let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
+        let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
+        let outside = if nearest > BESIDE { nearest } else { farthest };
+        let above = to.z - high.z;
+        if nearest <= BESIDE && farthest <= REACH {
+            return (above > MAST).then(|| {
+                format!(
+                    "{at}: reaches {above:.1} m above the ego body; heights are in metres from the ground, not from the roof: \
+                     check `max`"
+                )
+            });
+        }
+        Some(format!(
+            "{at}: reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
+             check `min` and `max`, and the place of the body"
+        ))
+    });
+    far.collect()
+}
+
+/// Number of a body that moves and the first frame in which all corners of a mount lie inside it; `None` where none does.
+fn swept(scene: &Scene, corners: &[DVec3; 8]) -> Option<(usize, usize)> {
+    let faces: usize = scene.bodies.iter().map(|body| body.parts.faces.len()).sum();
+    let most = MOST_LOOKS / (8 * faces.max(1));
+    (0..scene.frames.min(most)).find_map(|t| {
+        let holds = |body: &parts::OwnBody| {
+            let body_from_ego = body.motion.pose(t).inverse();
+            corners.iter().all(|corner| inside(&body.parts, body_from_ego.apply(*corner)))
+        };
+        Some((scene.bodies.iter().position(holds)?, t))
+    })
+}
+
+/// True if a patch with an offset lies inside the body with its nearer and its farther places. One without an offset lies on
+/// the body, a little inside where it is drawn so.
+fn leads_inside(body: &Solid, region: &Region) -> bool {
+    let most = (MOST_LOOKS / body.faces.len().max(1)).min(MOST_PLACES);
+    let depths = region.patch_offsets().filter(|range| *range != [0.0; 2]);
+    let places = depths.map(|[from, to]| {
+        [0.25, 0.75].map(|share| region.patch_places(from + share * (to - from), most))
+    });
+    places.is_some_and(|places| {
+        let mut all = places.iter().flatten().peekable();
+        all.peek().is_some() && all.all(|place| inside(body, *place))
+    })
+}
+
+/// A doubt about LiDARs that are to be farther apart than any two places of the mounts are.
+pub(super) fn apart(scene: &Scene, at: &Location) -> Option<String> {
+    let least = scene.vehicle.min_distance;
+    let corners = scene.vehicle.mounts.iter().flat_map(|mount| mount.region.corners());
+    let [low, high] = around(corners.map(DVec3::from))?;
+    let most = low.distance(high);
+    let room: usize = scene.vehicle.mounts.iter().map(|mount| mount.count[1]).sum();
+    (least > most && room > 1).then(|| {
+        format!(
+            "{}: {least} m is more than any two places of the mounts are apart, {most:.2} m, so that one LiDAR has room at \
+             most; millimetres? {least} mm are {} m",
+            at.key("min_distance"),
+            least / 1000.0
+        )
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use sightline_files::Note;
+    use crate::scene::tests::told;
 
     /// Notes on a body of two shapes in a scene with a building along y, from and to some x.
-    fn told(boxes: [[f64; 2]; 2], wall: [f64; 2]) -> String {
+    fn told_of_body(boxes: [[f64; 2]; 2], wall: [f64; 2]) -> String {
         let shape = |[low, high]: [f64; 2]| {
             format!(
                 r#"{{"class": "vehicle", "box": {{"min": [-2, -1, {low}], "max": [2, 1, {high}]}}}}"#
             )
         };
-        let text = format!(
-            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-            "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}},
+        told(&format!(
+            r#""lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}},
             "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.5], "lidars": 1}},
             "ego": {{"body": [{}, {}], "poses": [{{"x": 1, "y": 0}}]}},
             "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}},
-              {{"class": "building", "box": {{"min": [{}, -40, 0], "max": [{}, 40, 8]}}}}]}}"#,
+              {{"class": "building", "box": {{"min": [{}, -40, 0], "max": [{}, 40, 8]}}}}]"#,
             shape(boxes[0]),
             shape(boxes[1]),
             wall[0],
             wall[1]
-        );
-        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-        let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt()));
-        notes.map(Note::text).collect::<Vec<_>>().join("\n")
+        ))
     }
 
     #[test]
     fn bodies_under_the_ground_and_high_above_it_are_doubted() {
-        let text = |low: f64| told([[low, 1.5], [1.2, 1.8]], [20.0, 21.0]);
+        let text = |low: f64| told_of_body([[low, 1.5], [1.2, 1.8]], [20.0, 21.0]);
         assert_eq!([0.3, 0.0, -0.09, 0.9].map(text).concat(), "");
         let under = text(-0.8);
         assert!(under.contains("the ego body reaches 0.80 m below the ground"), "{under}");
@@ -211,7 +297,7 @@ mod tests {
     #[test]
     fn a_wall_inside_the_body_is_doubted_and_one_beside_it_is_not() {
         // The ego stands at x = 1 and is 4 m long.
-        let told = |wall| told([[0.2, 1.5], [1.5, 1.8]], wall);
+        let told = |wall| told_of_body([[0.2, 1.5], [1.5, 1.8]], wall);
         for beside in [[3.0, 3.3], [-1.3, -1.0], [10.0, 19.0]] {
             assert_eq!(told(beside), "", "{beside:?}");
         }
@@ -228,16 +314,13 @@ mod tests {
     #[test]
     fn an_actor_in_the_ego_is_doubted_with_its_frame_and_one_beside_it_is_not() {
         let told = |y: f64| {
-            let text = format!(
-                r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-                "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
+            told(&format!(
+                r#""lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
                 "mount": {{"min": [-1, -0.6, 1], "max": [1, 0.6, 1.2], "lidars": 1}},
                 "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}],
                 "actors": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0], "max": [2, 1, 1.5]}}}}],
-                  "poses": [{{"x": 9, "y": 0}}, {{"x": 0, "y": {y}}}]}}]}}"#
-            );
-            let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-            scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n")
+                  "poses": [{{"x": 9, "y": 0}}, {{"x": 0, "y": {y}}}]}}]"#
+            ))
         };
         // The scene has no body: the middle of the mounts counts.
         let words = "actors[0] stands inside the ego in frame 1";
@@ -246,10 +329,9 @@ mod tests {
 
     #[test]
     fn things_in_a_body_that_moves_are_doubted_in_the_frame_in_which_it_stands_there() {
-        let told = |actor: [f64; 2], wall: [f64; 2]| {
+        let told_at = |actor: [f64; 2], wall: [f64; 2]| {
             let text = format!(
-                r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
-                "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
+                r#""lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
                 "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.5], "lidars": 1}},
                 "ego": {{"body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
                   "bodies": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-6, -1, 0.2], "max": [-1, 1, 1.8]}}}}],
@@ -257,25 +339,70 @@ mod tests {
                 "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}},
                   {{"class": "wall", "box": {{"foot": [{}, {}, 0], "size": [0.3, 0.3, 1.5]}}}}],
                 "actors": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-0.3, -0.3, 0], "max": [0.3, 0.3, 1.5]}}}}],
-                  "poses": [{{"x": {x}, "y": {y}}}, {{"x": {x}, "y": {y}}}]}}]}}"#,
+                  "poses": [{{"x": {x}, "y": {y}}}, {{"x": {x}, "y": {y}}}]}}]"#,
                 wall[0],
                 wall[1],
                 x = actor[0],
                 y = actor[1]
             );
-            let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
-            let doubts = scene.notes().iter().filter(|note| note.is_doubt());
-            doubts.map(Note::text).collect::<Vec<_>>().join("\n")
+            told(&text)
         };
         let (away, straight, bent) = ([12.0, 9.0], [-5.5, 0.0], [-2.0, -5.0]);
-        assert_eq!(told(away, away), "");
+        assert!(!told_at(away, away).contains("inside"), "{}", told_at(away, away));
         for (place, frame) in [(straight, 0), (bent, 1)] {
             let words = format!("actors[0] stands inside the ego in frame {frame}");
-            assert!(told(place, away).contains(&words), "{}", told(place, away));
+            assert!(told_at(place, away).contains(&words), "{}", told_at(place, away));
             let words = format!(
                 "a `wall` of the static world stands inside the ego body in frame {frame}, at"
             );
-            assert!(told(away, place).contains(&words), "{}", told(away, place));
+            assert!(told_at(away, place).contains(&words), "{}", told_at(away, place));
+        }
+    }
+
+    #[test]
+    fn a_mount_that_a_moving_body_sweeps_over_is_doubted_with_the_frame() {
+        let trailer = r#""bodies": [{"parts": [{"class": "vehicle", "box": {"min": [-5, -1, 0.2], "max": [-1, 1, 1.8]}}],
+            "poses": [{"x": -2, "y": 0}, {"x": -2, "y": 0, "yaw": -1.5708}]}],"#;
+        let at = |y: f64| {
+            let mount = format!(r#""min": [-2.2, {y}, 0.8], "max": [-2, {}, 1.2]"#, y + 0.2);
+            told_of_mount_beside(&mount, trailer)
+        };
+        let words = "mounts[0]: the whole mount lies inside the ego's body 0 that moves in frame 1";
+        assert!(at(3.0).contains(words), "{}", at(3.0));
+        assert!(!at(-2.0).contains("the whole mount"), "{}", at(-2.0));
+    }
+
+    fn told_of_mount(mount: &str) -> String {
+        told_of_mount_beside(mount, "")
+    }
+
+    fn told_of_mount_beside(mount: &str, bodies: &str) -> String {
+        told(&format!(
+            r#""frames": 2, "vehicle": {{"sightline": 1, {bodies}
+              "body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
+              "sensors": [{{"name": "a", "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 50}}}}],
+              "mounts": [{{"name": "m", "count": 1, {mount}}}]}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]"#
+        ))
+    }
+
+    #[test]
+    fn patches_whose_offsets_lead_into_the_body_are_doubted() {
+        let side = "[[-1, 1, 0.5], [-1, 1, 1.5], [1, 1, 1.5], [1, 1, 0.5]]";
+        let turned = "[[1, 1, 0.5], [1, 1, 1.5], [-1, 1, 1.5], [-1, 1, 0.5]]";
+        let patch = |corners: &str, offset: &str| {
+            told_of_mount(&format!(r#""polygon": {corners}{offset}"#))
+        };
+        let away = r#", "offset": [0, 0.1]"#;
+        for sound in [patch(side, ""), patch(turned, ""), patch(side, away)] {
+            assert_eq!(sound, "");
+        }
+        for inside in [
+            patch(turned, away),
+            patch(side, r#", "offset": [-0.1, 0]"#),
+            patch(side, r#", "offset": [-0.1, -0.1]"#),
+        ] {
+            assert!(inside.contains("mounts[0]: `offset` leads into the ego body"), "{inside}");
         }
     }
 }

@@ -7,7 +7,7 @@ const TRAILER: &str =
 const TRACTOR: &str =
     r#"{ "class": "vehicle", "box": { "min": [-2, -1, 0], "max": [2, 1, 1.5] } }"#;
 
-fn with(body: &str, bodies: &str, more: &str) -> Result<Scene, DescriptionError> {
+fn with(body: &str, bodies: &str, more: &str) -> Checked<Scene> {
     let wall = r#"{ "class": "wall", "box": { "foot": [20, 0, 0], "size": [1, 40, 5] } }"#;
     read(&full(wall, &format!(r#", {more} "ego": {{ "body": [{body}], "bodies": [{bodies}] }}"#)))
 }
@@ -16,7 +16,7 @@ fn trailer(poses: &str) -> String {
     format!(r#"{{ "name": "trailer", "parts": [{TRAILER}], "poses": [{poses}] }}"#)
 }
 
-fn told(scene: Result<Scene, DescriptionError>) -> String {
+fn told(scene: Checked<Scene>) -> String {
     scene.unwrap_err().to_string()
 }
 

@@ -8,13 +8,13 @@ use super::*;
 use crate::vehicle::{PoseGrid, Region, SensorName, SensorPose, Spacing};
 
 /// A van whose one mount is `mount` on the roof of `tests/data/roof.obj`.
-fn van(mount: &str) -> Result<Scene, DescriptionError> {
+fn van(mount: &str) -> Checked<Scene> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data");
     van_with(&format!(r#"{{ "name": "roof", {mount}, "count": 2 }}"#), "", &data)
 }
 
 /// A van with some mounts and rules, its meshes in `dir`.
-fn van_with(mounts: &str, rules: &str, dir: &Path) -> Result<Scene, DescriptionError> {
+fn van_with(mounts: &str, rules: &str, dir: &Path) -> Checked<Scene> {
     let vehicle = format!(
         r#"{{ "name": "van", "sensors": [{{ "name": "a", "lidar": {{ "directions": [[1, 0, 0]], "range": 30 }} }}],
           "mounts": [{mounts}]{rules} }}"#

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
+use lidar_cast::geom::TriangleSoup;
 
 use super::*;
 use crate::vehicle::Ties;
@@ -31,7 +32,7 @@ fn full(shapes: &str, more: &str) -> String {
     cut.replace("\"coverage\": \"through\"", &format!("\"static\": [{shapes}]{more}"))
 }
 
-fn read(text: &str) -> Result<Scene, DescriptionError> {
+fn read(text: &str) -> Checked<Scene> {
     Scene::from_json(text, Path::new("dir"), "s.json")
 }
 
@@ -40,6 +41,18 @@ fn message(text: &str) -> String {
         Ok(_) => panic!("accepted: {text}"),
         Err(e) => e.to_string(),
     }
+}
+
+/// Notes on a scene with further keys, a line each; all of them are doubts.
+pub(super) fn told(keys: &str) -> String {
+    let roi = r#"{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}"#;
+    let text = format!(r#"{{"sightline": 1, "roi": {roi}, {keys}}}"#);
+    let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
+    // That bodies move is a fact.
+    let notes =
+        scene.notes().iter().filter(|note| !note.text().contains("moves from frame to frame"));
+    let notes = notes.inspect(|note| assert!(note.is_doubt(), "{note}"));
+    notes.map(Note::text).collect::<Vec<_>>().join("\n")
 }
 
 const BOX: &str = r#"{ "class": "building", "box": { "foot": [10, 0, 0], "size": [2, 3, 4] } }"#;

@@ -11,7 +11,7 @@ const TOP: &str = r#""sightline": 1, "roi": {"min": [-20, -20, 0], "max": [20, 2
 const STL: &str = "solid s\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1000 0 0\nvertex 0 2000 500\n\
                    endloop\nendfacet\nendsolid s\n";
 
-fn with_body(folder: &std::path::Path, shape: &str) -> Result<Scene, DescriptionError> {
+fn with_body(folder: &std::path::Path, shape: &str) -> Checked<Scene> {
     let text = format!(r#"{{{TOP}, "ego": {{"body": [{{"class": "vehicle", {shape}}}]}}}}"#);
     Scene::from_json(&text, folder, "s.json")
 }

@@ -1,7 +1,7 @@
 //! Windows of columns that follow each other in a turn, as Ouster states them.
 
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 
 /// A turn in thousandths of a degree.
 const TURN: f64 = 360_000.0;
@@ -16,11 +16,7 @@ pub(super) struct ColumnWindow {
 
 impl ColumnWindow {
     /// First and last column, both valid; the window goes through column 0 where the first one is larger.
-    pub(crate) fn of_columns(
-        at: &Location,
-        [first, last]: [u64; 2],
-        steps: u32,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn of_columns(at: &Location, [first, last]: [u64; 2], steps: u32) -> Checked<Self> {
         let most = u64::from(steps) - 1;
         let first = check::count(&at.item(0), first, 0, most)?;
         let last = check::count(&at.item(1), last, 0, most)?;
@@ -29,11 +25,7 @@ impl ColumnWindow {
 
     /// Angles in thousandths of a degree, counter-clockwise in the frame of the columns: column m of W stands at
     /// 360·(1 − m/W) degrees. The file `2_5_0_os-992146000760-128.json` of ouster-sdk has both spellings of a window.
-    pub(crate) fn of_angles(
-        at: &Location,
-        angles: [f64; 2],
-        steps: u32,
-    ) -> Result<Self, DescriptionError> {
+    pub(crate) fn of_angles(at: &Location, angles: [f64; 2], steps: u32) -> Checked<Self> {
         for (i, angle) in angles.into_iter().enumerate() {
             if !(0.0..=TURN).contains(&angle) {
                 return Err(bad(&at.item(i), angle, "thousandths of a degree from 0 to 360000"));
@@ -59,7 +51,7 @@ impl ColumnWindow {
     }
 
     /// True if two windows differ by no more than a column at either end.
-    pub fn is_near(&self, other: &Self, steps: u32) -> bool {
+    pub(super) fn is_near(&self, other: &Self, steps: u32) -> bool {
         let ahead = |a: u32, b: u32| (a + steps - b) % steps;
         let apart = |a: u32, b: u32| ahead(a, b).min(ahead(b, a));
         let end = |window: &Self| (window.first + window.count) % steps;
@@ -69,7 +61,7 @@ impl ColumnWindow {
     }
 
     /// Azimuths of the last and of the first column in the sensor's frame: columns count clockwise.
-    pub fn azimuths(&self, steps: u32) -> [f64; 2] {
+    pub(super) fn azimuths(&self, steps: u32) -> [f64; 2] {
         let step = 360.0 / f64::from(steps);
         let last = (self.first + self.count - 1) % steps;
         // Column 0 looks to the back.

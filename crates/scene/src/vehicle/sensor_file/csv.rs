@@ -12,7 +12,7 @@ use std::f64::consts::{PI, TAU};
 use npyz::{DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar};
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 use sightline_files::npy::{read_header, transpose};
 
 use super::pattern;
@@ -58,11 +58,7 @@ pub(super) fn column(cells: &[&str], title: &str) -> Option<usize> {
 ///
 /// # Errors
 /// A second such column: nothing says which of the two counts.
-fn sole_column(
-    at: &Location,
-    titles: &[&str],
-    title: &str,
-) -> Result<Option<usize>, DescriptionError> {
+fn sole_column(at: &Location, titles: &[&str], title: &str) -> Checked<Option<usize>> {
     let found = column(titles, title);
     let next = found.map_or(titles.len(), |first| first + 1);
     match titles[next..].iter().find(|cell| begins(cell, title)) {
@@ -89,20 +85,19 @@ fn unknown<'a>(titles: &[&'a str], known: &[&str]) -> Vec<&'a str> {
 }
 
 /// Refuses a column whose title names radians; tables of vendors have degrees.
-fn in_degrees(at: &Location, title: &str) -> Result<(), DescriptionError> {
+fn in_degrees(at: &Location, title: &str) -> Checked<()> {
     if title.to_ascii_lowercase().contains("rad") {
         return Err(bad(at, quoted(title), "a column of degrees; convert it"));
     }
     Ok(())
 }
 
-/// The place of a row.
 pub(super) fn at_line(at: &Location, number: usize) -> Location {
     at.key(&format!("line {number}"))
 }
 
 /// Refuses a row with more cells than there are columns: decimal commas split numbers.
-fn check_width(at: &Location, cells: &[&str], columns: usize) -> Result<(), DescriptionError> {
+fn check_width(at: &Location, cells: &[&str], columns: usize) -> Checked<()> {
     match cells.iter().skip(columns).find(|cell| !cell.is_empty()) {
         None => Ok(()),
         Some(_) => {
@@ -112,7 +107,7 @@ fn check_width(at: &Location, cells: &[&str], columns: usize) -> Result<(), Desc
     }
 }
 
-fn number_in(at: &Location, cells: &[&str], column: usize) -> Result<f64, DescriptionError> {
+fn number_in(at: &Location, cells: &[&str], column: usize) -> Checked<f64> {
     let cell = cells.get(column).copied().unwrap_or_default();
     match cell.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
@@ -123,7 +118,7 @@ fn number_in(at: &Location, cells: &[&str], column: usize) -> Result<f64, Descri
 /// Titles that are read, and of the channel's number.
 const HESAI_TITLES: [&str; 4] = ["elevation", "azimuth", "channel", "laser"];
 
-pub(super) fn parse_hesai(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_hesai(at: &Location, text: &str) -> Checked<SensorPattern> {
     let mut rows = rows(text).filter(|(_, cells)| !is_version(cells));
     let (line, titles) = rows.next().unwrap_or_default();
     let title_at = at_line(at, line);
@@ -208,7 +203,7 @@ pub(super) fn parse_livox(
     at: &Location,
     text: &str,
     window: Option<[f64; 2]>,
-) -> Result<SensorPattern, DescriptionError> {
+) -> Checked<SensorPattern> {
     let mut rows = rows(text).peekable();
     let (mut notes, mut width) = (Vec::new(), LIVOX_COLUMNS.len());
     let columns = match rows.peek() {
@@ -276,7 +271,7 @@ fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64)
 }
 
 /// Columns of time, azimuth and zenith by their titles.
-fn columns_of(at: &Location, titles: &[&str]) -> Result<[usize; 3], DescriptionError> {
+fn columns_of(at: &Location, titles: &[&str]) -> Checked<[usize; 3]> {
     let find = |title| {
         sole_column(at, titles, title)?.ok_or_else(|| {
             let wanted = format!("a row of titles with `{title}`");
@@ -293,10 +288,7 @@ fn columns_of(at: &Location, titles: &[&str]) -> Result<[usize; 3], DescriptionE
     Ok(columns)
 }
 
-pub(super) fn parse_robosense(
-    at: &Location,
-    text: &str,
-) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_robosense(at: &Location, text: &str) -> Checked<SensorPattern> {
     let mut channels = Vec::new();
     let mut columns = None;
     for (line, cells) in rows(text) {
@@ -341,15 +333,10 @@ fn decimal_commas(at: &Location, text: &str) -> Option<Note> {
     })
 }
 
-/// First bytes of an array.
-const MAGIC: &[u8] = b"\x93NUMPY";
+/// First bytes of a NumPy array.
+pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// True if bytes begin with the magic of a NumPy array.
-pub(super) fn is_npy(bytes: &[u8]) -> bool {
-    bytes.starts_with(MAGIC)
-}
-
-pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Checked<SensorPattern> {
     let wanted = "an array [N, 2] of float32 or float64, as np.save writes it: azimuth and elevation of each beam \
                   in radians";
     let mut rest = bytes;
@@ -392,7 +379,7 @@ pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Result<SensorPattern, De
         }
         Ok(direction(across, check::elevation(&at, pair[1].to_degrees())?))
     });
-    let beams = Beams::Directions(directions.collect::<Result<_, DescriptionError>>()?);
+    let beams = Beams::Directions(directions.collect::<Checked<_>>()?);
     Ok(SensorPattern::new(SensorFormat::Numpy, beams))
 }
 
@@ -401,7 +388,7 @@ fn angles<T: Deserialize + Copy + Into<f64>>(
     at: &Location,
     header: NpyHeader,
     data: &[u8],
-) -> Result<Vec<f64>, DescriptionError> {
+) -> Checked<Vec<f64>> {
     let order = header.order();
     let numbers = NpyFile::with_header(header, data).into_vec::<T>();
     let numbers = numbers.map_err(|error| bad(at, "the data", format!("readable: {error}")))?;
@@ -409,7 +396,6 @@ fn angles<T: Deserialize + Copy + Into<f64>>(
     Ok(if order == Order::Fortran { transpose(&numbers, 2) } else { numbers })
 }
 
-/// Bytes of a matrix.
 const MATRIX: usize = 48;
 /// Farthest that the length of a ray's axis may be from 1.
 const TOLERANCE: f64 = 1e-3;
@@ -419,7 +405,7 @@ pub(super) fn is_rgl(bytes: &[u8]) -> bool {
     bytes.first_chunk::<MATRIX>().is_some_and(|first| ray(first).is_some())
 }
 
-pub(super) fn parse_rgl(at: &Location, bytes: &[u8]) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_rgl(at: &Location, bytes: &[u8]) -> Checked<SensorPattern> {
     let (rays, rest) = bytes.as_chunks::<MATRIX>();
     if !rest.is_empty() {
         let wanted = "a multiple of 48, the bytes of a matrix; copy the file again";

@@ -5,7 +5,7 @@
 
 use serde::Deserialize;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 use sightline_files::{Note, json};
 
 use super::pattern;
@@ -14,7 +14,6 @@ use super::pattern::{
     channel, check_count, direction, quoted,
 };
 
-/// Most columns of a turn.
 const MAX_COLUMNS: f64 = 100_000.0;
 /// Reflectance that `minReflectanceRange` is stated for by default, and that ranges are rated for here.
 pub(super) const RATED: f64 = 0.1;
@@ -88,7 +87,7 @@ struct EmitterState {
     rest: Rest,
 }
 
-pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     let IsaacFile { name, profile, rest } = json::parse(text, &at.file)?;
     let model = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
     let top = pattern::unknown(at, &rest, PASSED);
@@ -128,11 +127,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
 }
 
 /// Refuses lists of other lengths than each other and than the counts beside them.
-fn check_counts(
-    at: &Location,
-    list: &Location,
-    profile: &IsaacProfile,
-) -> Result<(), DescriptionError> {
+fn check_counts(at: &Location, list: &Location, profile: &IsaacProfile) -> Checked<()> {
     let states = &profile.emitter_states;
     if states.is_empty() {
         return Err(bad(list, "a list of 0", "a list of at least one emitter state"));
@@ -170,7 +165,7 @@ fn check_counts(
 }
 
 /// Azimuths between which the sensor measures, in degrees, the smaller first; `None` for a whole turn.
-fn window(at: &Location, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, DescriptionError> {
+fn window(at: &Location, profile: &IsaacProfile) -> Checked<Option<[f64; 2]>> {
     let pairs = [
         ("startAzimuthDeg", profile.start_azimuth_deg, "endAzimuthDeg", profile.end_azimuth_deg),
         (
@@ -214,17 +209,8 @@ fn window(at: &Location, profile: &IsaacProfile) -> Result<Option<[f64; 2]>, Des
 }
 
 /// Ranges and errors, checked.
-fn measures(
-    at: &Location,
-    profile: &IsaacProfile,
-    notes: &mut Vec<Note>,
-) -> Result<Measures, DescriptionError> {
-    let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
-        Some(value) if !(low..=high).contains(&value) => {
-            Err(bad(&at.key(key), value, format!("a number from {low} to {high}")))
-        }
-        other => Ok(other),
-    };
+fn measures(at: &Location, profile: &IsaacProfile, notes: &mut Vec<Note>) -> Checked<Measures> {
+    let within = |key: &str, value, low, high| check::within(at, key, value, low, high);
     let range =
         profile.far_range_m.map(|range| check::range(&at.key("farRangeM"), range)).transpose()?;
     let min_range = within("nearRangeM", profile.near_range_m, 0.0, range.unwrap_or(1e5))?;
@@ -257,7 +243,7 @@ fn rotary(
     list: &Location,
     profile: &IsaacProfile,
     window: Option<[f64; 2]>,
-) -> Result<SensorPattern, DescriptionError> {
+) -> Checked<SensorPattern> {
     let states = profile.emitter_states.len();
     let rate = profile.report_rate_base_hz.or(profile.pattern_firing_rate_hz);
     let ticks = rate.zip(profile.scan_rate_base_hz).map(|(ticks, scans)| (ticks / scans).round());
@@ -293,7 +279,9 @@ fn rotary(
     pattern.azimuth_steps = ticks.map(|ticks| (ticks / states) as u32);
     match (window, ticks) {
         (Some(window), Some(ticks)) if states > 1 => {
-            let columns = WindowColumns::of(at, window, ticks, clockwise)?;
+            let step = 360.0 / ticks as f64;
+            let [first, last] = whole_columns(at, window, step)?.map(|column| column as i64);
+            let columns = WindowColumns { first, count: last - first + 1, step, clockwise };
             columns.cut(at, list, profile, &mut pattern)?;
             pattern.notes.push(cut_to(window));
         }
@@ -314,18 +302,6 @@ struct WindowColumns {
 }
 
 impl WindowColumns {
-    fn of(
-        at: &Location,
-        window: [f64; 2],
-        ticks: usize,
-        clockwise: bool,
-    ) -> Result<Self, DescriptionError> {
-        let step = 360.0 / ticks as f64;
-        let [first, last] = whole_columns(at, window, step)?;
-        let [first, last] = [first as i64, last as i64];
-        Ok(Self { first, count: last - first + 1, step, clockwise })
-    }
-
     /// The state that fires at a column.
     fn state(&self, column: i64, states: usize) -> usize {
         let turn = if self.clockwise { -1 } else { 1 };
@@ -339,7 +315,7 @@ impl WindowColumns {
         list: &Location,
         profile: &IsaacProfile,
         pattern: &mut SensorPattern,
-    ) -> Result<(), DescriptionError> {
+    ) -> Checked<()> {
         let states = &profile.emitter_states;
         let emitters = |state: &EmitterState| {
             let pairs = state.azimuth_deg.iter().zip(&state.elevation_deg);
@@ -389,11 +365,7 @@ impl WindowColumns {
 }
 
 /// Numbers of the first and the last column of a window in degrees, `step` degrees apart.
-fn whole_columns(
-    at: &Location,
-    [from, to]: [f64; 2],
-    step: f64,
-) -> Result<[f64; 2], DescriptionError> {
+fn whole_columns(at: &Location, [from, to]: [f64; 2], step: f64) -> Checked<[f64; 2]> {
     let [first, last] = [((from - EDGE) / step).ceil(), ((to + EDGE) / step).floor()];
     if last < first {
         let found = format!("{from} to {to} degrees");
@@ -410,11 +382,7 @@ fn cut_to([from, to]: [f64; 2]) -> Note {
 }
 
 /// Leaves the whole columns of a window in degrees.
-fn cut(
-    at: &Location,
-    pattern: &mut SensorPattern,
-    window: [f64; 2],
-) -> Result<(), DescriptionError> {
+fn cut(at: &Location, pattern: &mut SensorPattern, window: [f64; 2]) -> Checked<()> {
     let [from, to] = window;
     // Without columns of its own the window ends where the file says.
     let step = pattern.azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
@@ -430,7 +398,7 @@ fn solid_state(
     list: &Location,
     profile: &IsaacProfile,
     window: Option<[f64; 2]>,
-) -> Result<SensorPattern, DescriptionError> {
+) -> Checked<SensorPattern> {
     let (at, state) = (list.item(0), &profile.emitter_states[0]);
     let count = state.elevation_deg.len();
     if count == 0 || count as u64 > MAX_BEAMS {

@@ -6,7 +6,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 use sightline_files::json::check::bad;
-use sightline_files::json::{DescriptionError, Location, check};
+use sightline_files::json::{Checked, Location, check};
 use sightline_files::{Note, json};
 
 use super::column_window::ColumnWindow;
@@ -124,7 +124,7 @@ struct Facts {
     notes: Vec<Note>,
 }
 
-pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     let mut file: Metadata = json::parse(text, &at.file)?;
     let (list, beam, mut notes) = beams_of(at, &mut file)?;
     let places = ["beam_altitude_angles", "beam_azimuth_angles"].map(|key| (list.key(key), key));
@@ -132,7 +132,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
     let [Some(elevations), Some(offsets)] = lists else {
         let key = places[usize::from(lists[0].is_some())].1;
         let mend = "list the angles of all beams in degrees, as the sensor's metadata has them";
-        return Err(DescriptionError::Missing { at: Box::new(list), key, mend: mend.to_owned() });
+        return Err(check::missing(&list, key, mend));
     };
     let beams = channels_of([&places[0].0, &places[1].0], elevations, offsets, -1.0)?;
     let mut facts = facts(at, file, &beam, &list)?;
@@ -156,10 +156,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
 }
 
 /// The angles, from one of the two places where they stand.
-fn beams_of(
-    at: &Location,
-    file: &mut Metadata,
-) -> Result<(Location, BeamIntrinsics, Vec<Note>), DescriptionError> {
+fn beams_of(at: &Location, file: &mut Metadata) -> Checked<(Location, BeamIntrinsics, Vec<Note>)> {
     let flat = BeamIntrinsics {
         beam_altitude_angles: file.beam_altitude_angles.take(),
         beam_azimuth_angles: file.beam_azimuth_angles.take(),
@@ -189,12 +186,7 @@ fn beams_of(
 }
 
 /// Reads all but the angles: windows, origin, model, firmware. Broken parts that no beam depends on become notes.
-fn facts(
-    at: &Location,
-    file: Metadata,
-    beam: &BeamIntrinsics,
-    list: &Location,
-) -> Result<Facts, DescriptionError> {
+fn facts(at: &Location, file: Metadata, beam: &BeamIntrinsics, list: &Location) -> Checked<Facts> {
     let mut facts = Facts::default();
     let notes = &mut facts.notes;
     notes.extend(pattern::unknown(at, &file.rest, PASSED));
@@ -338,12 +330,7 @@ fn entry(at: &Location, value: Option<&Value>, k: usize, notes: &mut Vec<Note>) 
 }
 
 /// The beams that are there: sensors of the first generation list 64 places, empty ones at 0, 0.
-fn real_beams(
-    at: &Location,
-    beams: Beams,
-    facts: &Facts,
-    notes: &mut Vec<Note>,
-) -> Result<Beams, DescriptionError> {
+fn real_beams(at: &Location, beams: Beams, facts: &Facts, notes: &mut Vec<Note>) -> Checked<Beams> {
     let Beams::Channels(mut channels) = beams else { return Ok(beams) };
     let count = channels.len();
     // OS-1-16-A0: a family, beams, a revision.
@@ -377,11 +364,7 @@ fn real_beams(
 }
 
 /// Columns of a turn: as stated, or read from a mode such as `1024x10`.
-fn steps(
-    at: &Location,
-    facts: &Facts,
-    notes: &mut Vec<Note>,
-) -> Result<Option<u32>, DescriptionError> {
+fn steps(at: &Location, facts: &Facts, notes: &mut Vec<Note>) -> Checked<Option<u32>> {
     let mode_at = at.key("lidar_mode");
     let of_mode = facts.mode.as_deref().map(|mode| {
         let columns = mode.split_once('x').and_then(|(columns, _)| columns.parse::<u64>().ok());
@@ -406,7 +389,7 @@ fn window(
     facts: &Facts,
     steps: u32,
     notes: &mut Vec<Note>,
-) -> Result<Option<[f64; 2]>, DescriptionError> {
+) -> Checked<Option<[f64; 2]>> {
     let stated = facts.column_window;
     let stated =
         stated.map(|columns| ColumnWindow::of_columns(&at.key("column_window"), columns, steps));

@@ -14,13 +14,10 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{DescriptionError, Location, nearest};
+use sightline_files::json::{Checked, Location, nearest};
 
-/// Most channels of a sensor.
-pub const MAX_CHANNELS: usize = 1024;
-/// Most beams of one LiDAR.
-pub const MAX_BEAMS: u64 = 10_000_000;
-/// Most columns of a frame.
+pub(crate) const MAX_CHANNELS: usize = 1024;
+pub(crate) const MAX_BEAMS: u64 = 10_000_000;
 pub(super) const MAX_COLUMNS: u64 = 100_000;
 /// Least vertical field of view in degrees that is no doubt: the narrowest LiDARs of several channels have three, and the
 /// widest half a turn and more are as many radians.
@@ -111,34 +108,22 @@ pub enum Beams {
     Directions(Vec<[f64; 3]>),
 }
 
-impl SensorFormat {
-    /// Every format, in the order in which they are listed to users.
-    pub const ALL: [Self; 9] = [
-        Self::Table,
-        Self::Velodyne,
-        Self::Hesai,
-        Self::Ouster,
-        Self::Livox,
-        Self::RoboSense,
-        Self::Isaac,
-        Self::Rgl,
-        Self::Numpy,
-    ];
-}
+/// Names of all formats, in the order of [`SensorFormat`].
+pub(super) const FORMATS: [&str; 9] = [
+    "JSON with `elevation_deg`",
+    "Velodyne calibration YAML",
+    "Hesai angle correction CSV",
+    "Ouster metadata JSON",
+    "Livox pattern CSV",
+    "RoboSense angle CSV",
+    "Isaac lidar profile JSON",
+    "RGL pattern of 3×4 matrices",
+    "NumPy array of azimuth and elevation",
+];
 
 impl fmt::Display for SensorFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Table => "JSON with `elevation_deg`",
-            Self::Velodyne => "Velodyne calibration YAML",
-            Self::Hesai => "Hesai angle correction CSV",
-            Self::Ouster => "Ouster metadata JSON",
-            Self::Livox => "Livox pattern CSV",
-            Self::RoboSense => "RoboSense angle CSV",
-            Self::Isaac => "Isaac lidar profile JSON",
-            Self::Rgl => "RGL pattern of 3×4 matrices",
-            Self::Numpy => "NumPy array of azimuth and elevation",
-        })
+        f.write_str(FORMATS[*self as usize])
     }
 }
 
@@ -172,10 +157,7 @@ impl SensorPattern {
 }
 
 /// A checked channel; `elevation` and `offset` are places and values.
-pub(super) fn channel(
-    elevation: (&Location, f64),
-    offset: (&Location, f64),
-) -> Result<Channel, DescriptionError> {
+pub(super) fn channel(elevation: (&Location, f64), offset: (&Location, f64)) -> Checked<Channel> {
     Ok(Channel {
         elevation: check::elevation(elevation.0, elevation.1)?,
         azimuth_offset: azimuth(offset.0, offset.1)?,
@@ -183,7 +165,7 @@ pub(super) fn channel(
 }
 
 /// An azimuth in degrees.
-pub(super) fn azimuth(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub(super) fn azimuth(at: &Location, value: f64) -> Checked<f64> {
     if value.abs() <= 360.0 {
         return Ok(value);
     }
@@ -196,7 +178,7 @@ pub(super) fn channels_of(
     elevations: &[f64],
     offsets: &[f64],
     sign: f64,
-) -> Result<Beams, DescriptionError> {
+) -> Checked<Beams> {
     check_count(elevation_at, elevations.len())?;
     if offsets.len() != elevations.len() {
         let wanted = format!("one offset for each of the {} elevations", elevations.len());
@@ -212,7 +194,7 @@ pub(super) fn channels_of(
 }
 
 /// Refuses a sensor without channels or with too many.
-pub(super) fn check_count(at: &Location, count: usize) -> Result<(), DescriptionError> {
+pub(super) fn check_count(at: &Location, count: usize) -> Checked<()> {
     if (1..=MAX_CHANNELS).contains(&count) {
         return Ok(());
     }
@@ -382,9 +364,7 @@ pub(super) fn unread<S: AsRef<str>>(at: &Location, names: &[S]) -> Option<Note> 
 /// A part of metadata: an object, or the text that a sensor answers to a question it does not know.
 #[derive(Debug)]
 pub(super) enum Answer<T> {
-    /// The part.
     Read(T),
-    /// The text in its place.
     Text(String),
 }
 

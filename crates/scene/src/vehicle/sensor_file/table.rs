@@ -16,14 +16,12 @@ use super::pattern::{
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{self, DescriptionError, Location, Quantity, parse_yaml};
+use sightline_files::json::{self, Checked, Location, Quantity, parse_yaml};
 
-/// Keys that are read.
 const READ: &str = "name elevation_deg azimuth_offset_deg azimuth_sign channels azimuth_steps columns_per_frame \
                     azimuth_window range min_range rated_range noise rate";
 /// Largest azimuth offset in degrees of a sensor that has some: smaller ones are most likely radians.
 const OFFSET: f64 = 0.2;
-/// Keys that are passed over.
 const PASSED: Passed = &[
     ("vendor source licence license prod_line lidar_mode", "words for people"),
     ("format elevation spacing half azimuth beams notes fov_deg", "follow from the lists"),
@@ -54,7 +52,7 @@ struct TableFile {
     rest: Rest,
 }
 
-pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     let table: TableFile = json::parse(text, &at.file)?;
     let elevations = table.elevation_deg;
     let offsets = table.azimuth_offset_deg.unwrap_or_else(|| vec![0.0; elevations.len()]);
@@ -82,12 +80,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Result<SensorPattern, Descript
         table.azimuth_window.map(|ends| window(&at.key("azimuth_window"), ends)).transpose()?;
     let range = table.range.map(|range| check::range(&at.key("range"), range)).transpose()?;
     let rate = table.rate.map(|rate| check::rate(&at.key("rate"), rate)).transpose()?;
-    let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
-        Some(value) if !(low..=high).contains(&value) => {
-            Err(check::bad(&at.key(key), value, format!("a number from {low} to {high}")))
-        }
-        other => Ok(other),
-    };
+    let within = |key: &str, value, low, high| check::within(at, key, value, low, high);
     let measures = Measures {
         range,
         min_range: within("min_range", table.min_range, 0.0, range.unwrap_or(1e5))?,
@@ -140,7 +133,7 @@ fn offsets_in_radians(at: &Location, offsets: &[f64]) -> Option<Note> {
 }
 
 /// Azimuths of the first and the last column, at most a turn apart.
-fn window(at: &Location, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+fn window(at: &Location, [from, to]: [f64; 2]) -> Checked<[f64; 2]> {
     let (from, to) = (azimuth(&at.item(0), from)?, azimuth(&at.item(1), to)?);
     if from <= to && to - from < 360.0 {
         return Ok([from, to]);
@@ -152,7 +145,6 @@ fn window(at: &Location, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionEr
     ))
 }
 
-/// Keys that are read.
 const VELODYNE_READ: &str = "lasers num_lasers laser_id rot_correction vert_correction vert_offset_correction \
                     horiz_offset_correction";
 /// Keys that are passed over, wherever they stand.
@@ -195,7 +187,7 @@ pub(super) fn is_velodyne(text: &str) -> bool {
     text.lines().any(|line| line.trim_start_matches(['{', ' ']).starts_with("lasers:"))
 }
 
-pub(super) fn parse_velodyne(at: &Location, text: &str) -> Result<SensorPattern, DescriptionError> {
+pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern> {
     let document = parse_yaml(text, &at.file, quantity)?;
     let Calibration { lasers, num_lasers } = document.read()?;
     let list = at.key("lasers");

@@ -7,9 +7,9 @@ mod real;
 mod samples;
 
 use super::{SensorPattern, parse};
-use sightline_files::json::{DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
-fn read(bytes: impl AsRef<[u8]>) -> Result<SensorPattern, DescriptionError> {
+fn read(bytes: impl AsRef<[u8]>) -> Checked<SensorPattern> {
     parse(&Location::top("f"), bytes.as_ref(), None)
 }
 
