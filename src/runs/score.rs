@@ -22,7 +22,7 @@ use crate::files::{
 use crate::job::{Job, JobFiles};
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::tables::{score_rows, score_titles};
+use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
 use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::{Scores, Seen};
@@ -80,23 +80,42 @@ fn prices_of(vehicle: &Vehicle, placements: &[Placement]) -> Vec<f64> {
     placements.iter().filter_map(|placement| vehicle.price_of_rig(placement)).collect()
 }
 
-/// Scores as JSON has them, with the price of the placement last; without that key where no sensor has a price.
+/// Sentence on placements that are too many to be looked at closely.
+fn not_looked_closely() -> String {
+    format!(
+        "range cards, blind sectors, `self_hit` and copies within the tolerance are looked at for up to {FEW_PLACEMENTS} \
+         placements; here are more: score the best of them alone, as PLACEMENTS:NAME"
+    )
+}
+
+/// Scores as JSON has them: keys of what nobody looked at, and the price of the placement last, where a sensor has one.
 #[derive(Serialize)]
-struct Priced<'a> {
+struct Listed<'a> {
     #[serde(flatten)]
     scores: &'a Scores,
+    #[serde(flatten)]
+    not_looked: Option<NotLooked>,
     #[serde(skip_serializing_if = "Option::is_none")]
     price: Option<f64>,
 }
 
-/// Scores with their prices, which there are for all or for none.
-fn priced<'a>(
+/// Keys of scores that nobody looked at closely.
+#[derive(Default, Serialize)]
+struct NotLooked {
+    range_card: Option<()>,
+    requirements_hold_in: Option<()>,
+}
+
+/// Scores for JSON with their prices, which there are for all or for none.
+fn listed<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
     prices: &'a [f64],
-) -> impl Iterator<Item = Priced<'a>> + 'a {
-    let of =
-        move |(k, scores): (usize, &'a Scores)| Priced { scores, price: prices.get(k).copied() };
-    all.into_iter().enumerate().map(of)
+    is_looked_at: bool,
+) -> impl Iterator<Item = Listed<'a>> + 'a {
+    all.into_iter().enumerate().map(move |(k, scores): (usize, &'a Scores)| {
+        let not_looked = (!is_looked_at).then(NotLooked::default);
+        Listed { scores, not_looked, price: prices.get(k).copied() }
+    })
 }
 
 /// Placements that are read, scored and printed at a time.
@@ -248,6 +267,7 @@ fn score_each(
 ) -> Result<bool, RunError> {
     let mut loaded = open(request, scenes, computing)?;
     let evaluator = loaded.evaluator(computing)?;
+    opening::note_relief(&loaded.job, computing.watcher)?;
     let Loaded { job, times } = loaded;
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
@@ -279,6 +299,8 @@ fn score_each(
     job.add_broken_rules(batch.evaluator.problem().rules(), &placements, &mut batch.judged);
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
+    } else {
+        computing.watcher.note(&not_looked_closely());
     }
     if request.near_field {
         batch.add_near_fields(&job, &placements)?;
@@ -405,16 +427,18 @@ impl Batch {
     /// The placements in each scene, then their means.
     fn csv(&self) -> String {
         let prices = prices_of(&self.vehicle, &self.placements);
-        let titles = std::iter::once("scene".to_owned()).chain(score_titles(&prices)).collect();
+        let mean: Vec<&Scores> = self.judged.iter().map(|judged| &judged.scores).collect();
+        let titles = titles_with_requirements(&prices, mean.first().copied());
+        let titles = std::iter::once("scene".to_owned()).chain(titles).collect();
         let mut rows: Vec<Vec<String>> = vec![titles];
         let mut add = |scene: &str, scores: Vec<Vec<String>>| {
             let named = |row| std::iter::once(scene.to_owned()).chain(row).collect();
             rows.extend(scores.into_iter().map(named));
         };
         for (index, member) in self.members() {
-            add(member.name(), score_rows(self.of_scene(index), &prices));
+            add(member.name(), rows_with_requirements(&self.of_scene(index), &prices));
         }
-        add("mean", score_rows(&self.mean(), &prices));
+        add("mean", rows_with_requirements(&mean, &prices));
         csv(rows)
     }
 
@@ -433,7 +457,7 @@ impl Batch {
                 "frames": problem.frame_count(),
                 "modelled": problem.modelled(),
                 "threads": rayon::current_num_threads(),
-                "scores": priced(self.of_scene(index), &prices).collect::<Vec<_>>(),
+                "scores": self.listed(self.of_scene(index), &prices),
                 // Loading and the whole are those of all scenes together.
                 "timings": timings(self.times, stages, self.start),
             });
@@ -446,7 +470,13 @@ impl Batch {
             scene
         };
         let scenes: Vec<Value> = self.members().map(scene).collect();
-        json!({ "scenes": scenes, "mean": priced(&mean, &prices).collect::<Vec<_>>() })
+        json!({ "scenes": scenes, "mean": self.listed(mean.iter().collect(), &prices) })
+    }
+
+    /// Scores of all placements for JSON.
+    fn listed<'a>(&self, scores: Vec<&'a Scores>, prices: &'a [f64]) -> Value {
+        let is_looked_at = scores.len() <= FEW_PLACEMENTS;
+        json!(listed(scores, prices, is_looked_at).collect::<Vec<_>>())
     }
 
     /// Covered voxels of each placement, in a folder a scene.

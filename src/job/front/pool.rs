@@ -325,6 +325,8 @@ impl<'a> Pool<'a> {
                 .look_closely_by_scene_while(evaluator, placements, &mut judged, &mut go_on)?;
             end = if looked { end } else { End::Time };
             let [Judged { scores, by_scene }] = judged;
+            // A closer look may find a place that is missed.
+            point.meets &= scores.missing() <= 0.0;
             (point.scores, point.by_scene) = (scores, by_scene);
         }
         for change in self.evaluator.changes() {
