@@ -407,8 +407,20 @@ impl Job {
         placements: &[Placement],
         judged: &mut [Judged],
     ) -> Result<(), JobError> {
-        let all = placements.iter().zip(judged.iter_mut());
-        self.look_closely(evaluator.backend_mut(), all.map(|(p, judged)| (p, &mut judged.scores)))?;
+        self.look_closely_by_scene_while(evaluator, placements, judged, &mut || true)?;
+        Ok(())
+    }
+
+    /// Like [`Self::look_closely_by_scene`], and as [`Self::look_closely_while`].
+    pub(crate) fn look_closely_by_scene_while(
+        &self,
+        evaluator: &mut Evaluator,
+        placements: &[Placement],
+        judged: &mut [Judged],
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, JobError> {
+        let all = placements.iter().zip(judged.iter_mut().map(|judged| &mut judged.scores));
+        let is_whole = self.look_closely_while(evaluator.backend_mut(), all, go_on)?;
         let problem = self.problem()?;
         let rules = problem.target_rules();
         for Judged { scores, by_scene, .. } in judged.iter_mut() {
@@ -436,7 +448,7 @@ impl Job {
                 add_range_cards(scene.target_site()?, placements.iter().zip(by_scene))?;
             }
         }
-        Ok(())
+        Ok(is_whole)
     }
 
     /// An error of the search with the file of the scene that it is about.

@@ -8,6 +8,7 @@ pub(crate) mod guard;
 mod objective;
 pub(crate) mod over_scenes;
 pub(crate) mod standing;
+mod worst_frame;
 
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
@@ -25,6 +26,8 @@ pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
+pub(crate) use worst_frame::SEEN_IN_FRAME_0;
+pub use worst_frame::WorstFrame;
 
 /// Scores of one task, segmentation or detection, which tell classes apart differently.
 ///
@@ -159,20 +162,19 @@ pub const SEEN: &str = "seen";
 
 /// A requirement: a share of something that must be seen, or be shared by LiDARs.
 ///
-/// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact` and `worst_without`
-/// where they are known.
+/// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact`, `worst_without` and
+/// `worst_frame` where they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
     pub name: String,
     /// Share that is found, by the kind of requirement:
-    ///
     /// - area: share of its voxels that beams pass, a mean over frames
     /// - target: share of its places at which enough beams meet it
     /// - ground: share that is seen
     /// - overlap: the largest at which pairs connect all LiDARs
     pub share: f64,
-    /// The word for the share: [`SEEN`], or `shared` of overlap.
+    /// The word for the share: [`SEEN`], also with the frame of the body, or `shared` of overlap.
     pub done: &'static str,
     /// Share that is required.
     pub least: f64,
@@ -183,6 +185,8 @@ pub struct Seen {
     pub holds_in: Option<f64>,
     /// The intact rig, of a requirement that must hold whichever one LiDAR is lost: `share` is then the least one.
     pub lost: Option<Lost>,
+    /// Frame in which bodies that move leave least of the ground; `None` where it is the same in all.
+    pub worst_frame: Option<WorstFrame>,
 }
 
 /// A requirement that must hold whichever one LiDAR is lost: the share of the intact rig, and the worst loss.
@@ -220,14 +224,15 @@ impl Seen {
     /// A requirement of 90 %, for tests.
     #[cfg(test)]
     pub(crate) fn of(name: &str, share: f64) -> Self {
-        let name = name.to_owned();
-        Self { name, share, done: SEEN, least: 0.9, missing: None, holds_in: None, lost: None }
+        let (name, done) = (name.to_owned(), SEEN);
+        let (missing, holds_in, lost, worst_frame) = (None, None, None, None);
+        Self { name, share, done, least: 0.9, missing, holds_in, lost, worst_frame }
     }
 }
 
 impl Serialize for Seen {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut object = serializer.serialize_struct("Seen", 8)?;
+        let mut object = serializer.serialize_struct("Seen", 9)?;
         object.serialize_field("name", &self.name)?;
         object.serialize_field("required", &self.least)?;
         object.serialize_field("found", &self.share)?;
@@ -250,6 +255,10 @@ impl Serialize for Seen {
                 object.skip_field("worst_without")?;
             }
         }
+        match &self.worst_frame {
+            Some(worst) => object.serialize_field("worst_frame", worst)?,
+            None => object.skip_field("worst_frame")?,
+        }
         object.end()
     }
 }
@@ -267,11 +276,12 @@ pub(crate) fn percent_up(share: f64) -> f64 {
 
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { share, done, least, missing, holds_in, lost, .. } = self;
+        let Self { share, done, least, missing, holds_in, lost, worst_frame, .. } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         write!(f, "{not}{}: {:.1} % {done}", self.title(), percent_down(*share))?;
         lost.iter()
             .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
+        worst_frame.iter().try_for_each(|worst| f.write_str(&worst.beside(*share)))?;
         write!(f, ", {:.1} % required", percent_up(*least))?;
         let mut lacks = missing.iter().filter(|_| !self.is_met());
         lacks.try_for_each(|missing| write!(f, ", {missing}"))?;
@@ -297,6 +307,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
         missing: None,
         holds_in: None,
         lost: None,
+        worst_frame: None,
     });
     seen.collect()
 }

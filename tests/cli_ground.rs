@@ -260,6 +260,53 @@ fn wrong_rules_on_the_ground_are_named() {
     assert!(error.contains("no triangle of a class of ground"), "{error}");
 }
 
+/// A trailer hides what is behind the cart while it is straight, in one of three frames.
+#[test]
+fn a_body_that_moves_hides_no_frame_in_which_a_rule_fails() {
+    let dir = TempDir::new().unwrap();
+    let rules =
+        [json!({ "blind_zone": "behind", "depth": 3 }), json!({ "ground": 3, "share": 0.01 })];
+    let car = json!({ "target": "car", "from": 12, "within": 12, "share": 0.01 });
+    yard(dir.path(), json!([rules[0], rules[1], car]));
+    let change = |file: &str, of: &dyn Fn(&mut Value)| {
+        let text = fs::read_to_string(dir.path().join(file)).unwrap();
+        let mut value: Value = serde_json::from_str(&text).unwrap();
+        of(&mut value);
+        fs::write(dir.path().join(file), value.to_string()).unwrap();
+    };
+    change("yard.json", &|yard| yard["actors"] = json!([]));
+    change("cart.json", &|cart| {
+        let poses = [0.0, 1.57, 1.57].map(|yaw| json!({ "x": -2, "y": 0, "yaw": yaw }));
+        let part =
+            json!({ "class": "vehicle", "box": { "min": [-4, -0.9, 0], "max": [-1.5, 0.9, 2] } });
+        cart["bodies"] = json!([{ "name": "trailer", "parts": [part], "poses": poses }]);
+    });
+    let files = ["yard.json", "rigs.json", "--backend", "cpu", "--tolerance", "0"];
+    let of = |more: &[&str]| {
+        let found = ok(dir.path(), &[&["score"][..], &files, more].concat());
+        found["scores"][2]["requirements"].clone()
+    };
+    let (all, straight) = (of(&[]), of(&["--frames", "1"]));
+    // Bent, the trailer hides nothing behind the straight one: two of three frames would do.
+    let worst = json!({ "frame": 0, "share": 0.0 });
+    assert_eq!((&all[0]["found"], &all[0]["worst_frame"]), (&json!(0.0), &worst), "{all}");
+    assert_eq!((&straight[0]["found"], straight[0].get("worst_frame")), (&json!(0.0), None));
+    let share = |of: &Value| of.as_f64().unwrap();
+    let (mean, first) = (share(&all[1]["found"]), share(&straight[1]["found"]));
+    let bent = (3.0 * mean - first) / 2.0;
+    let worst = share(&all[1]["worst_frame"]["share"]);
+    assert!((worst - bent.min(first)).abs() < 1e-9 && worst < mean, "{all} {straight}");
+    let text = sightline(dir.path(), &[&["score"][..], &files].concat());
+    let text = String::from_utf8(text.stdout).unwrap();
+    let words = "blind zone behind to 3 m: 0.0 % seen in frame 0, 100.0 % required";
+    assert!(text.contains(words) && text.contains(" % in frame "), "{text}");
+    assert!(text.contains(" seen with the body as in frame 0, 1.0 % required"), "{text}");
+    let near =
+        ok(dir.path(), &["study", "nearfield", "yard.json", "rigs.json", "--backend", "cpu"]);
+    let zone = &near["near_fields"][2]["zone"];
+    assert_eq!((&zone["behind"], &zone["worst_frames"]["behind"]), (&Value::Null, &json!(0)));
+}
+
 #[test]
 fn a_lidar_below_the_ground_is_the_first_warning_of_a_score() {
     let dir = TempDir::new().unwrap();

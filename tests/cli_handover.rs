@@ -117,6 +117,10 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     assert!(read(&handed_over(&dir, &[]), "README.txt").contains(warning));
     let readme = read(&out, "README.txt");
     let line = readme.lines().find(|line| line.starts_with("  LiDAR 0: ")).unwrap();
+    assert!(
+        line.ends_with(" % at its angle 0"),
+        "it spins freely, its guard is over other angles: {line}"
+    );
     let share = line.split(", ").nth(1).unwrap().split(' ').next().unwrap().parse::<f64>().unwrap();
     assert_eq!(readme.contains(warning), share > 25.0, "{readme}");
     assert!(readme.contains("ISO 8855") && readme.contains("a positive pitch looks down"));
@@ -234,6 +238,38 @@ fn crop_boxes_are_those_of_the_body_with_its_margin_from_base_link() {
             }
         }
     }
+}
+
+#[test]
+fn notes_on_sensor_files_are_in_the_readme_until_the_vehicle_answers_them() {
+    let dir = folder();
+    let sensor = json!({ "elevation_deg": [-20, -10, 0], "azimuth_offset_deg": [1, 0, -1], "azimuth_steps": 120,
+                         "range": 50, "azimuth_sign": "as the vendor counts" });
+    fs::write(dir.path().join("s.json"), sensor.to_string()).unwrap();
+    let path = dir.path().join("cart.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let readme = |lidar: serde_json::Value| {
+        let mut vehicle: serde_json::Value = serde_json::from_str(&text).unwrap();
+        vehicle["sensors"][0]["lidar"] = lidar;
+        fs::write(&path, vehicle.to_string()).unwrap();
+        read(&handed_over(&dir, &[]), "README.txt")
+    };
+    let told = readme(json!({ "file": "s.json", "range": 50 }));
+    let line = told.lines().find(|line| line.starts_with("Note: ")).unwrap_or_default();
+    assert!(line.contains("s.json: azimuth_sign: \"as the vendor counts\"; offsets"), "{told}");
+    let told = readme(json!({ "file": "s.json", "range": 50, "azimuth_offsets": "clockwise" }));
+    assert!(!told.contains("azimuth_sign"), "{told}");
+}
+
+#[test]
+fn places_are_told_from_base_link_where_it_is_given() {
+    let dir = folder();
+    let rows = |more: &[&str]| cells(&read(&handed_over(&dir, more), "poses.csv"));
+    let (plain, based) = (rows(&[]), rows(&["--base-link=-1.25,0,0.5"]));
+    let first = plain[0].len();
+    assert_eq!(based[0][first..], ["base_link_x_m", "base_link_y_m", "base_link_z_m"]);
+    assert_eq!(based[1][first..], ["1.5", "-0.125", "1.6"]);
+    assert!(plain.iter().zip(&based).all(|(few, all)| all[..first] == few[..]));
 }
 
 #[test]

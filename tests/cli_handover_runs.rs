@@ -76,6 +76,17 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     let [of_run, of_file] = ["a", "b"].map(|folder| read(&format!("{folder}/README.txt")));
     assert!(lines.iter().all(|line| of_run.contains(line)), "{of_run}");
     assert!(!lines.iter().any(|line| of_file.contains(line)), "{of_file}");
+    // Its scene, for another frame: the vehicle and the words are still those of the run.
+    ok("rig handover yard.json runs/yard --frame 1 --backend cpu --out h");
+    let in_scene = read("h/README.txt");
+    assert!(lines.iter().all(|line| in_scene.contains(line)), "{in_scene}");
+    assert!(in_scene.contains("in frame 1 of yard"), "{in_scene}");
+    // In another scene the vehicle is that of the run, and the requirement is measured there.
+    fs::write(dir.path().join("other.json"), read("yard.json").replace("\"yard\"", "\"other\""))
+        .unwrap();
+    ok("rig handover other.json runs/yard --backend cpu --out i");
+    let elsewhere = read("i/README.txt");
+    assert!(!elsewhere.contains("Result: ") && elsewhere.contains("NOT MET: car"), "{elsewhere}");
     // A requirement that holds on paper only, and a LiDAR outside its mount, are no secret of the search.
     let requirement = &mut result["best"]["scores"]["requirements"][0];
     requirement["found"] = json!(1.0);

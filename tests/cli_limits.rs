@@ -49,6 +49,14 @@ fn time_ends_the_choice_of_sensors() {
     assert!(text.contains(cut) && text.contains(" of 500 spent)"), "{text}");
     assert!(text.contains("--resume and more time than the 0.02 s it had; poses"), "{text}");
     assert!(!text.contains("a --budget above"), "{text}");
+    let huge = fails(
+        dir.path(),
+        &["optimize", "scene.json", "--vehicle", "fleet.json", "--budget", "1e300"],
+    );
+    assert!(
+        huge.contains("give a price up to 1e12, as 12000") && !huge.contains("0000000"),
+        "{huge}"
+    );
     let result: Value =
         serde_json::from_slice(&fs::read(dir.path().join("run/result.json")).unwrap()).unwrap();
     assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");

@@ -416,7 +416,10 @@ fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     scene["mount"] = json!({ "min": [0, -1, 1], "max": [1, 1, 2], "lidars": 1 });
     write(&dir, "plain.json", &scene.to_string());
     let told = fails(dir.path(), &["score", "plain.json", "named.json", "--backend", "cpu"]);
-    assert!(told.contains("names of models come with the file of a vehicle"), "{told}");
+    assert!(
+        told.contains("names of models come with the file of a vehicle, `--vehicle FILE`"),
+        "{told}"
+    );
     assert!(!told.contains("give --vehicle"), "{told}");
     // The folder of a run says which vehicle it was made with.
     fs::create_dir(dir.path().join("run")).unwrap();

@@ -68,6 +68,10 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
     let (table, _) = table.split_once("</table>").unwrap();
     assert!(table.contains(&format!("<td>{}</td>", (1e3 * holds(2)).round() / 10.0)), "{table}");
     assert!(page.contains(" --tolerance 5mm,2deg "), "its command has the tolerance");
+    let copies = "Copies are mounted up to ";
+    let within =
+        |page: &str| page.split_once(copies).unwrap().1.split_once(" off").unwrap().0.to_owned();
+    assert_eq!([within(&page), within(&view("5mm,0.5deg"))], ["5 mm and 2°", "5 mm and 0.5°"]);
     assert!(!view("0").contains("copies that hold %"));
     // Voxels on the ground that beams just reach depend on millimetres, too.
     let edge = json!([{ "name": "ground", "min": [2, -3, -0.3], "max": [6, 3, 0.3],
@@ -142,6 +146,12 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
         told.contains("no equipment of 1 sensor was found that meets all requirements"),
         "{told}"
     );
+    // One LiDAR alone can never hold what must hold without any one: the choice begins with two.
+    let mut lost = car([-15, 15], 0.95);
+    lost["without_any_one"] = json!(true);
+    let (_, sensors, _, _, told) = search("lost", json!([lost]));
+    assert!(sensors.len() >= 2 && told.contains("--fewest begins with 2 sensors"), "{told}");
+    assert!(!told.contains("no equipment of 1 sensor"), "{told}");
     // It wrote a file of placements.
     let again = ["score", "street.json", "round/placements.json", "--backend", "cpu"];
     assert_eq!(ok(dir.path(), &again)["scores"][0]["requirements"][0]["met"], true);

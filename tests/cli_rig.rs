@@ -124,6 +124,8 @@ fn rigs_are_compared_as_text_and_as_json() {
     let (text, _) = printed(&dir, &["rig", "compare", "p.json:one", "p.json:pair"]);
     let told = "The first rig has 1 LiDAR, the second 2: compared by frame, then by least distance.\n\
                 Without a partner in the first rig: lidar_1.\n";
+    let count = " of the 1 with a partner; 1 and 2 LiDARs in all\n";
+    assert!(text.contains(count), "{text}");
     assert!(text.starts_with(told), "{text}");
     let csv = ["rig", "compare", "p.json:one", "p.json:pair", "--format", "csv"];
     assert!(printed(&dir, &csv).0.contains("\nalone_after,lidar_1,,,,,,,\n"));

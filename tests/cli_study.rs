@@ -371,7 +371,10 @@ fn cases_of_one_name_would_share_numbers_and_are_refused() {
     for (args, says) in [
         (&["transfer", "room.json", "copy.json"][..], "two scenes are called `room`"),
         (&[&["channels", "room.json"][..], &sensors].concat(), "two sensors are called `vlp`"),
-        (&[&["regions", "room.json"][..], &boxes].concat(), "two regions are called `near`"),
+        (
+            &[&["regions", "room.json"][..], &boxes].concat(),
+            "`near` is a built-in region; choose another name",
+        ),
     ] {
         let args = [&["study"][..], args, &["--backend", "cpu"]].concat();
         let message = fails(dir.path(), &args);

@@ -288,6 +288,7 @@ fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     assert!(missed.len() == 1 && missed[0].to_string().contains("NOT MET: far: "), "{missed:?}");
     let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
     assert!(text.contains("missed as it is and left out") && text.contains("holds to"), "{text}");
+    assert!(text.starts_with("Deviations within which the met requirements hold, every"), "{text}");
     // A LiDAR alone may be off as far as all together, or farther.
     let copies = both["copies"].as_array().unwrap();
     let together = copies.iter().take_while(|of| of["holds_in"].as_f64().unwrap() >= 0.95).last();

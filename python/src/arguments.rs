@@ -107,7 +107,9 @@ pub fn seconds(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
 
 /// The argument `budget`.
 pub fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("budget", given, "a price of 0 or more, or None", |price| price >= 0.0)
+    maybe_real("budget", given, "a price from 0 to 1e12, or None", |price| {
+        (0.0..=1e12).contains(&price)
+    })
 }
 
 /// The argument `objective` of calls that take no function.

@@ -99,6 +99,7 @@ impl PyScene {
     /// - `zone`: depth of the blind zone in metres `ahead`, `behind`, `left` and `right` (`None`: beyond 10 m), and its
     ///   lanes; `lost`: sides on which ground behind the nearest ground seen is unseen again over 2 m or more
     /// - `poles` of standards, and `beams` by LiDAR
+    /// - where bodies of the vehicle move: `worst_frame` of both shares, and `worst_frames` of the sides of the zone
     ///
     /// Means over the scored frames. Raises `ValueError` for a scene without geometry or own body.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]

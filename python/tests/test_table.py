@@ -102,7 +102,7 @@ def test_feasible_placements_and_requirements() -> None:
         assert (row["met"] == (row["found"] >= row["required"])).all()
         met &= row["met"]
         assert row["holds_in"].shape == row["intact"].shape == (4,)
-        assert len(row["missing"]) == len(row["worst_without"]) == 4
+        assert len(row["missing"]) == len(row["worst_without"]) == len(row["worst_frame"]) == 4
     some = scores.rows[[2, 0]].requirements
     assert all(some[name]["missing"] == [row["missing"][2], row["missing"][0]] for name, row in asked.items())
     assert Scores.concatenate([scores] * 2).requirements.keys() == asked.keys()

@@ -11,7 +11,7 @@ use crate::report::run_tables::run_csv;
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, finished, front, holds_front, optimize,
 };
-use crate::runs::parse::{number_as, whole};
+use crate::runs::parse::{number_as, price, whole};
 use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
 use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::in_words;
@@ -117,7 +117,7 @@ pub struct OptimizeArgs {
     /// Most that the sensors may cost, in the vehicle's currency
     ///
     /// Models, mounts and numbers of sensors are chosen for the money.
-    #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = number_as("12000"))]
+    #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = price)]
     budget: Option<f64>,
     /// Take the fewest sensors of a vehicle that meet all of its requirements: among equal numbers the cheapest, and
     /// their best placement

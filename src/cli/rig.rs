@@ -242,7 +242,9 @@ fn run_handover(args: &Asked<HandoverRequest>) -> Result<Exit, RunError> {
             outln!("{}: {} files of {placement}{priced}", made.out.display(), made.files.len())?;
             for (k, [own, all]) in made.own_beams.iter().enumerate() {
                 let share = percent_up(*own as f64 / *all as f64);
-                outln!("  LiDAR {k}: {own} of {all} beams end at the own body, {share:.1} %")?;
+                outln!(
+                    "  LiDAR {k}: {own} of {all} beams end at the own body in its mask, {share:.1} %"
+                )?;
             }
         }
     }

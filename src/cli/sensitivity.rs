@@ -44,8 +44,9 @@ pub fn run_room(args: &RoomArgs) -> Result<Exit, RunError> {
             let [mm, deg, tilt] = [most_mm, most_deg, most_tilt_deg].map(each);
             let (over, under) = (&found.over, under(&found.conditions));
             let tables = room_text(&found.rows);
+            let which = if found.all_meet() { "all" } else { "the met" };
             format!(
-                "Deviations within which all requirements hold, every {mm} mm and {deg}°, tilt every {tilt}°, {over}{under}\n\n{tables}"
+                "Deviations within which {which} requirements hold, every {mm} mm and {deg}°, tilt every {tilt}°, {over}{under}\n\n{tables}"
             )
         },
     )?;

@@ -128,8 +128,11 @@ impl Job {
     /// See [`Self::suite`]; a budget without prices, settings that a scene does not allow.
     pub fn begin(&self) -> Result<JobRun<'_>, JobError> {
         self.check_room()?;
-        let least = self.scene().vehicle().cheapest().len();
-        let fewest = self.fewest.then(|| Fewest::new(self.most_money(), least));
+        let (vehicle, money) = (self.scene().vehicle(), self.most_money());
+        // One LiDAR alone meets nothing that must hold without any one.
+        let least = if vehicle.needs_two() { vehicle.most_sensors(money).min(2) } else { 1 };
+        let least = vehicle.cheapest().len().max(least);
+        let fewest = self.fewest.then(|| Fewest::new(money, least));
         self.resume(JobState { equipped: None, fewest, course: self.equipping() })
     }
 

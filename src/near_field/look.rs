@@ -14,7 +14,7 @@ use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
 use crate::problem::{Problem, SensorBatch, ground_triangles};
 use crate::scene::{Ground, Scene};
-use crate::score::Scores;
+use crate::score::{Scores, WorstFrame};
 use crate::vehicle::{BeamTable, Placement, SensorPose};
 
 /// Metres from a cell's centre, counted level, within which a hit sees it.
@@ -31,6 +31,8 @@ pub struct NearSite {
     is_ground: Vec<bool>,
     /// One for each distinct frame: its number, frames that it stands for, which cells are ground.
     pub(super) frames: Vec<(usize, u64, Vec<bool>)>,
+    /// Frames, by their place in that list, in which the own bodies stand alike: all of them where no body moves.
+    pub(super) poses: Vec<Vec<usize>>,
 }
 
 /// Cells in a frame by the LiDARs that see them; lists have an entry a cell.
@@ -58,6 +60,15 @@ pub struct BeamShares {
     pub nothing: f64,
 }
 
+/// Shares of ground seen in the frames in which bodies that move leave least of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WorstShares {
+    /// Ground within 10 m; `None` where it is the same in all.
+    pub near_field: Option<WorstFrame>,
+    /// Ground within 3 m; `None` where it is the same in all, or no cell there is ground.
+    pub ring: Option<WorstFrame>,
+}
+
 /// The near field of a placement.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NearField {
@@ -67,9 +78,13 @@ pub struct NearField {
     pub near_field: f64,
     /// Share of the ground cells within 3 m that are seen; `None` where no cell there is ground.
     pub ring: Option<f64>,
+    /// Both shares in their worst frames; `None` where no body moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub worst_frame: Option<WorstShares>,
     /// Square metres of ground within 10 m that are not seen.
     pub blind_area: f64,
-    /// Blind zone: ground between the body and the nearest ground seen.
+    /// Blind zone: ground between the body and the nearest ground seen. Where bodies move, each side has the lanes of the
+    /// frame in which they are deepest.
     pub zone: BlindZone,
     /// Shares of beams by the surface they end at, for each LiDAR.
     pub beams: Vec<BeamShares>,
@@ -81,6 +96,18 @@ pub struct NearField {
     pub cells: Vec<([f64; 2], f64)>,
 }
 
+impl NearField {
+    /// Both shares in their worst frames, in words behind the means; empty where no body moves.
+    pub(crate) fn worst_in_words(&self) -> [String; 2] {
+        let Some(worst) = self.worst_frame else { return Default::default() };
+        let near = worst.near_field.map(|worst| worst.beside(self.near_field));
+        let ring = worst.ring.zip(self.ring).map(|(worst, ring)| worst.beside(ring));
+        [near, ring].map(Option::unwrap_or_default)
+    }
+}
+
+/// Sums over frames: all of them, or those in which the own bodies stand alike.
+#[derive(Clone)]
 struct FrameSums {
     /// One for each cell, frames in which it is ground, and in which it is seen too.
     ground: Vec<u64>,
@@ -88,8 +115,22 @@ struct FrameSums {
     /// Shares of the frames, added up: near, ring; and the frames that have such cells.
     shares: [f64; 2],
     frames: [u64; 2],
-    /// Beams by LiDAR: on ground, on the own body, on others, on nothing.
-    beams: Vec<[u64; 4]>,
+}
+
+impl FrameSums {
+    fn new(cells: usize) -> Self {
+        Self { ground: vec![0; cells], seen: vec![0; cells], shares: [0.0; 2], frames: [0; 2] }
+    }
+
+    /// Mean share of the ground near or in the ring.
+    fn share(&self, which: usize) -> Option<f64> {
+        (self.frames[which] > 0).then(|| self.shares[which] / self.frames[which] as f64)
+    }
+
+    /// Cells that are ground in some frame.
+    fn counting(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.ground.len()).filter(move |&cell| self.ground[cell] > 0)
+    }
 }
 
 impl NearSite {
@@ -138,7 +179,13 @@ impl NearSite {
             let ground = cells.are_ground(geometry, &is_ground, &wheels);
             frames.push((frame, weight, ground));
         }
-        Self { problem: problem.clone(), footprint, cells, is_ground, frames }
+        let poses = alike(frames.iter().map(|(frame, ..)| *frame), problem, is_ground.len());
+        Self { problem: problem.clone(), footprint, cells, is_ground, frames, poses }
+    }
+
+    /// Number in the scene of the first frame of a pose of the bodies.
+    pub(super) fn first_frame(&self, pose: usize) -> usize {
+        self.problem.number_of(self.frames[self.poses[pose][0]].0)
     }
 
     /// Outline of the own body.
@@ -181,21 +228,27 @@ impl NearSite {
         placement: &Placement,
     ) -> Result<NearField, BackendError> {
         let batch = SensorBatch::new(&self.problem, &placement.lidars, None)?;
-        let count = self.cells.cells.len();
-        let mut sums = FrameSums {
-            ground: vec![0; count],
-            seen: vec![0; count],
-            shares: [0.0; 2],
-            frames: [0; 2],
-            beams: vec![[0; 4]; batch.len()],
-        };
-        for (frame, weight, ground) in &self.frames {
+        let mut sums = FrameSums::new(self.cells.cells.len());
+        let mut by_pose = vec![sums.clone(); self.poses.len()];
+        // By LiDAR: on ground, on the own body, on others, on nothing.
+        let mut beams = vec![[0_u64; 4]; batch.len()];
+        for (number, (frame, weight, ground)) in self.frames.iter().enumerate() {
             let (poses, hits) = returned_hits(&self.problem, engine, &placement.lidars, *frame)?;
-            self.add_frame(&mut sums, &batch, &poses, &hits, (*weight, ground));
+            let mut seen = vec![false; ground.len()];
+            for (k, pose) in poses.iter().enumerate() {
+                let hits = &hits[batch.beams_of(k)];
+                hits.iter().for_each(|hit| beams[k][self.end_of(hit)] += *weight);
+                self.mark_seen(batch.table(k), pose, hits, &mut seen);
+            }
+            let of_pose = by_pose.iter_mut().zip(&self.poses);
+            let of_pose = of_pose.filter(|(_, frames)| frames.contains(&number));
+            for sums in of_pose.map(|(sums, _)| sums).chain([&mut sums]) {
+                self.add_frame(sums, &seen, (*weight, ground));
+            }
         }
         let poses = batch.ego_from_sensors(0);
         let poles = ground::count(&self.footprint, &batch, &poses, self.problem.body());
-        Ok(self.result(placement, sums, poles))
+        Ok(self.result(placement, (&sums, &by_pose), &beams, poles))
     }
 
     /// Cells that each LiDAR of a placement sees, in each distinct frame.
@@ -268,7 +321,7 @@ impl NearSite {
         cells.map(|(cell, ground)| *ground && cell.distance <= within).collect()
     }
 
-    /// Place of a beam's end in [`FrameSums::beams`].
+    /// Place of a beam's end among ground, own body, others and nothing.
     fn end_of(&self, hit: &Hit) -> usize {
         match hit.prim {
             _ if !hit.is_hit() => 3,
@@ -296,22 +349,9 @@ impl NearSite {
         }
     }
 
-    fn add_frame(
-        &self,
-        sums: &mut FrameSums,
-        batch: &SensorBatch<'_>,
-        poses: &[Pose],
-        hits: &[Hit],
-        (weight, ground): (u64, &[bool]),
-    ) {
-        let mut seen = vec![false; ground.len()];
-        for (k, pose) in poses.iter().enumerate() {
-            let hits = &hits[batch.beams_of(k)];
-            hits.iter().for_each(|hit| sums.beams[k][self.end_of(hit)] += weight);
-            self.mark_seen(batch.table(k), pose, hits, &mut seen);
-        }
+    fn add_frame(&self, sums: &mut FrameSums, seen: &[bool], (weight, ground): (u64, &[bool])) {
         for (which, within) in [NEAR, RING].into_iter().enumerate() {
-            let cells = self.counting(ground, within).into_iter().zip(&seen);
+            let cells = self.counting(ground, within).into_iter().zip(seen);
             let [all, seen] = cells
                 .filter(|(counts, _)| *counts)
                 .fold([0_u64; 2], |[all, both], (_, seen)| [all + 1, both + u64::from(*seen)]);
@@ -326,17 +366,37 @@ impl NearSite {
         }
     }
 
-    fn result(&self, placement: &Placement, sums: FrameSums, poles: Vec<Pole>) -> NearField {
-        let share = |which: usize| {
-            (sums.frames[which] > 0).then(|| sums.shares[which] / sums.frames[which] as f64)
-        };
-        let counting = || (0..sums.ground.len()).filter(|&cell| sums.ground[cell] > 0);
+    /// Blind zone over the frames of a pose of the bodies.
+    fn zone(&self, sums: &FrameSums) -> BlindZone {
         let is_seen = |&cell: &usize| 2 * sums.seen[cell] >= sums.ground[cell];
-        let seen: Vec<Cell> =
-            counting().filter(is_seen).map(|cell| self.cells.cells[cell]).collect();
-        let ground: Vec<Cell> = counting().map(|cell| self.cells.cells[cell]).collect();
+        let cells = |cell: usize| self.cells.cells[cell];
+        let seen: Vec<Cell> = sums.counting().filter(is_seen).map(cells).collect();
+        let ground: Vec<Cell> = sums.counting().map(cells).collect();
+        BlindZone::new(&self.footprint, &ground, &seen)
+    }
+
+    /// Shares of the poses of the bodies with least ground seen; `None` for a single pose.
+    fn worst_frame(&self, each: &[FrameSums]) -> Option<WorstShares> {
+        let worst = |which: usize| {
+            let shares = each.iter().enumerate();
+            let shares = shares.filter_map(|(pose, sums)| Some((pose, sums.share(which)?)));
+            let (pose, share) = shares.clone().min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let is_worse = shares.clone().any(|(_, other)| other > share);
+            is_worse.then(|| WorstFrame { frame: self.first_frame(pose), share })
+        };
+        (each.len() > 1).then(|| WorstShares { near_field: worst(0), ring: worst(1) })
+    }
+
+    fn result(
+        &self,
+        placement: &Placement,
+        (sums, by_pose): (&FrameSums, &[FrameSums]),
+        beams: &[[u64; 4]],
+        poles: Vec<Pole>,
+    ) -> NearField {
         let frames: u64 = self.frames.iter().map(|(_, weight, _)| weight).sum();
-        let blind: u64 = counting().map(|cell| sums.ground[cell] - sums.seen[cell]).sum();
+        let blind: u64 = sums.counting().map(|cell| sums.ground[cell] - sums.seen[cell]).sum();
+        let zones = by_pose.iter().enumerate().map(|(k, of)| (self.first_frame(k), self.zone(of)));
         let shares = |beams: &[u64; 4]| {
             let all = beams.iter().sum::<u64>().max(1) as f64;
             let [ground, own, other, nothing] = beams.map(|count| count as f64 / all);
@@ -348,15 +408,37 @@ impl NearSite {
         };
         NearField {
             name: placement.name.clone(),
-            near_field: share(0).unwrap_or_default(),
-            ring: share(1),
+            near_field: sums.share(0).unwrap_or_default(),
+            ring: sums.share(1),
+            worst_frame: self.worst_frame(by_pose),
             blind_area: blind as f64 / frames as f64 * CELL * CELL,
-            zone: BlindZone::new(&self.footprint, &ground, &seen),
-            beams: sums.beams.iter().map(shares).collect(),
+            zone: BlindZone::worst(&self.footprint, zones.collect()),
+            beams: beams.iter().map(shares).collect(),
             poles,
-            cells: counting().map(cell).collect(),
+            cells: sums.counting().map(cell).collect(),
         }
     }
+}
+
+/// True if the own bodies of a problem stand in several poses.
+pub(crate) fn bodies_move(problem: &Problem) -> bool {
+    let frames = problem.distinct_frames().into_iter().map(|(frame, _)| frame);
+    alike(frames, problem, problem.overlap_required().own).len() > 1
+}
+
+/// Frames of a list, by their place in it, in which the own bodies stand alike. Their triangles have the numbers from `own` on.
+fn alike(frames: impl Iterator<Item = usize>, problem: &Problem, own: usize) -> Vec<Vec<usize>> {
+    let mut poses: Vec<(Vec<Pose>, Vec<usize>)> = Vec::new();
+    for (k, frame) in frames.enumerate() {
+        let instances = problem.geometry(frame).map(|frame| frame.instances()).unwrap_or_default();
+        let own = instances.iter().filter(|instance| instance.first_prim as usize >= own);
+        let stands: Vec<Pose> = own.map(|instance| instance.ego_from_instance).collect();
+        match poses.iter_mut().find(|(known, _)| *known == stands) {
+            Some((_, frames)) => frames.push(k),
+            None => poses.push((stands, vec![k])),
+        }
+    }
+    poses.into_iter().map(|(_, frames)| frames).collect()
 }
 
 /// Poses of LiDARs in the ego frame and the hits of their beams in a frame; in bad weather of those that come back.

@@ -20,7 +20,9 @@
 //!   counted.
 //! - **Lost ground**: a stretch of a lane without a cell seen that begins directly behind a seen one; 1 m or more, as rings of
 //!   beams leave less between them, and 2 m or more where it is said.
-//! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are looked at in each frame.
+//! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are looked at in each frame. Frames in
+//!   which the bodies stand alike are a pose. Each side of the blind zone is that of its deepest pose, and shares of ground
+//!   have the worst frame beside them.
 //! - **Wasted**: share of a LiDAR's beams that end at the own body, a mean over the frames.
 //! - **Poles** stand alone on level ground, with the own body and without the scene; one is seen with five
 //!   beams or more.
@@ -42,7 +44,7 @@ mod zone;
 pub(crate) use self::body::WheelPlane;
 pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, mounts_into_body, self_hits};
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
-pub(crate) use look::{CLOSE, outline, place, returned_hits};
+pub(crate) use look::{CLOSE, bodies_move, outline, place, returned_hits};
 pub use look::{NearField, NearSite};
 pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;

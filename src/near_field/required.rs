@@ -15,6 +15,7 @@ use crate::cast::Caster;
 use crate::geom::Pose;
 use crate::maths;
 use crate::problem::{Problem, ProblemError, SensorBatch};
+use crate::score::WorstFrame;
 use crate::vehicle::{GroundAsked, GroundRule, SensorPose, Side, UnknownSensor};
 
 /// Metres by which the box around the ground is larger than the cells: a hit sees a cell from half a metre away, and
@@ -43,24 +44,28 @@ pub(crate) struct RequiredGround {
 enum CellRule {
     /// For each distinct frame, the cells that count.
     Cells(Vec<Box<[u64]>>),
-    /// For each lane before an edge, its cells by distance; the depth in metres; the side as the vehicle has it.
-    Lanes(Vec<Vec<LaneCell>>, f64, Side),
+    /// For each pose of the bodies the lanes before an edge; the depth in metres; the side as the vehicle has it.
+    Lanes(Vec<Vec<Lane>>, f64, Side),
 }
+
+/// Cells of a lane by distance.
+type Lane = Vec<LaneCell>;
 
 struct LaneCell {
     bit: usize,
     /// Metres from the edge.
     distance: f64,
-    /// Frames in which it is ground.
+    /// Frames of the pose in which it is ground.
     ground: u64,
 }
 
 /// Share of the ground that a rule asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct GroundSeen {
-    /// Share of cells, a mean over frames, or of lanes; `None` where the scene has no such ground.
+    /// Share of cells, a mean over frames, or of lanes in the pose of the bodies with the least; `None` where the scene has
+    /// no such ground.
     pub share: Option<f64>,
-    /// Like the share, but rising with every lane that gets shorter.
+    /// Like the share, but rising with every lane that gets shorter, in whatever pose.
     pub soft: f64,
 }
 
@@ -115,39 +120,42 @@ impl RequiredGround {
                 CellRule::Cells(self.ground.iter().map(|ground| both(ground, &near)).collect())
             }
             GroundAsked::BlindZone(side, metres) => {
-                let before = |cell| {
-                    lane_before(&self.site.footprint, cell, seen_side(side, self.is_mirrored))
-                };
-                let mut lanes: BTreeMap<i64, Vec<LaneCell>> = BTreeMap::new();
-                for (bit, cell) in self.cells.iter().enumerate() {
-                    let (Some((lane, distance)), ground) =
-                        (before(cell), self.frames_of(bit, None))
-                    else {
-                        continue;
-                    };
-                    if ground > 0 {
-                        lanes.entry(lane).or_default().push(LaneCell { bit, distance, ground });
-                    }
-                }
-                let mut lanes: Vec<_> = lanes.into_values().collect();
-                lanes.iter_mut().for_each(|l| l.sort_by(|a, b| a.distance.total_cmp(&b.distance)));
-                CellRule::Lanes(lanes, metres, side)
+                let poses = 0..self.site.poses.len();
+                let lanes = poses.map(|pose| self.lanes(pose, seen_side(side, self.is_mirrored)));
+                CellRule::Lanes(lanes.collect(), metres, side)
             }
         }
     }
 
-    /// Frames in which a cell is ground and, if bits of all frames are given, seen.
-    fn frames_of(&self, bit: usize, seen: Option<&[u64]>) -> u64 {
+    /// Lanes of ground before an edge in a pose of the bodies.
+    fn lanes(&self, pose: usize, side: Side) -> Vec<Lane> {
+        let mut lanes: BTreeMap<i64, Lane> = BTreeMap::new();
+        for (bit, cell) in self.cells.iter().enumerate() {
+            let Some((lane, distance)) = lane_before(&self.site.footprint, cell, side) else {
+                continue;
+            };
+            let ground = self.frames_of(pose, bit, None);
+            if ground > 0 {
+                lanes.entry(lane).or_default().push(LaneCell { bit, distance, ground });
+            }
+        }
+        let mut lanes: Vec<Lane> = lanes.into_values().collect();
+        lanes.iter_mut().for_each(|l| l.sort_by(|a, b| a.distance.total_cmp(&b.distance)));
+        lanes
+    }
+
+    /// Frames of a pose of the bodies in which a cell is ground and, if bits of all frames are given, seen.
+    fn frames_of(&self, pose: usize, bit: usize, seen: Option<&[u64]>) -> u64 {
         let word = |words: &[u64], at: usize| {
             // Nothing is seen without a LiDAR: there are no words.
             words.get(at).map_or(0, |word| word >> (bit % 64) & 1)
         };
-        let of_frame = |(frame, (_, weight, _)): (usize, &(usize, u64, Vec<bool>))| {
+        let of_frame = |&frame: &usize| {
             let first = frame * self.frame_words();
             let is_seen = seen.map_or(1, |seen| word(seen, first + bit / 64));
-            weight * (word(&self.ground[frame], bit / 64) & is_seen)
+            self.site.frames[frame].1 * (word(&self.ground[frame], bit / 64) & is_seen)
         };
-        self.site.frames.iter().enumerate().map(of_frame).sum()
+        self.site.poses[pose].iter().map(of_frame).sum()
     }
 
     /// Cells that a LiDAR sees, frame after frame; `[frames × words]`.
@@ -217,69 +225,113 @@ impl RequiredGround {
                 let share = self.share_in(masks, bits);
                 GroundSeen { share, soft: share.unwrap_or(0.0) }
             }
-            CellRule::Lanes(lanes, metres, _) => {
-                let depths = lanes.iter().map(|lane| self.kept_depth(lane, *metres, bits));
-                let [mut ends, mut soft] = [0.0; 2];
-                for depth in depths {
-                    ends += f64::from(u8::from(depth.is_some_and(|depth| depth <= *metres)));
-                    let beyond = (depth.unwrap_or(2.0 * NEAR) - metres).max(0.0);
-                    soft += 1.0 - beyond / (2.0 * NEAR);
-                }
-                let count = lanes.len().max(1) as f64;
-                let share = (!lanes.is_empty()).then_some(ends / count);
-                GroundSeen { share, soft: soft / count }
+            CellRule::Lanes(poses, metres, _) => {
+                let each: Vec<[f64; 2]> = with_lanes(poses)
+                    .map(|(pose, lanes)| self.lanes_seen(pose, lanes, *metres, bits))
+                    .collect();
+                let share = each.iter().map(|seen| seen[0]).min_by(f64::total_cmp);
+                let soft: f64 = each.iter().map(|seen| seen[1]).sum();
+                GroundSeen { share, soft: soft / each.len().max(1) as f64 }
             }
         }
+    }
+
+    /// Share of the lanes of a pose that a rule of some metres keeps, and its softer twin.
+    fn lanes_seen(&self, pose: usize, lanes: &[Lane], metres: f64, bits: &[u64]) -> [f64; 2] {
+        let [mut ends, mut soft] = [0.0; 2];
+        for lane in lanes {
+            let depth = self.kept_depth(pose, lane, metres, bits);
+            ends += f64::from(u8::from(depth.is_some_and(|depth| depth <= metres)));
+            let beyond = (depth.unwrap_or(2.0 * NEAR) - metres).max(0.0);
+            soft += 1.0 - beyond / (2.0 * NEAR);
+        }
+        [ends, soft].map(|sum| sum / lanes.len().max(1) as f64)
+    }
+
+    /// The pose of the bodies in which least of the ground of a rule is seen, by its first frame, and that share; `None`
+    /// where no other pose has more.
+    pub fn worst_frame(&self, rule: usize, bits: &[u64]) -> Option<WorstFrame> {
+        let each: Vec<(usize, f64)> = match &self.rules[rule] {
+            CellRule::Cells(masks) => {
+                let poses = self.site.poses.iter().enumerate();
+                let share = |(pose, frames): (usize, &Vec<usize>)| {
+                    Some((pose, self.share_over(masks, bits, frames.iter().copied())?))
+                };
+                poses.filter_map(share).collect()
+            }
+            CellRule::Lanes(poses, metres, _) => with_lanes(poses)
+                .map(|(pose, lanes)| (pose, self.lanes_seen(pose, lanes, *metres, bits)[0]))
+                .collect(),
+        };
+        let &(pose, share) = each.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let is_worse = each.iter().any(|(_, other)| *other > share);
+        is_worse.then(|| WorstFrame { frame: self.site.first_frame(pose), share })
     }
 
     /// Share of the cells of each frame's mask that are seen, a mean over the frames that have any.
     fn share_in(&self, masks: &[Box<[u64]>], bits: &[u64]) -> Option<f64> {
-        let (mut sum, mut frames) = (0.0, 0);
-        let seen = bits.chunks(self.frame_words().max(1)).chain(std::iter::repeat(&[][..]));
-        for ((mask, seen), (_, weight, _)) in masks.iter().zip(seen).zip(&self.site.frames) {
-            let ones = |words: &mut dyn Iterator<Item = u64>| -> u64 {
-                words.map(|word| u64::from(word.count_ones())).sum()
-            };
-            let all = ones(&mut mask.iter().copied());
-            if all > 0 {
-                let seen = ones(&mut mask.iter().zip(seen).map(|(mask, seen)| mask & seen));
-                sum += *weight as f64 * seen as f64 / all as f64;
-                frames += weight;
-            }
-        }
-        (frames > 0).then(|| sum / frames as f64)
+        self.share_over(masks, bits, 0..masks.len())
     }
 
-    /// True for a cell that is seen in at least half of its frames.
-    fn is_seen(&self, cell: &LaneCell, bits: &[u64]) -> bool {
-        2 * self.frames_of(cell.bit, Some(bits)) >= cell.ground
+    /// [`Self::share_in`] over some of the frames.
+    fn share_over(
+        &self,
+        masks: &[Box<[u64]>],
+        bits: &[u64],
+        frames: impl Iterator<Item = usize>,
+    ) -> Option<f64> {
+        let ones = |words: &mut dyn Iterator<Item = u64>| -> u64 {
+            words.map(|word| u64::from(word.count_ones())).sum()
+        };
+        let (mut sum, mut count) = (0.0, 0);
+        for frame in frames {
+            let (mask, weight) = (&masks[frame], self.site.frames[frame].1);
+            let all = ones(&mut mask.iter().copied());
+            if all > 0 {
+                // Nothing is seen without a LiDAR: there are no words.
+                let seen = bits.get(frame * self.frame_words()..).unwrap_or_default();
+                let seen = ones(&mut mask.iter().zip(seen).map(|(mask, seen)| mask & seen));
+                sum += weight as f64 * seen as f64 / all as f64;
+                count += weight;
+            }
+        }
+        (count > 0).then(|| sum / count as f64)
+    }
+
+    /// True for a cell that is seen in at least half of its frames of a pose.
+    fn is_seen(&self, pose: usize, cell: &LaneCell, bits: &[u64]) -> bool {
+        2 * self.frames_of(pose, cell.bit, Some(bits)) >= cell.ground
     }
 
     /// Metres to the nearest cell of a lane that is seen.
-    fn depth(&self, lane: &[LaneCell], bits: &[u64]) -> Option<f64> {
-        lane.iter().find(|cell| self.is_seen(cell, bits)).map(|cell| cell.distance)
+    fn depth(&self, pose: usize, lane: &[LaneCell], bits: &[u64]) -> Option<f64> {
+        lane.iter().find(|cell| self.is_seen(pose, cell, bits)).map(|cell| cell.distance)
     }
 
     /// Depth of a lane that counts for a rule of some metres; see [`kept_depth`].
-    fn kept_depth(&self, lane: &[LaneCell], metres: f64, bits: &[u64]) -> Option<f64> {
-        kept_depth(lane.iter().map(|cell| (cell.distance, self.is_seen(cell, bits))), metres)
+    fn kept_depth(&self, pose: usize, lane: &[LaneCell], metres: f64, bits: &[u64]) -> Option<f64> {
+        kept_depth(lane.iter().map(|cell| (cell.distance, self.is_seen(pose, cell, bits))), metres)
     }
 
     /// Ground that a rule lacks, in words.
     pub fn missing(&self, rule: usize, bits: &[u64]) -> String {
         match &self.rules[rule] {
             CellRule::Cells(masks) => self.least_side(masks, bits),
-            CellRule::Lanes(lanes, metres, side) => {
+            CellRule::Lanes(poses, metres, side) => {
                 let side = side.name();
-                if lanes.is_empty() {
+                let share = |&(pose, lanes): &(usize, &Vec<Lane>)| {
+                    self.lanes_seen(pose, lanes, *metres, bits)[0]
+                };
+                let worst = with_lanes(poses).min_by(|a, b| share(a).total_cmp(&share(b)));
+                let Some((pose, lanes)) = worst else {
                     return format!("no ground {side} within {NEAR:.0} m");
-                }
+                };
                 let depths: Option<Vec<f64>> =
-                    lanes.iter().map(|lane| self.depth(lane, bits)).collect();
+                    lanes.iter().map(|lane| self.depth(pose, lane, bits)).collect();
                 let is_within = |depth: Option<f64>| depth.is_some_and(|depth| depth <= *metres);
-                let is_lost = |lane: &&Vec<LaneCell>| {
-                    is_within(self.depth(lane, bits))
-                        && !is_within(self.kept_depth(lane, *metres, bits))
+                let is_lost = |lane: &&Lane| {
+                    is_within(self.depth(pose, lane, bits))
+                        && !is_within(self.kept_depth(pose, lane, *metres, bits))
                 };
                 let lost = match (lanes.iter().filter(is_lost).count(), lanes.len()) {
                     (0, _) => String::new(),
@@ -310,14 +362,23 @@ impl RequiredGround {
             let masks: Vec<_> = masks.iter().map(|mask| both(mask, &quarter)).collect();
             self.share_in(&masks, bits).map(|share| (side, share))
         };
-        let sides = Side::ALL.into_iter().filter_map(share);
-        match sides.min_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((side, share)) if share < whole - LAGS => {
+        let sides: Vec<(Side, f64)> = Side::ALL.into_iter().filter_map(share).collect();
+        match sides.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((side, share)) if *share < whole - LAGS => {
                 format!("least is seen {}: {:.1} %", side.name(), 100.0 * share)
             }
-            _ => "on all sides".to_owned(),
+            _ if sides.len() == Side::ALL.len() => "on all sides".to_owned(),
+            _ => {
+                let names: Vec<&str> = sides.iter().map(|(side, _)| side.name()).collect();
+                format!("on each side with a cell of it: {}", names.join(", "))
+            }
         }
     }
+}
+
+/// Poses of the bodies in which there are lanes, by their numbers.
+fn with_lanes(poses: &[Vec<Lane>]) -> impl Iterator<Item = (usize, &Vec<Lane>)> {
+    poses.iter().enumerate().filter(|(_, lanes)| !lanes.is_empty())
 }
 
 /// Metres from which on each of some rules has a cell to count, beside the own body of a problem: from its outline, or

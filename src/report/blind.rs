@@ -40,11 +40,12 @@ pub(super) fn unseen_in_words(near: &NearField) -> Blind {
     let (mut sides, mut lanes) = (Vec::new(), Vec::new());
     for (side, _) in near.zone.depths().into_iter().filter(|(_, depth)| depth.is_none()) {
         let of_side = near.zone.lanes.iter().filter(|lane| lane.side == side);
+        let frame = near.zone.in_frame(side);
         let (blind, all) =
             (of_side.clone().filter(|lane| lane.depth.is_none()).count(), of_side.count());
         match blind == all {
-            true => sides.push(side.to_owned()),
-            false => lanes.push(format!("in {blind} of {all} lanes {side}")),
+            true => sides.push(format!("{side}{frame}")),
+            false => lanes.push(format!("in {blind} of {all} lanes {side}{frame}")),
         }
     }
     let places = [sides.join(" and "), lanes.join(" and ")];

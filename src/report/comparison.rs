@@ -26,8 +26,13 @@ pub fn comparison_text(found: &Comparison) -> String {
     for lidar in &found.lidars {
         text += &models_text(&lidar.frame, &lidar.models, ["before", "after"]);
     }
-    let lidars = counted(found.lidars.len(), "LiDAR");
-    text += &format!("different in pose or model: {} of {lidars}\n", found.different);
+    let (both, each) =
+        (found.lidars.len(), [0, 1].map(|k| found.lidars.len() + found.alone[k].len()));
+    let of = match each {
+        [first, second] if first == second => counted(both, "LiDAR"),
+        [first, second] => format!("the {both} with a partner; {first} and {second} LiDARs in all"),
+    };
+    text += &format!("different in pose or model: {} of {of}\n", found.different);
     if let Some([x, y, z]) = found.shift.map(|shift| shift.map(|metres| trimmed(metres, 4))) {
         text += &format!("all moved by ({x}, {y}, {z}) m: another base frame? give --base-link\n");
     }

@@ -61,7 +61,26 @@ pub fn near_field_text(all: &[NearField]) -> String {
         row
     }));
     let [ground, poles] = [ground, poles].map(|rows| align_columns(&rows));
-    format!("{ground}{}\n{poles}{}\n{POLES}\n", lost_text(all), seen_ground())
+    let (worst, lost) = (worst_text(all), lost_text(all));
+    format!("{ground}{worst}{lost}\n{poles}{}\n{POLES}\n", seen_ground())
+}
+
+/// Lines on the frames in which bodies that move leave most ground unseen; empty where none moves.
+fn worst_text(all: &[NearField]) -> String {
+    let of_near = |near: &NearField| {
+        let [worst, ring] = near.worst_in_words();
+        let sides = near.zone.worst_frames.iter();
+        let sides: Vec<String> =
+            sides.map(|(side, frame)| format!("{side} in frame {frame}")).collect();
+        (!sides.is_empty()).then(|| {
+            let shares = [("10", worst), ("3", ring)];
+            let shares = shares.iter().filter(|(_, words)| !words.is_empty());
+            let shares = shares.map(|(within, words)| format!("; ground to {within} m{words}"));
+            let shares = shares.collect::<String>();
+            format!("{}: deepest blind zone {}{shares}\n", near.name, sides.join(", "))
+        })
+    };
+    all.iter().filter_map(of_near).collect()
 }
 
 /// Lines on sides of placements on which ground behind the nearest ground seen is lost again.

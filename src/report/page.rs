@@ -29,7 +29,7 @@ use super::{
 };
 use crate::engine::{BackendError, EngineChoice, open};
 use crate::job::{Job, JobError, JobScene, Losses};
-use crate::near_field::{Footprint, NearField, NearSite};
+use crate::near_field::{Footprint, NearField, NearSite, bodies_move};
 use crate::problem::{Problem, spread};
 use crate::scan::conditions::under;
 use crate::scene::Target;
@@ -214,6 +214,8 @@ impl<'a> Subject<'a> {
 
 /// Frames that near field, overlap and redundancy are taken over.
 const NEAR_FRAMES: u32 = 4;
+/// Frames of it where bodies of the vehicle move: the straight trailer may be in any of them.
+const MOVING_FRAMES: u32 = 12;
 /// Most LiDARs × frames of which each LiDAR is lost in turn: every loss takes a score over all frames.
 const MOST_LOST: usize = 512;
 
@@ -335,7 +337,8 @@ pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord
 /// A problem over the few frames of near fields, and their number.
 fn near_frames(problem: &Problem) -> (Arc<Problem>, usize) {
     // A P-SOG without geometry has no frame to cast into.
-    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
+    let most = if bodies_move(problem) { MOVING_FRAMES } else { NEAR_FRAMES };
+    let frames = spread(problem.geometry_frame_count(), Some(most));
     (Arc::new(problem.over(&frames)), frames.len())
 }
 

@@ -171,19 +171,19 @@ pub struct NearRecord {
 impl NearRecord {
     /// Depth of the blind zone on each side, and shares of the ground that are seen.
     fn in_words(&self) -> String {
-        let Self { frames, near, .. } = self;
-        let depths = near.zone.depths().map(|(side, depth)| match depth {
-            Some(depth) => format!("{side} {depth:.1} m{}", near.zone.but_lost(side)),
-            None => format!("{side} more than {NEAR} m"),
+        let near = &self.near;
+        let depths = near.zone.depths().map(|(side, depth)| {
+            let told = depth.map_or(format!("more than {NEAR} m"), |d| format!("{d:.1} m"));
+            format!("{side} {told}{}{}", near.zone.in_frame(side), near.zone.but_lost(side))
         });
-        let ring = near.ring.map(|ring| format!(", {:.1} % within {RING} m", percent_down(ring)));
+        let ([worst, of_ring], frames) = (near.worst_in_words(), counted(self.frames, "frame"));
+        let ring = |ring| format!(", {:.1} %{of_ring} within {RING} m", percent_down(ring));
         format!(
-            "blind zone, ground before the body that no beam reaches, over {}: {}\n\
-             ground seen: {:.1} % within {NEAR} m{}\n{}\n",
-            counted(*frames, "frame"),
+            "blind zone, ground before the body that no beam reaches, over {frames}: {}\n\
+             ground seen: {:.1} %{worst} within {NEAR} m{}\n{}\n",
             depths.join(", "),
             percent_down(near.near_field),
-            ring.unwrap_or_default(),
+            near.ring.map(ring).unwrap_or_default(),
             seen_ground()
         )
     }

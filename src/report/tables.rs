@@ -52,8 +52,12 @@ pub(crate) fn score_rows<'a>(
         let mut row: Cells = ScoreColumn::ALL.iter().map(|c| c.plain_cell(scores)).collect();
         let required = &scores.required;
         let met = (!required.is_empty()).then(|| required.iter().all(Seen::is_met).to_string());
-        let seen =
-            required.iter().map(|seen| format!("{}: {} of {}", seen.name, seen.share, seen.least));
+        let seen = required.iter().map(|seen| {
+            let intact = seen.lost.as_ref().map(|lost| format!(", intact {}", lost.intact));
+            let worst = seen.worst_frame.map(|of| format!(", {} in frame {}", of.share, of.frame));
+            let more = intact.into_iter().chain(worst).collect::<String>();
+            format!("{}: {} of {}{more}", seen.title(), seen.share, seen.least)
+        });
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
         row.extend([joined(seen), number(scores.requirements_hold_in)]);
         let guards = joined(scores.guards.iter().map(Guard::keyed));
@@ -65,7 +69,7 @@ pub(crate) fn score_rows<'a>(
 }
 
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
-/// beams on the own body, ground lost again by side.
+/// beams on the own body, ground lost again by side. Last come the frames of the deepest lanes by side, where bodies move.
 pub fn near_field_csv(all: &[NearField]) -> String {
     let mut rows = vec![titles(&[
         "placement", "near_field_share", "ring_3m_share", "blind_area_m2", "zone_area_m2",
@@ -75,7 +79,7 @@ pub fn near_field_csv(all: &[NearField]) -> String {
         let name = name.replace(' ', "_");
         rows[0].extend([format!("{name}_seen"), format!("{name}_poles")]);
     }
-    rows[0].extend(titles(&["own_body_share_by_lidar", "lost_again"]));
+    rows[0].extend(titles(&["own_body_share_by_lidar", "lost_again", "worst_frames"]));
     rows.extend(all.iter().map(|near| {
         let zone = &near.zone;
         let mut row = vec![near.name.clone(), number(near.near_field), number(near.ring)];
@@ -86,6 +90,7 @@ pub fn near_field_csv(all: &[NearField]) -> String {
         }
         row.push(joined(near.beams.iter().map(|beams| beams.own)));
         row.push(joined(zone.lost.iter().map(|lost| format!("{} {}", lost.side, lost.in_words()))));
+        row.push(joined(zone.worst_frames.iter().map(|(side, frame)| format!("{side} {frame}"))));
         row
     }));
     csv(rows)

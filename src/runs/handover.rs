@@ -90,7 +90,7 @@ pub fn handover(
     let (materials, price) = materials(&rig);
     let mut files: NamedFiles = Vec::new();
     let mut add = |name: &str, bytes: Vec<u8>| files.push((name.to_owned(), bytes));
-    add("poses.csv", poses(&rig).into_bytes());
+    add("poses.csv", poses(&rig, request.base_link).into_bytes());
     add("materials.csv", materials.into_bytes());
     let drawing = drawn(&rig).drawing();
     add("drawing.svg", drawing.svg().into_bytes());
@@ -208,13 +208,16 @@ const OF_DEGREES: i32 = 6;
 /// Decimals of a price.
 const OF_PRICE: i32 = 9;
 
-/// A line a LiDAR: number, mount, model, position in metres and millimetres, angles in radians and degrees.
-fn poses(rig: &HandoverRig) -> String {
+/// A line a LiDAR: number, mount, model, position in metres and millimetres, angles in radians and degrees; the position
+/// from `base_link`, too, where that is given by its place in the ego frame.
+fn poses(rig: &HandoverRig, base_link: Option<[f64; 3]>) -> String {
     let titles = [
         "lidar", "mount", "model", "x_m", "y_m", "z_m", "x_mm", "y_mm", "z_mm", "roll_rad",
         "pitch_rad", "yaw_rad", "roll_deg", "pitch_deg", "yaw_deg", "phase_rad", "phase_deg",
     ];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    let from_base = base_link.map(|_| ["base_link_x_m", "base_link_y_m", "base_link_z_m"]);
+    rows[0].extend(from_base.into_iter().flatten().map(str::to_owned));
     for (k, pose) in rig.placement.lidars.iter().enumerate() {
         let [place, angles] = [[pose.x, pose.y, pose.z], [pose.roll, pose.pitch, pose.yaw]];
         let mount = rig.mounts[k].clone().unwrap_or_default();
@@ -227,6 +230,8 @@ fn poses(rig: &HandoverRig) -> String {
         let phase = pose.phase.filter(|_| !rig.spins_freely[k]);
         row.push(phase.map_or(String::new(), |phase| rounded(phase, FINE)));
         row.push(phase.map_or(String::new(), |phase| rounded(phase.to_degrees(), OF_DEGREES)));
+        let from_base = base_link.map(|base| [0, 1, 2].map(|axis| place[axis] - base[axis]));
+        row.extend(from_base.into_iter().flatten().map(|metres| rounded(metres, FINE)));
         rows.push(row);
     }
     csv(rows)
@@ -267,7 +272,8 @@ others; empty for a sensor that spins freely.
 const FILES: [(&str, &str); 6] = [
     (
         "poses.csv",
-        "LiDARs by number: mount, model, position in m and mm, angles in rad and degrees",
+        "LiDARs by number: mount, model, position in m and mm, angles in rad and degrees, in the ego frame; \
+         base_link_*: the position in base_link, where --base-link gives it (angles are the same)",
     ),
     ("materials.csv", "models, how many, price of one, price of all; the last line is the sum"),
     ("drawing.svg", "from above, from the right, from the front, at one scale, on A3"),
@@ -290,6 +296,9 @@ fn text<'a>(
     let own = unsaid_self_hits(rig);
     let lines = rig.of_run.iter().chain(&rig.warnings).chain(&own).chain(&rig.about);
     lines.for_each(|line| text += &format!("{line}\n"));
+    for note in &rig.scene().vehicle().notes {
+        let _ = writeln!(text, "Note: {}", note.text());
+    }
     let _ = write!(text, "\n{CONVENTION}\nFiles\n");
     for file in files {
         let known = FILES.iter().find(|(name, _)| file.ends_with(name));
@@ -310,8 +319,10 @@ fn text<'a>(
     for (k, mask) in masks.iter().enumerate() {
         let [own, all] = mask.counts();
         let rings = if mask.is_grid() { "" } else { ", no rings" };
+        // Guards are over the angles that scores have, masks are of the sensor at rest.
+        let at_rest = if rig.spins_freely[k] { " at its angle 0" } else { "" };
         let share = percent_up(own as f64 / all as f64);
-        let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.1} %{rings}");
+        let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.1} %{at_rest}{rings}");
     }
     let (margin, [x, y, z]) = (request.margin, request.base_link.unwrap_or_default());
     let _ = write!(

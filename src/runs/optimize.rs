@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::inputs::{note_repeated, note_unpriced};
+use super::inputs::note_repeated;
 use super::opening::LoadTimes;
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::export::GltfView;
@@ -24,7 +24,7 @@ use crate::search::{
     Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
 use crate::vehicle::Placement;
-use request::{Begun, RunCheckpoint, command, in_full, tolerance_command};
+use request::{Begun, RunCheckpoint, command, in_full, note_choice, tolerance_command};
 
 pub use finished::{Finished, finished};
 pub use front::{FrontStart, Fronted, front, holds_front};
@@ -82,7 +82,7 @@ pub fn optimize(
     let (is_given, baselines) = (begun.baselines.is_some(), settings.baselines.clone());
     let files = &begun.files;
     if going_on.is_none() && (files.budget.is_some() || files.fewest) {
-        note_unpriced(loaded.job.scene().vehicle(), files.budget.is_some(), computing.watcher);
+        note_choice(files, loaded.job.scene().vehicle(), computing.watcher);
     }
     let job = loaded.job.search(settings).engine(computing.engine.clone()).within(time);
     let job = if is_given { job.baselines(baselines) } else { job };

@@ -31,6 +31,15 @@ pub fn number_as(example: &'static str) -> impl Fn(&str) -> Result<f64, String> 
     }
 }
 
+/// Largest price that is taken for one: dearer ones are slips.
+const MOST_PRICE: f64 = 1e12;
+
+/// A price of at most 1e12.
+pub fn price(text: &str) -> Result<f64, String> {
+    let found = number_as("12000")(text)?;
+    if found <= MOST_PRICE { Ok(found) } else { Err("give a price up to 1e12, as 12000".into()) }
+}
+
 /// A share from 0 to 1.
 pub fn share(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "write a number, as in 0.01".to_owned())?;

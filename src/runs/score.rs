@@ -88,19 +88,34 @@ fn not_looked_closely() -> String {
     )
 }
 
-/// Scores of a placement that nobody looked at closely, for JSON.
+/// Scores as JSON has them: keys of what nobody looked at, and the price of the placement last, where a sensor has one.
 #[derive(Serialize)]
-struct NotLooked<'a> {
+struct Listed<'a> {
     #[serde(flatten)]
     scores: &'a Scores,
+    #[serde(flatten)]
+    not_looked: Option<NotLooked>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    price: Option<f64>,
+}
+
+/// Keys of scores that nobody looked at closely.
+#[derive(Default, Serialize)]
+struct NotLooked {
     range_card: Option<()>,
     requirements_hold_in: Option<()>,
 }
 
-impl<'a> From<&'a Scores> for NotLooked<'a> {
-    fn from(scores: &'a Scores) -> Self {
-        Self { scores, range_card: None, requirements_hold_in: None }
-    }
+/// Scores for JSON with their prices, which there are for all or for none.
+fn listed<'a>(
+    all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
+    prices: &'a [f64],
+    is_looked_at: bool,
+) -> impl Iterator<Item = Listed<'a>> + 'a {
+    all.into_iter().enumerate().map(move |(k, scores): (usize, &'a Scores)| {
+        let not_looked = (!is_looked_at).then(NotLooked::default);
+        Listed { scores, not_looked, price: prices.get(k).copied() }
+    })
 }
 
 /// Placements that are read, scored and printed at a time.
@@ -306,14 +321,6 @@ fn score_each(
     Ok(batch.judged.iter().any(|judged| meets(&judged.scores)))
 }
 
-/// Scores for JSON.
-fn listed(scores: Vec<&Scores>) -> Value {
-    match scores.len() <= FEW_PLACEMENTS {
-        true => json!(scores),
-        false => json!(scores.into_iter().map(NotLooked::from).collect::<Vec<_>>()),
-    }
-}
-
 /// All placements of the files, unless these are too many to be held with their scores in every scene.
 fn read(files: &RigFiles) -> Result<Vec<Placement>, RunError> {
     let mut placements = Vec::new();
@@ -438,6 +445,7 @@ impl Batch {
     /// An object a scene, as `score` of that scene alone prints it, and the mean.
     fn json(&self) -> Value {
         let engines: Vec<_> = self.evaluator.members().map(|(_, engine)| engine).collect();
+        let (prices, mean) = (prices_of(&self.vehicle, &self.placements), self.mean());
         let scene = |(index, member): (usize, &Member)| {
             let (problem, engine) = (member.problem(), engines[index]);
             let stages = engine.times();
@@ -449,7 +457,7 @@ impl Batch {
                 "frames": problem.frame_count(),
                 "modelled": problem.modelled(),
                 "threads": rayon::current_num_threads(),
-                "scores": listed(self.of_scene(index)),
+                "scores": self.listed(self.of_scene(index), &prices),
                 // Loading and the whole are those of all scenes together.
                 "timings": timings(self.times, stages, self.start),
             });
@@ -461,8 +469,14 @@ impl Batch {
             }
             scene
         };
-        let mean = listed(self.judged.iter().map(|judged| &judged.scores).collect());
-        json!({ "scenes": self.members().map(scene).collect::<Vec<_>>(), "mean": mean })
+        let scenes: Vec<Value> = self.members().map(scene).collect();
+        json!({ "scenes": scenes, "mean": self.listed(mean.iter().collect(), &prices) })
+    }
+
+    /// Scores of all placements for JSON.
+    fn listed<'a>(&self, scores: Vec<&'a Scores>, prices: &'a [f64]) -> Value {
+        let is_looked_at = scores.len() <= FEW_PLACEMENTS;
+        json!(listed(scores, prices, is_looked_at).collect::<Vec<_>>())
     }
 
     /// Covered voxels of each placement, in a folder a scene.

@@ -53,7 +53,7 @@ pub struct StudyRequest {
     /// Most that the sensors may cost, in the vehicle's currency
     ///
     /// For kinds that search placements.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", value_parser = super::parse::number_as("12000")))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", value_parser = super::parse::price))]
     pub budget: Option<f64>,
     /// Sensor file to compare, for `channels`; may be given several times
     #[cfg_attr(feature = "cli", arg(long = "sensor-file", alias = "sensor", value_name = "FILE"))]

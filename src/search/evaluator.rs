@@ -71,6 +71,7 @@ fn met(sight: &Sight, placement: &Placement, idle: &[usize]) -> Result<Met, Unkn
             let mount = met.without.and_then(|lidar| sight.mount_of(placement, lidar));
             Lost { intact, worst: met.without, mount }
         }),
+        worst_frame: met.worst_frame,
     });
     Ok(Met { car_missing: sight.car_missing(&all), seen: seen.collect(), needed })
 }

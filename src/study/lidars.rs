@@ -15,7 +15,12 @@ const GAINS: [usize; 2] = [0, 1];
 const TAKEN: [&str; 2] = ["LiDARs taken", "price"];
 
 pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let counts = LIDARS.map(|count| (count.to_string(), count)).collect();
+    let held = held(scene.scene.vehicle());
+    let counts: Vec<usize> = LIDARS.filter(|count| held.contains(count)).collect();
+    // Where the mounts hold none of these numbers each row says so.
+    let counts = if counts.is_empty() { LIDARS.collect() } else { counts };
+    let left_out = counts.len() < LIDARS.count();
+    let counts = counts.into_iter().map(|count| (count.to_string(), count)).collect();
     let (mut choice, mut last) = (None, None);
     let mut rows = cases.each(counts, |count, rows| {
         if scene.scene.vehicle().is_nameless() {
@@ -45,7 +50,22 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let known: Vec<f64> = gains[drawn].iter().copied().take_while(|gain| !gain.is_nan()).collect();
     let mut notes = notes(scene, SCORES[drawn], &known);
     notes.extend(repeated(&rows));
+    notes.extend(left_out.then(|| {
+        let [least, most] = [held.start(), held.end()];
+        format!(
+            "Left out are numbers that the mounts do not hold: they take {least} to {most} LiDARs."
+        )
+    }));
     Ok(Table::new(title, columns, rows, notes, drawing))
+}
+
+/// Numbers of LiDARs that the mounts of a vehicle hold together; any number on one without names.
+fn held(vehicle: &Vehicle) -> std::ops::RangeInclusive<usize> {
+    if vehicle.is_nameless() {
+        return 0..=usize::MAX;
+    }
+    let sum = |end: usize| vehicle.mounts.iter().map(|mount| mount.count[end]).sum::<usize>();
+    sum(0)..=sum(1)
 }
 
 /// Sentences on rows that repeat the rig of the row before.
@@ -85,14 +105,9 @@ fn chosen(
     last: &mut Option<(Equipped, Row)>,
 ) -> Result<Row, StudyError> {
     let vehicle = scene.scene.vehicle();
-    let sum = |end: usize| vehicle.mounts.iter().map(|mount| mount.count[end]).sum::<usize>();
-    let (least, most) = (sum(0), sum(1));
+    let least = *held(vehicle).start();
     if count < least {
         let why = format!("the mounts of {} must hold {least} LiDARs or more", vehicle.name);
-        return Ok(Row::unanswered(why));
-    }
-    if count > most {
-        let why = format!("the mounts of {} hold {most} LiDARs at most", vehicle.name);
         return Ok(Row::unanswered(why));
     }
     let choice = match choice {

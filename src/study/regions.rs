@@ -17,6 +17,11 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
     let mut regions = Subregion::standard();
     regions.extend(scene.settings.regions.iter().cloned());
     let names = regions.iter().map(|region| region.name.as_str());
+    let names: Vec<&str> = names.collect();
+    let (own, given) = names.split_at(Subregion::standard().len());
+    if let Some(name) = given.iter().find(|name| own.contains(name)) {
+        return Err(StudyError::BuiltInRegion { name: (*name).to_owned() });
+    }
     check_distinct(names, "regions", "give each --box a name of its own")?;
     let is_given = !scene.settings.placements.is_empty();
     let mut evaluator = if is_given { scene.evaluator()? } else { scene.evaluator_of_rig()? };

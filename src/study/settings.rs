@@ -261,6 +261,11 @@ pub enum StudyError {
     /// Two cases of one name, which would share their numbers.
     #[error("two {cases} are called `{name}`; {mend}")]
     SameName { cases: &'static str, name: String, mend: &'static str },
+    /// A box with the name of a region that every study of regions has.
+    #[error(
+        "`{name}` is a built-in region; choose another name for the --box; see `sightline study regions --help`"
+    )]
+    BuiltInRegion { name: String },
     /// The observer wanted to stop.
     #[error("stopped")]
     Stopped,

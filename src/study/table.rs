@@ -378,6 +378,7 @@ mod tests {
             missing: None,
             holds_in: None,
             lost: None,
+            worst_frame: None,
         };
         let mut marked = table.clone();
         marked.rows[0] = row("x", &[Some(1.5), None]).requiring([seen(0.5), seen(0.6)].iter());

@@ -14,7 +14,7 @@ use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::maths;
-use crate::near_field::{Footprint, RequiredGround, WheelPlane, outline};
+use crate::near_field::{Footprint, RequiredGround, WheelPlane, bodies_move, outline};
 use crate::overlap::{RequiredOverlap, Surfaces};
 use crate::problem::{Frame, Problem};
 use crate::scene::{EgoBody, Ground, Scene, Target};
@@ -108,8 +108,7 @@ fn nearest(grounds: &[f64], height: f64) -> Option<f64> {
     Some(grounds[at])
 }
 
-/// Penalty for a car that is seen nowhere, in the unit of a near gain. docs/targets.md has the trials of other
-/// weights.
+/// Penalty for a car that is seen nowhere, in the unit of a near gain. docs/targets.md has trials of other weights.
 pub const CAR_WEIGHT: f64 = 1.0;
 
 /// Bearings of the car.
@@ -131,12 +130,13 @@ pub struct Sight {
     pub(super) ground: Vec<RequiredGround>,
     /// Surfaces of each scene and mirror image; empty where no overlap is required.
     pub(super) overlap: Vec<RequiredOverlap>,
+    /// True if bodies of the vehicle move in some scene: targets see them as in frame 0.
+    pub(super) bodies_move: bool,
     /// The scenes' problem, for the names of mounts.
     problem: Arc<Problem>,
 }
 
-/// Beams of a LiDAR at each place, counted as far as they matter, cells of the ground that it sees, and surfaces on which
-/// its beams end.
+/// Beams of a LiDAR at each place, counted as far as they matter, and the cells and surfaces that it sees.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SightBeams {
     pub(super) beams: Box<[u8]>,
@@ -205,8 +205,9 @@ impl Sight {
         let of_ground = problem.ground_required().rules.iter().enumerate();
         rules.extend(of_ground.map(|(number, rule)| Rule::Ground(rule.clone(), number)));
         rules.extend(problem.overlap_required().rules.iter().cloned().map(Rule::Overlap));
+        let bodies_move = scenes.iter().any(|(problem, _)| bodies_move(problem));
         let problem = problem.clone();
-        Some(Self { site, places, car, rules, enough, ground, overlap, problem })
+        Some(Self { site, places, car, rules, enough, ground, overlap, bodies_move, problem })
     }
 
     /// Mount of a LiDAR of a placement, where it has a name.

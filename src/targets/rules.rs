@@ -7,7 +7,7 @@ use super::missing::Missing;
 use super::places::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
-use crate::score::SEEN;
+use crate::score::{SEEN, SEEN_IN_FRAME_0, WorstFrame};
 use crate::vehicle::{GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
@@ -90,7 +90,7 @@ pub struct RuleMet<'a> {
     /// which pairs connect all LiDARs; a mean over scenes. For a rule that must hold without any one LiDAR, the least share
     /// over the LiDARs left out.
     pub share: f64,
-    /// The word for it: `seen` or `shared`.
+    /// The word for it: `seen`, `seen with the body as in frame 0` or `shared`.
     pub done: &'static str,
     /// LiDAR whose loss leaves least, of a rule that must hold without any one; `None` where every loss of several leaves as
     /// much.
@@ -99,6 +99,8 @@ pub struct RuleMet<'a> {
     pub intact: Option<f64>,
     /// Missing places or ground, in words; `None` where the rule is met.
     pub missing: Option<String>,
+    /// Frame in which bodies that move leave least of the ground, in the scene with the least.
+    pub worst_frame: Option<WorstFrame>,
 }
 
 impl Sight {
@@ -138,13 +140,34 @@ impl Sight {
         self.over_scenes(all, |scene, bits| scene.share(number, bits).share.unwrap_or(0.0))
     }
 
-    /// Ground that a rule lacks in the scene in which least of it is seen, in words.
-    pub(super) fn ground_missing(&self, all: &SightBeams, number: usize) -> Option<String> {
+    /// Scene in which least of the ground of a rule is seen, with its bits.
+    fn worst_ground<'a>(
+        &'a self,
+        all: &'a SightBeams,
+        number: usize,
+    ) -> Option<(&'a RequiredGround, &'a [u64])> {
         let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
             scene.share(number, bits).share.unwrap_or(0.0)
         };
-        let worst = self.ground_of(all).min_by(|a, b| share(a).total_cmp(&share(b)));
-        worst.map(|(scene, bits)| scene.missing(number, bits))
+        self.ground_of(all).min_by(|a, b| share(a).total_cmp(&share(b)))
+    }
+
+    /// Ground that a rule lacks in the scene in which least of it is seen, in words.
+    pub(super) fn ground_missing(&self, all: &SightBeams, number: usize) -> Option<String> {
+        self.worst_ground(all, number).map(|(scene, bits)| scene.missing(number, bits))
+    }
+
+    /// Frame in which bodies that move leave least of a rule's ground without a LiDAR.
+    fn worst_frame(
+        &self,
+        looked: &Looked<'_>,
+        lost: Option<usize>,
+        rule: &Rule,
+    ) -> Option<WorstFrame> {
+        let Rule::Ground(_, number) = rule else { return None };
+        let all = Self::sum_without(looked.each, lost);
+        let (scene, bits) = self.worst_ground(&all, *number)?;
+        scene.worst_frame(*number, bits)
     }
 
     /// Overlap of pairs of LiDARs in each scene; none where no rule asks for it.
@@ -295,12 +318,18 @@ impl Sight {
         let mut all = Vec::new();
         for rule in &self.rules {
             let (share, without) = self.least(&looked, rule);
-            let (name, least, done) = (rule.name(), rule.least(), rule.done());
+            let (name, least) = (rule.name(), rule.least());
+            let done = match rule {
+                Rule::Target(..) if self.bodies_move => SEEN_IN_FRAME_0,
+                _ => rule.done(),
+            };
             let missing =
                 (share < least).then(|| self.missing_in_words(&looked, without, rule)).flatten();
             let intact = rule.without_any_one().then(|| self.met_share(&looked, None, rule));
+            let worst_frame = self.worst_frame(&looked, without, rule);
             let without = without.filter(|_| self.has_worst(&looked, share, rule));
-            all.push(RuleMet { name, least, share, done, without, intact, missing });
+            let met = RuleMet { name, least, share, done, without, intact, missing, worst_frame };
+            all.push(met);
         }
         all
     }

@@ -385,8 +385,17 @@ pub(crate) struct OriginAngles {
     pub angles: [f64; 3],
 }
 
-/// Shapes of a robot's links with all joints at rest, and the angles of all origins that count.
-type RobotShapes = (Vec<RobotPart>, Vec<OriginAngles>);
+/// Shapes of a robot's links, with all joints at rest.
+#[derive(Debug)]
+#[cfg_attr(not(feature = "mesh"), allow(dead_code))]
+pub(crate) struct RobotShapes {
+    /// In the order of the file.
+    pub parts: Vec<RobotPart>,
+    /// Angles of all origins that count.
+    pub origins: Vec<OriginAngles>,
+    /// Names of links that have shapes of the other kind only, and so are missing among the parts.
+    pub missing: Vec<String>,
+}
 
 /// A URDF, and which of its shapes are meant.
 #[cfg_attr(not(feature = "mesh"), allow(dead_code))]

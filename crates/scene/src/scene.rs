@@ -155,7 +155,7 @@ impl SceneGeometry {
         for (i, actor) in self.actors.iter().enumerate() {
             actor.motion.check_frames(&top.key("actors").item(i), frames)?;
         }
-        self.own.moving.iter().try_for_each(|body| body.check_frames(frames))?;
+        self.own.moving.iter().try_for_each(|body| body.check_frames(top, frames))?;
         Ok(frames)
     }
 }

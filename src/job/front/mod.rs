@@ -249,7 +249,7 @@ fn is_over(time: Option<TimeLimit>) -> bool {
     time.is_some_and(|time| Instant::now() >= time.deadline())
 }
 
-/// Picks among points that are sorted, by their number.
+/// Picks among points that are sorted, by their number: among those that meet all requirements, if any does.
 fn picks(
     objectives: &FrontObjectives,
     points: &[FrontPoint],
@@ -260,18 +260,19 @@ fn picks(
         .map(|point| Objectives::new(objectives, &point.values, point.meets))
         .collect();
     let sensors = |k: usize| points[k].placement.lidars.len();
-    let cheapest = (0..points.len()).filter(|&k| requires && points[k].meets).min_by(|&a, &b| {
+    let any_meets = points.iter().any(|point| point.meets);
+    let among: Vec<usize> = (0..points.len()).filter(|&k| points[k].meets || !any_meets).collect();
+    let cheapest = among.iter().copied().filter(|&k| requires && points[k].meets);
+    let cheapest = cheapest.min_by(|&a, &b| {
         let by_price = points[a].price.total_cmp(&points[b].price);
         by_price.then(sensors(a).cmp(&sensors(b)))
     });
     let mut picks: Vec<(Pick, usize)> = cheapest.map(|k| (Pick::Cheapest, k)).into_iter().collect();
-    picks.extend(knee(&standings).map(|k| (Pick::Knee, k)));
+    let picked: Vec<Objectives> = among.iter().map(|&k| standings[k].clone()).collect();
+    picks.extend(knee(&picked).map(|k| (Pick::Knee, among[k])));
     for (axis, objective) in objectives.all().iter().enumerate() {
-        // Ties go to the first that meets all requirements, if there is one.
-        let best = (0..points.len()).min_by(|&a, &b| {
-            let [a, b] = [&standings[a], &standings[b]];
-            a.values[axis].total_cmp(&b.values[axis]).then(b.meets.cmp(&a.meets))
-        });
+        let value = |k: usize| standings[k].values[axis];
+        let best = among.iter().copied().min_by(|&a, &b| value(a).total_cmp(&value(b)));
         picks.extend(best.map(|k| (Pick::Best(objective.clone()), k)));
     }
     picks

@@ -1,6 +1,7 @@
 //! Placements found for a front: scored over all frames, and searches of poses around the best of them.
 
 use std::collections::HashSet;
+use std::time::Instant;
 
 use super::pareto::{Answered, FrontProgress, FrontState, Objectives, front};
 use super::sweep::{Chosen, End, spread};
@@ -8,7 +9,7 @@ use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks
 use crate::job::{Job, JobError, JobStep};
 use crate::score::Objective;
 use crate::search::{
-    Equipped, Evaluator, Event, Judged, Observer, Settings, Suite, Work, optimize,
+    Equipped, Evaluator, Event, Judged, Observer, PATIENCE, Settings, Suite, Work, optimize,
 };
 use crate::vehicle::{Equipment, Placement, Vehicle};
 
@@ -304,6 +305,9 @@ impl<'a> Pool<'a> {
         let best = numbers.iter().map(|&k| self.candidates[k].clone());
         let mut points: Vec<_> = (1..).zip(best).map(|(number, of)| point(of, number)).collect();
         let total = points.len() as u64;
+        // Copies of placements take most of a look, and a look at all points may take longer than the search had.
+        let patience = Instant::now() + PATIENCE;
+        let time = self.job.settings.time;
         for (done, point) in (0..).zip(&mut points) {
             if end == End::Interrupted
                 || !observer.on(&Event::Progress { work: Work::Looks, done, total })
@@ -314,7 +318,12 @@ impl<'a> Pool<'a> {
             let (scores, by_scene) = (point.scores.clone(), point.by_scene.clone());
             let mut judged = [Judged { scores, by_scene }];
             let placements = std::slice::from_ref(&point.placement);
-            self.job.look_closely_by_scene(&mut self.evaluator, placements, &mut judged)?;
+            let mut go_on = || Instant::now() < patience || !is_over(time);
+            let evaluator = &mut self.evaluator;
+            let looked = self
+                .job
+                .look_closely_by_scene_while(evaluator, placements, &mut judged, &mut go_on)?;
+            end = if looked { end } else { End::Time };
             let [Judged { scores, by_scene }] = judged;
             // A closer look may find a place that is missed.
             point.meets &= scores.missing() <= 0.0;

@@ -84,6 +84,38 @@ fn ground_under_the_trailer_counts_in_no_frame_in_which_it_stands_there() {
 }
 
 #[test]
+fn each_side_of_the_blind_zone_is_that_of_its_worst_frame() {
+    let scene = bending();
+    let all = whole(&scene);
+    let placement = one(sensor().1);
+    let looked = |problem: &Arc<Problem>| {
+        let site = NearSite::new(&scene, problem).unwrap();
+        site.look(&mut cpu(problem), &placement).unwrap()
+    };
+    let near = looked(&all);
+    let alone = [0, 1, 2].map(|frame| looked(&Arc::new(all.over(&[frame]))));
+    for side in ["ahead", "behind", "left", "right"] {
+        let depth = |near: &NearField| {
+            let (_, depth) =
+                near.zone.depths().into_iter().find(|(name, _)| *name == side).unwrap();
+            depth.unwrap_or(f64::INFINITY)
+        };
+        let deepest = alone.iter().map(depth).fold(0.0, f64::max);
+        assert_eq!(depth(&near), deepest, "{side}");
+        assert_eq!(depth(&alone[near.zone.worst_frames[side]]), deepest, "{side}");
+    }
+    let behind = alone.each_ref().map(|near| near.zone.behind);
+    assert!(behind.iter().any(|depth| *depth != behind[0]), "the frames differ: {behind:?}");
+    // Shares stay means, and the worst frame stands beside them.
+    let shares = alone.each_ref().map(|near| near.near_field);
+    assert!((near.near_field - shares.iter().sum::<f64>() / 3.0).abs() < 1e-12, "{shares:?}");
+    let worst = near.worst_frame.unwrap().near_field.unwrap();
+    assert_eq!(worst.share, shares[worst.frame]);
+    assert!(shares.iter().all(|share| *share >= worst.share), "{shares:?}");
+    assert_eq!((alone[0].worst_frame, alone[0].zone.worst_frames.len()), (None, 0));
+}
+
+#[test]
 fn a_mount_that_looks_into_the_body_is_told_with_the_share_of_its_beams() {
     let mounts = r#"
         { "name": "front", "min": [2.1, -0.1, 1.0], "max": [2.2, 0.1, 1.1], "count": 1 },

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::layout::{bar, difference, table, text};
 use super::{Figures, Subject};
+use crate::job::Tolerance;
 use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, COUNTED_FROM, against as compared, value_in_words};
 use crate::report::view::sight::InformationShare;
@@ -285,6 +286,9 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
                 }
                 @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
                 @if let Some(words) = breaks_first(all) { p { (words) "." } }
+                @if all.iter().any(|seen| seen.holds_in.is_some()) {
+                    p.small { "Copies are mounted up to " (tolerance_of(&subject.command).in_words()) " off, at random." }
+                }
                 @if !subject.tolerance.is_empty() {
                     p { "How far each LiDAR may be off, and the body may tilt, until a requirement breaks:" }
                     pre.wide tabindex="0" role="group" aria-label="Command for tolerances" {
@@ -294,6 +298,12 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
             }
         }
     }
+}
+
+/// Mounting tolerance of the command of a page: the usual one where it names none.
+fn tolerance_of(command: &str) -> Tolerance {
+    let given = command.split_once(" --tolerance ").and_then(|(_, rest)| rest.split(' ').next());
+    given.and_then(|text| text.parse().ok()).unwrap_or_default()
 }
 
 /// Requirements to begin with, for a subject that has none and where beams end at surfaces.
@@ -348,7 +358,8 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
     let rows = best.scores.required.iter().enumerate().map(|(k, seen)| {
         let mut row = vec![text(seen.title()), text(if seen.is_met() { "met" } else { "NOT MET" })];
         let intact = seen.lost.as_ref().map(|lost| format!(" (intact {})", per_cent(lost.intact)));
-        row.push(text(per_cent(seen.share) + &intact.unwrap_or_default()));
+        let worst = seen.worst_frame.map_or(String::new(), |worst| worst.beside(seen.share));
+        row.push(text(per_cent(seen.share) + &intact.unwrap_or_default() + &worst));
         // The margin is the difference of the numbers beside it.
         let least = percent_up(seen.least);
         row.push(text(format!("{least:.1}")));

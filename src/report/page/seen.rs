@@ -61,6 +61,7 @@ pub(super) fn near_field(figures: &Figures) -> Markup {
                         "From above, the front is right: ground within 10 m that no beam sees, and the blind zone: \
                          ground straight before an edge, up to the nearest ground within 0.5 m of a beam (corners are not counted), over " (counted(figures.near_frames, "frame")) " spread evenly"
                         @if figures.views.len() > 1 { " over the first scene" }
+                        @if figures.has_moving_bodies { "; each side of the zone in the frame in which it is deepest" }
                         "."
                     }
                     (figure(svg, "Blind zone from above"))

@@ -238,11 +238,13 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
         left,
         right: left,
         lost: vec![],
+        worst_frames: std::collections::BTreeMap::new(),
     };
     let mut near = NearField {
         name: "found".into(),
         near_field: 0.5,
         ring: None,
+        worst_frame: None,
         blind_area: 1.0,
         zone,
         beams: vec![],
@@ -255,13 +257,21 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     let (of_run, found) =
         (OfRun { near: unseen_in_words(&near), ..OfRun::default() }, planted("found", 1.0, 500.0));
     assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
+    // A side is told with its worst frame where bodies move.
+    near.zone.worst_frames.insert("ahead", 3);
+    let told = unseen_in_words(&near).sentence;
+    assert!(told.contains("within 10 m ahead in frame 3; no ground"), "{told}");
+    near.zone.worst_frames.clear();
     (near.zone.ahead, near.zone.behind) = (left, Some(10.0));
     assert_eq!(unseen_in_words(&near), Blind::default());
-    let slit = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 1, of: 2 };
+    let slit = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 1, of: 2, frame: None };
     near.zone.lost = vec![slit];
     let want =
         "BLIND ZONE: ground behind is unseen again in 1 of 2 lanes, at most from 1.3 to 10 m. ";
     assert_eq!(unseen_in_words(&near).sentence, want);
+    near.zone.lost[0].frame = Some(4);
+    let told = unseen_in_words(&near).sentence;
+    assert!(told.ends_with("at most from 1.3 to 10 m in frame 4. "), "{told}");
     near.zone.lost[0].of = 3;
     assert_eq!(unseen_in_words(&near), Blind::default(), "few lanes are said with the depths");
 }

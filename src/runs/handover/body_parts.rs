@@ -3,11 +3,18 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use crate::near_field::Footprint;
+
 /// Lower and upper corner, metres.
 pub(super) type BoxCorners = [[f64; 3]; 2];
 
 /// Boxes of parts, at most: a pipeline has a node for each.
 const MOST_BOXES: usize = 16;
+/// Boxes of one part, at most; a part has one while that is at most so many times its area from above, or little larger.
+const MOST_SLICES: usize = 8;
+const WIDER: f64 = 1.3;
+/// Square metres by which a box may always be larger than its part.
+const LITTLE: f64 = 0.5;
 
 /// The box around some corners; `None` of none.
 pub(super) fn around<'a>(corners: impl IntoIterator<Item = &'a [f32; 3]>) -> Option<BoxCorners> {
@@ -25,7 +32,8 @@ pub(super) fn boxes_of(
     shapes: impl IntoIterator<Item = Range<usize>>,
 ) -> Vec<BoxCorners> {
     let shapes: Vec<_> = shapes.into_iter().map(|shape| &body[shape]).collect();
-    let parts: Vec<BoxCorners> = shapes.iter().flat_map(|shape| parts(shape)).collect();
+    let parts: Vec<BoxCorners> =
+        shapes.iter().flat_map(|shape| parts(shape)).flat_map(|part| slices(&part)).collect();
     let parts = outermost(&parts);
     match parts.len() > MOST_BOXES {
         true => shapes.iter().filter_map(|shape| around(shape.iter().flatten())).collect(),
@@ -43,8 +51,55 @@ fn outermost(all: &[BoxCorners]) -> Vec<BoxCorners> {
     all.iter().enumerate().filter(is_kept).map(|(_, one)| *one).collect()
 }
 
-/// A box around each part, in the order of their first triangles.
-fn parts(triangles: &[[[f32; 3]; 3]]) -> Vec<BoxCorners> {
+/// Boxes around a part: one, or for a part that is turned in plan as few slices of equal length along its longer side as come
+/// near its area from above.
+fn slices(part: &[[[f32; 3]; 3]]) -> Vec<BoxCorners> {
+    let Some(whole) = around(part.iter().flatten()) else { return Vec::new() };
+    let flat = |&[x, y, _]: &[f32; 3]| [f64::from(x), f64::from(y)];
+    let hull = Footprint::of(part.iter().flatten().map(flat));
+    let own = hull.map_or(0.0, |hull| hull.area());
+    let area = |boxes: &[BoxCorners]| -> f64 {
+        boxes.iter().map(|[low, high]| (high[0] - low[0]) * (high[1] - low[1])).sum()
+    };
+    let is_close = |boxes: &[BoxCorners]| area(boxes) <= (WIDER * own).max(own + LITTLE);
+    let axis = usize::from(whole[1][1] - whole[0][1] > whole[1][0] - whole[0][0]);
+    let cut = |count: usize| -> Vec<BoxCorners> {
+        let end = |k: usize| {
+            let share = k as f64 / count as f64;
+            whole[0][axis] + share * (whole[1][axis] - whole[0][axis])
+        };
+        (0..count).filter_map(|k| slice(part, axis, [end(k), end(k + 1)])).collect()
+    };
+    let mut boxes = vec![whole];
+    let mut count = 1;
+    while !is_close(&boxes) && count < MOST_SLICES {
+        count += 1;
+        boxes = cut(count);
+    }
+    boxes
+}
+
+/// The box around the part of some triangles between two places along an axis; `None` where none reaches in.
+fn slice(triangles: &[[[f32; 3]; 3]], axis: usize, [from, to]: [f64; 2]) -> Option<BoxCorners> {
+    let within = |triangle: &[[f32; 3]; 3]| -> Option<BoxCorners> {
+        let corners = triangle.map(|corner| corner.map(f64::from));
+        let edges = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (corners[a], corners[b]));
+        let inside = corners.into_iter().filter(|at| (from..=to).contains(&at[axis]));
+        let crossings = edges.into_iter().flat_map(|(a, b)| {
+            let crosses = move |end: &f64| (a[axis] < *end) != (b[axis] < *end);
+            let crossing = move |end: f64| {
+                let share = (end - a[axis]) / (b[axis] - a[axis]);
+                [0, 1, 2].map(|k| a[k] + share * (b[k] - a[k]))
+            };
+            [from, to].into_iter().filter(crosses).map(crossing)
+        });
+        inside.chain(crossings).map(|at| [at; 2]).reduce(joined)
+    };
+    triangles.iter().filter_map(within).reduce(joined)
+}
+
+/// Triangles of each part, in the order of their first ones.
+fn parts(triangles: &[[[f32; 3]; 3]]) -> Vec<Vec<[[f32; 3]; 3]>> {
     // Corners by position: STL files have no common vertices. Each points towards the first of its part.
     let (mut number, mut first) = (HashMap::new(), Vec::new());
     let mut corners = Vec::with_capacity(triangles.len());
@@ -62,16 +117,15 @@ fn parts(triangles: &[[[f32; 3]; 3]]) -> Vec<BoxCorners> {
         }
         corners.push(at[0]);
     }
-    let (mut place, mut boxes) = (HashMap::new(), Vec::<BoxCorners>::new());
+    let (mut place, mut parts) = (HashMap::new(), Vec::<Vec<_>>::new());
     for (triangle, corner) in triangles.iter().zip(corners) {
-        let Some(own) = around(triangle) else { continue };
-        let at = *place.entry(root_of(&mut first, corner)).or_insert(boxes.len());
-        match boxes.get_mut(at) {
-            Some(known) => *known = joined(*known, own),
-            None => boxes.push(own),
+        let at = *place.entry(root_of(&mut first, corner)).or_insert(parts.len());
+        if at == parts.len() {
+            parts.push(Vec::new());
         }
+        parts[at].push(*triangle);
     }
-    boxes
+    parts
 }
 
 /// The corner that stands for a part; the way to it is shortened.
@@ -110,6 +164,34 @@ mod tests {
         turned.reverse();
         assert_eq!(boxes_of(&turned, [0..6, 6..18]), [MIRROR, BUS]);
         assert_eq!(boxes_of(&[mesh.clone(), mesh].concat(), [0..18, 18..36]), [BUS, MIRROR]);
+    }
+
+    #[test]
+    fn a_turned_trailer_has_slices_that_hold_it_and_little_else() {
+        // Turned about its hitch by 0.6 rad, 3.8 m long and 1.5 m wide.
+        let (sin, cos) = crate::maths::sin_cos(-0.6);
+        let turned = |[x, y, z]: [f32; 3]| {
+            let [x, y] = [f64::from(x), f64::from(y)];
+            [(cos * x - sin * y) as f32, (sin * x + cos * y) as f32, z]
+        };
+        let trailer = tube([[-4.2, -0.75, 0.4], [-0.4, 0.75, 1.5]]);
+        let trailer: Vec<_> = trailer.iter().map(|triangle| triangle.map(turned)).collect();
+        let boxes = boxes_of(&trailer, std::iter::once(0..trailer.len()));
+        assert!((2..=MOST_SLICES).contains(&boxes.len()), "{boxes:?}");
+        let area = |[low, high]: &BoxCorners| (high[0] - low[0]) * (high[1] - low[1]);
+        let sum: f64 = boxes.iter().map(area).sum();
+        assert!(sum <= 1.35 * 3.8 * 1.5, "{sum}");
+        for (k, l) in (0..=20).flat_map(|k| (0..=20).map(move |l| (k, l))) {
+            let [x, y] = [-4.2 + 0.19 * k as f32, -0.75 + 0.075 * l as f32];
+            let [x, y, _] = turned([x, y, 1.0]).map(f64::from);
+            let holds = |[low, high]: &BoxCorners| {
+                let is_in = |v: f64, axis: usize| v > low[axis] - 1e-5 && v < high[axis] + 1e-5;
+                is_in(x, 0) && is_in(y, 1)
+            };
+            assert!(boxes.iter().any(holds), "{x} {y}: {boxes:?}");
+        }
+        let along = tube([[-4.2, -0.75, 0.4], [-0.4, 0.75, 1.5]]);
+        assert_eq!(boxes_of(&along, std::iter::once(0..along.len())).len(), 1);
     }
 
     #[test]

@@ -227,11 +227,12 @@ impl Handed {
         let given = run::GivenRig::new(text)?;
         let (text, run) = (&given.text, given.run.as_ref());
         let placement = one(&request.files, text)?;
-        let is_own = scenes.is_empty() && computing.vehicle.is_none();
-        let own = run.filter(|_| is_own);
-        let computing = &with_vehicle(own, computing);
+        let of_run = run.filter(|_| computing.vehicle.is_none());
+        // In another scene than its own the run has measured nothing.
+        let own = of_run.filter(|run| is_scene_of(run, scenes));
+        let computing = &with_vehicle(of_run, computing);
         // A run whose vehicle its scene says.
-        let own_scene = own.filter(|run| run.vehicle.is_none());
+        let own_scene = own.filter(|run| run.vehicle.is_none() && scenes.is_empty());
         let own_scene: Vec<String> =
             own_scene.iter().map(|run| run.scene.display().to_string()).collect();
         let scenes = if own_scene.is_empty() { scenes } else { &own_scene };
@@ -269,6 +270,16 @@ fn doubts(required: &[Seen], hold_in: Option<f64>) -> Vec<String> {
         lines.push(all_held_in_words(share));
     }
     lines
+}
+
+/// True if no scene is given, or that of a run.
+fn is_scene_of(run: &RunFound, scenes: &[String]) -> bool {
+    let place = |path: &Path| path.canonicalize().ok();
+    match scenes {
+        [] => true,
+        [scene] => place(Path::new(scene)).is_some_and(|given| Some(given) == place(&run.scene)),
+        _ => false,
+    }
 }
 
 /// A command's engine and watcher with the vehicle of a run.

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use crate::job::Tolerance;
 use crate::runs::RunError;
 use crate::runs::inputs::{PLACEMENTS, RESULT, best_of, file_and_name, result_of};
-use crate::score::{BLIND_SECTOR, Lost, SEEN, Seen};
+use crate::score::{BLIND_SECTOR, Lost, SEEN, Seen, WorstFrame};
 
 /// Most placements of a front that an error names.
 const MOST_NAMED: usize = 24;
@@ -134,6 +135,7 @@ fn seen(of: &Value) -> Seen {
         missing: None,
         holds_in: number("holds_in"),
         lost: number("intact").map(|intact| Lost { intact, worst, mount: None }),
+        worst_frame: WorstFrame::deserialize(&of["worst_frame"]).ok(),
     }
 }
 

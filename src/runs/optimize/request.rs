@@ -10,7 +10,7 @@ use crate::job::{JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::{from_here, word};
-use crate::runs::inputs::{Given, RESULT, rig_path};
+use crate::runs::inputs::{Given, RESULT, note_unpriced, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
 use crate::search::{FrameChoice, Settings};
 use crate::vehicle::placement_file::holds_placements;
@@ -284,4 +284,14 @@ pub(super) fn command(
     words
         .extend(flags.into_iter().filter(|(_, given)| *given).map(|(name, _)| format!("--{name}")));
     words.join(" ")
+}
+
+/// Notes before a choice of sensors: on sensors without a price, and on the number that `--fewest` begins with.
+pub(super) fn note_choice(files: &JobFiles, vehicle: &Vehicle, watcher: &dyn Watcher) {
+    note_unpriced(vehicle, files.budget.is_some(), watcher);
+    if files.fewest && vehicle.needs_two() {
+        watcher.note(
+            "--fewest begins with 2 sensors: one LiDAR alone can never meet a requirement that must hold without any one",
+        );
+    }
 }

@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
 use super::rigs::{RigFiles, RigReader};
-use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
+use super::{BLOCK, ScoreRequest, interrupted, listed, write_coverage, write_out};
 use crate::csv::csv;
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
@@ -399,12 +399,9 @@ impl Scoring<'_> {
             let body = text.split_once('\n').map_or("", |(_, body)| body);
             return Ok(if first { text } else { body.to_owned() });
         }
-        for (index, scores) in scores.iter().enumerate() {
+        for (index, scores) in listed(scores, &self.prices, self.is_looked_at).enumerate() {
             text += if first && index == 0 { "\n" } else { ",\n" };
-            text += &match self.is_looked_at {
-                true => self.json(scores, CompactFormatter)?,
-                false => self.json(&super::NotLooked::from(scores), CompactFormatter)?,
-            };
+            text += &self.json(&scores, CompactFormatter)?;
         }
         Ok(text)
     }

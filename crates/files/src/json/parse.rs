@@ -109,7 +109,9 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
         return Err(DescriptionError::NotJson { file: file.to_owned(), told, wanted });
     }
     refuse_foreign(text, file, &wanted.to_string())?;
-    let version: Version = parse(text, file)?;
+    // Values that are passed over have no place; all values have.
+    let placed = |error| parse::<serde_json::Value>(text, file).err().unwrap_or(error);
+    let version: Version = parse(text, file).map_err(placed)?;
     let top = Location::top(file);
     let other = FileKind::of(text).filter(|kind| *kind != wanted);
     match (version.sightline, other) {

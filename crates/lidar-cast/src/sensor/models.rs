@@ -106,7 +106,8 @@ pub enum ForeignLidar {
 }
 
 /// The models of a scene's own `lidar`, in words.
-const NAMELESS: &str = "one model without a name: names of models come with the file of a vehicle";
+const NAMELESS: &str = "one model without a name: names of models come with the file of a vehicle, `--vehicle FILE` (in \
+                        Python vehicle=…)";
 
 fn list(models: &[SensorName]) -> String {
     models.iter().map(SensorName::as_str).collect::<Vec<_>>().join(", ")

@@ -107,8 +107,7 @@ fn origin(node: Node, of: &str) -> Parsed<Pose> {
 }
 
 impl RobotFile<'_> {
-    /// The shapes of all links but those left out, in the order of the file, and the angles of all origins; `text` is
-    /// that of the file.
+    /// The shapes of all links but those left out; `text` is that of the file.
     pub(super) fn shapes(&self, text: &str) -> Parsed<RobotShapes> {
         let plain = plain_names(text);
         let document = document(text, &plain)?;
@@ -125,8 +124,13 @@ impl RobotFile<'_> {
             left_out[link] = true;
         }
         let poses = at_rest(&joints(robot, &names, links.len())?, &links)?;
-        let mut parts = Vec::new();
+        let other = if self.tag == "visual" { "collision" } else { "visual" };
+        let (mut parts, mut missing) = (Vec::new(), Vec::new());
         for (link, &root_from_link) in poses.iter().enumerate().filter(|(k, _)| !left_out[*k]) {
+            let has = |tag: &str| links[link].children().any(|node| node.has_tag_name(tag));
+            if has(other) && !has(self.tag) {
+                missing.extend(links[link].attribute("name").map(str::to_owned));
+            }
             for shape in links[link].children().filter(|node| node.has_tag_name(self.tag)) {
                 let of = called(links[link]);
                 let root_from_part = root_from_link.compose(&origin(shape, &of)?);
@@ -134,14 +138,13 @@ impl RobotFile<'_> {
             }
         }
         if parts.is_empty() {
-            let other = if self.tag == "visual" { "collision" } else { "visual" };
             let problem = format!(
                 "has no <{}> in the links that are meant; write `\"geometry\": \"{other}\"`, or name another file",
                 self.tag
             );
             return Err(fault("file", problem));
         }
-        Ok((parts, self.angles(robot)))
+        Ok(RobotShapes { parts, origins: self.angles(robot), missing })
     }
 
     /// Roll, pitch and yaw of every origin that counts, with its joint or link.

@@ -41,13 +41,13 @@ impl Scene {
         let own = body("ego body", &scene.body);
         let own = own.or_else(|| standing::off_ground("ego body", &scene.body));
         let mut of_body: Vec<String> = own.into_iter().collect();
-        of_body.extend(
-            scene
-                .bodies
-                .iter()
-                .enumerate()
-                .filter_map(|(i, other)| body(&format!("ego's body {i} that moves"), &other.parts)),
-        );
+        of_body.extend(standing::of_ground(scene, "ego body", &scene.body));
+        for (i, other) in scene.bodies.iter().enumerate() {
+            let who = format!("ego's body {i} that moves");
+            of_body.extend(
+                body(&who, &other.parts).or_else(|| standing::of_ground(scene, &who, &other.parts)),
+            );
+        }
         let mut doubts: Vec<String> = Vec::new();
         doubts.extend(world(&scene.world));
         doubts.extend(actors(scene));
@@ -77,7 +77,7 @@ fn extent(solid: &Solid) -> Option<DVec3> {
 }
 
 /// Lower and upper corner of the box around triangles.
-fn corners(solid: &Solid) -> Option<[DVec3; 2]> {
+pub(super) fn corners(solid: &Solid) -> Option<[DVec3; 2]> {
     around(solid.faces.iter().flatten().map(|v| solid.vertices[*v as usize]))
 }
 
@@ -219,8 +219,8 @@ fn sideways(
     })
 }
 
-/// A doubt where the ground under the ego is far from z = 0 of its frame.
-fn ground(scene: &Scene) -> Option<String> {
+/// Height of the ground under the ego that is nearest to z = 0 of its frame in frame 0.
+fn ground_height(scene: &Scene) -> Option<f64> {
     let is_ground = Ground::among(&scene.classes.names);
     let ego_from_world = scene.ego_pose(0).inverse();
     let world = &scene.world;
@@ -236,7 +236,27 @@ fn ground(scene: &Scene) -> Option<String> {
             nearest = Some(z);
         }
     }
-    let z = nearest.filter(|z| z.abs() > GROUND)?;
+    nearest
+}
+
+/// Doubts where the ground under the ego is far from z = 0 of its frame, or the region of interest leaves it out.
+fn ground(scene: &Scene) -> Vec<String> {
+    let Some(z) = ground_height(scene) else { return Vec::new() };
+    let [low, high] = [scene.roi.min[2], scene.roi.max[2]];
+    let cut = (z < low || z > high).then(|| {
+        format!(
+            "roi reaches from z = {low} to {high} m, and the ground under the ego at z = {z:.2} m lies outside it; near \
+             gain counts the ground near the vehicle: let `roi` hold it"
+        )
+    });
+    off_origin(z).into_iter().chain(cut).collect()
+}
+
+/// A doubt about a height of the ground under the ego that is far from z = 0.
+fn off_origin(z: f64) -> Option<String> {
+    if z.abs() <= GROUND {
+        return None;
+    }
     let place = if z < 0.0 { "below" } else { "above" };
     Some(format!(
         "the ground under the ego is {:.2} m {place} its origin in frame 0; the origin stands on the ground, z = 0: \
@@ -303,7 +323,7 @@ fn voxels(scene: &Scene) -> Option<String> {
 }
 
 /// True if a point lies inside closed triangles: rays up and ahead leave them an odd number of times.
-fn inside(solid: &Solid, p: DVec3) -> bool {
+pub(super) fn inside(solid: &Solid, p: DVec3) -> bool {
     inside_faces(solid, &solid.faces, p)
 }
 
@@ -341,6 +361,30 @@ mod tests {
     #[test]
     fn a_sound_scene_is_not_doubted() {
         assert_eq!(told(CAR, AHEAD, 0.0, LIDAR, ROOF), "");
+    }
+
+    #[test]
+    fn a_region_without_the_ground_and_a_body_of_ground_are_doubted() {
+        let text = |low: f64, class: &str| {
+            format!(
+                r#"{{"sightline": 1, "roi": {{"min": [-20, -20, {low}], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.5]}},
+                "lidar": {LIDAR}, "mount": {ROOF}, "frames": 1,
+                "ego": {{"body": [{{"class": "{class}", "box": {CAR}}}]}},
+                "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
+            )
+        };
+        let told = |low: f64, class: &str| {
+            let scene = Scene::from_json(&text(low, class), std::path::Path::new(""), "s.json");
+            scene.unwrap().notes().iter().map(|note| note.text().to_owned()).collect::<String>()
+        };
+        assert_eq!(told(-0.5, "vehicle"), "");
+        let cut = told(1.0, "vehicle");
+        assert!(cut.contains("roi reaches from z = 1 to 5.5 m, and the ground under"), "{cut}");
+        let road = told(-0.5, "road");
+        assert!(
+            road.contains("the ego body has a shape of class `road`, which is ground"),
+            "{road}"
+        );
     }
 
     #[test]

@@ -16,6 +16,7 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check, counted};
 
 use super::description::{BodyDescription, ShapeDescription};
+use super::doubts;
 use super::route::Motion;
 use super::shapes::Builder;
 use super::solid::{Solid, around};
@@ -33,6 +34,9 @@ pub enum PartOwner {
     /// A body of the ego vehicle that moves against the first, by its index among those.
     EgoBody(usize),
 }
+
+/// Poses of a body that are looked at for doubts.
+const MOST_POSES: usize = 40;
 
 /// End of a note on a body that moves in frames, and not on level ground.
 const HELD_STILL: &str = "level ground takes the body as in frame 0";
@@ -268,17 +272,19 @@ pub(crate) struct OwnBody {
 }
 
 impl OwnBody {
-    /// Checks for one pose a frame.
+    /// Checks for one pose a frame of the scene at `scene`.
     ///
     /// # Errors
     /// Another number of poses.
-    pub(crate) fn check_frames(&self, frames: usize) -> Checked<()> {
+    pub(crate) fn check_frames(&self, scene: &Location, frames: usize) -> Checked<()> {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
                 let found = format!("a list of {}", poses.len());
                 let wanted = format!(
-                    "one pose for all frames, or one for each of the {}",
-                    counted(frames, "frame")
+                    "one pose for all frames, or one for each of the {} of {}; for scenes of several lengths give one pose, or \
+                     list the poses in each scene under `ego.bodies`, and leave them out of the vehicle",
+                    counted(frames, "frame"),
+                    scene.file
                 );
                 Err(bad(&self.at.key("poses"), found, wanted))
             }
@@ -303,6 +309,8 @@ pub(crate) struct OwnBodies {
     pub body: Solid,
     /// Bodies with a pose for each frame.
     pub moving: Vec<OwnBody>,
+    /// Bodies that cover the first one.
+    pub doubts: Vec<Note>,
 }
 
 impl OwnBodies {
@@ -320,23 +328,30 @@ impl OwnBodies {
         if !first.is_empty() {
             check_area(&at.key("body"), &body)?;
         }
-        let mut own = Self { body, moving: Vec::new() };
+        let first = doubts::corners(&body);
+        let mut own = Self { body, ..Self::default() };
         for (i, body) in others.iter().enumerate() {
-            own.add(builder, at.key("bodies").item(i), body)?;
+            own.add(builder, at.key("bodies").item(i), body, first)?;
         }
         Ok(own)
     }
 
+    /// Adds a body beside the first, whose box has the corners `first`.
     fn add(
         &mut self,
         builder: &mut Builder<'_>,
         at: Location,
         body: &BodyDescription,
+        first: Option<[DVec3; 2]>,
     ) -> Checked<()> {
         let name = check::name(&at.key("name"), body.name.clone().unwrap_or_default())?;
         if body.parts.is_empty() {
             let wanted = "a shape of the body; add one or leave the body out";
             return Err(bad(&at.key("parts"), "an empty list", wanted));
+        }
+        // A heading may go on past a turn, a body that bends does not.
+        for (k, pose) in body.poses.iter().flatten().enumerate() {
+            check::radians(&at.key("poses").item(k).key("yaw"), pose.yaw)?;
         }
         let Some(motion) = Motion::new(&at, body.poses.as_deref(), None, false)? else {
             let mend =
@@ -345,6 +360,7 @@ impl OwnBodies {
         };
         let parts = builder.list(&at.key("parts"), &body.parts)?;
         check_area(&at.key("parts"), &parts)?;
+        self.doubts.extend(first.and_then(|first| covers(&at, &parts, &motion, first)));
         match &motion {
             Motion::Poses(poses) if poses.len() == 1 => self.body.append(&parts, &poses[0]),
             _ => self.moving.push(OwnBody { name, parts, motion, at }),
@@ -372,6 +388,19 @@ impl OwnBodies {
     }
 }
 
+/// A doubt about a body that stands over the middle of the first one, whose box is given, in one of its poses.
+fn covers(at: &Location, parts: &Solid, motion: &Motion, first: [DVec3; 2]) -> Option<Note> {
+    let Motion::Poses(poses) = motion else { return None };
+    let middle = 0.5 * (first[0] + first[1]);
+    let covering = |pose: &Pose| doubts::inside(parts, pose.inverse().apply(middle));
+    let pose = poses.iter().take(MOST_POSES).position(covering)?;
+    Some(Note::doubt(format!(
+        "{}: stands over the middle of the first body; `x`, `y` and `yaw` say where the origin of its own shapes lies in the \
+         ego frame",
+        at.key("poses").item(pose)
+    )))
+}
+
 /// Refuses a body whose triangles are lines and points.
 fn check_area(at: &Location, body: &Solid) -> Checked<()> {
     if body.has_area() {
@@ -382,7 +411,7 @@ fn check_area(at: &Location, body: &Solid) -> Checked<()> {
 }
 
 /// All triangles of the own vehicle in a frame, in the ego frame.
-fn standing(body: &Solid, moving: &[OwnBody], frame: usize) -> Solid {
+pub(super) fn standing(body: &Solid, moving: &[OwnBody], frame: usize) -> Solid {
     let mut all = Solid::default();
     all.append(body, &Pose::IDENTITY);
     moving.iter().for_each(|other| all.append(&other.parts, &other.motion.pose(frame)));

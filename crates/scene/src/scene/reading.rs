@@ -125,7 +125,8 @@ impl Scene {
         let frames = things.frames(top, scene.frames)?;
         let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
         let SceneGeometry { world, actors, own, ego } = things;
-        let OwnBodies { body, moving: bodies } = own;
+        let OwnBodies { body, moving: bodies, doubts } = own;
+        notes.extend(doubts);
         let ego = ego.unwrap_or(Motion::Still);
         let mut origins = vec![super::parts::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
         origins.extend(actors.iter().map(|actor| super::parts::middle(&actor.parts)));

@@ -13,7 +13,9 @@ use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
 use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
 use crate::mesh;
-use crate::mesh::{Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile};
+use crate::mesh::{
+    Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile, RobotShapes,
+};
 use crate::vehicle;
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
@@ -24,6 +26,8 @@ const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "urdf", "s
 const SIDES: u32 = 32;
 /// Bands of a sphere from pole to pole.
 const BANDS: u32 = 16;
+/// Links of a robot that a doubt names.
+const MOST_LINKS: usize = 6;
 
 /// Builds triangles from shapes; loads each mesh file once.
 pub(crate) struct Builder<'a> {
@@ -308,12 +312,14 @@ impl<'a> Builder<'a> {
         let file = self.dir.join(&urdf.file);
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let (packages, without) = (packages.as_deref(), &urdf.without[..]);
-        let (parts, origins) = RobotFile { file: &file, packages, tag, without }.parts(at)?;
+        let robot = RobotFile { file: &file, packages, tag, without };
+        let RobotShapes { parts, origins, missing } = robot.parts(at)?;
         // Origins of one file share one mistake.
         let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
             vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
         });
         self.notes.extend(in_degrees.take(3).map(Note::doubt));
+        self.note_missing(at, &file, tag, &missing);
         self.others.push(file.clone());
         let mut solid = Solid::default();
         for part in parts {
@@ -329,6 +335,23 @@ impl<'a> Builder<'a> {
                 Err(bad(&at.key("file"), format!("{:?}", urdf.file), wanted))
             }
         }
+    }
+
+    /// A doubt about links of a robot that have no shape of the kind that is meant.
+    fn note_missing(&mut self, at: &Location, file: &Path, tag: &str, missing: &[String]) {
+        if missing.is_empty() {
+            return;
+        }
+        let [more, links] =
+            [missing.len().saturating_sub(MOST_LINKS), missing.len().min(MOST_LINKS)];
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let other = if tag == "visual" { "collision" } else { "visual" };
+        self.notes.push(Note::doubt(format!(
+            "{at}: {}: no <{tag}>, so that no beam meets them: links `{}`{more}; write `\"geometry\": \"{other}\"`, or name \
+             them under `without`",
+            file.display(),
+            missing[..links].join("`, `")
+        )));
     }
 
     fn part(&mut self, at: &Location, geometry: &Geometry, class: u16) -> Checked<Solid> {

@@ -124,7 +124,19 @@ impl Target {
         }
         let file = dir.join(text);
         if Path::new(text).extension().is_some() || file.exists() {
-            return Self::read(&file);
+            return Self::read(&file).map_err(|error| match error {
+                // A place in a file: the file that names another one is at fault.
+                json::DescriptionError::OtherKind { file, found, .. } if !at.path.is_empty() => {
+                    let wanted = format!(
+                        "a target: {file} is {found}; name a preset, or a file with the `shapes` of a target"
+                    );
+                    bad(at, format!("`{text}`"), wanted)
+                }
+                error @ json::DescriptionError::Read { .. } if !at.path.is_empty() => {
+                    error.of_file(at.clone())
+                }
+                error => error,
+            });
         }
         let known = preset_targets().iter().map(|preset| preset.name.as_str());
         Err(check::unknown_name(at, "preset or file of a target", text, known))

@@ -159,6 +159,12 @@ impl Vehicle {
         self.mounts.iter().any(|mount| mount.count[0] < mount.count[1] || mount.sensors.len() > 1)
     }
 
+    /// True if targets or ground must be seen whichever one LiDAR is lost: a rig of one LiDAR then sees none of it.
+    pub fn needs_two(&self) -> bool {
+        self.targets.iter().any(|rule| rule.without_any_one && rule.share > 0.0)
+            || self.ground.iter().any(|rule| rule.without_any_one && rule.share > 0.0)
+    }
+
     /// Most sensors that the mounts hold and a budget pays for, in the price of the cheapest.
     pub fn most_sensors(&self, budget: f64) -> usize {
         let places: usize = self.mounts.iter().map(|mount| mount.count[1]).sum();

@@ -299,6 +299,7 @@ fn file_pattern(at: &Location, lidar: &LidarDescription, file: &Path) -> Checked
     let knows_signs = pattern.format != SensorFormat::Table;
     let mend = "a vendor's file says which way it counts; leave it out";
     spare(at, "azimuth_offsets", lidar.azimuth_offsets.is_some() && knows_signs, mend)?;
+    pattern.notes.retain(|note| lidar.azimuth_offsets.is_none() || !sensor_file::is_on_sign(note));
     if let Beams::Channels(channels) = &mut pattern.beams {
         channels.iter_mut().for_each(|channel| channel.azimuth_offset *= sign);
     }

@@ -8,6 +8,7 @@ mod ouster;
 mod pattern;
 mod table;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -22,6 +23,7 @@ pub use isaac_profile::isaac_profile;
 pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, Measures, SensorFormat, SensorPattern};
 pub(crate) use pattern::{MAX_BEAMS, MAX_CHANNELS};
+pub(super) use table::is_on_sign;
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
 const MAX_SENSOR_FILE: u64 = 64 << 20;
@@ -117,10 +119,18 @@ fn parse_json(at: &Location, text: &str) -> Checked<SensorPattern> {
         isaac::parse(at, text)
     } else {
         json::refuse_own_kinds(text, &at.file, "the table of a sensor")?;
-        let mend = format!(
-            "list the elevation of each channel in degrees, or give a file of a format that is read: {}",
-            listed()
-        );
+        let keys: BTreeMap<String, serde_json::Value> = json::parse(text, &at.file)?;
+        let near = keys.keys().find(|key| key.starts_with("elev"));
+        let named = keys.get("file").and_then(serde_json::Value::as_str);
+        let mend = match (named, near) {
+            (Some(named), _) => format!("it names {named:?} as its `file`; give that one"),
+            (None, Some(key)) => format!("call `{key}` so, if it lists elevations in degrees"),
+            (None, None) => format!(
+                "list the elevation of each channel in degrees, or give a file of a format that is \
+                 read: {}",
+                listed()
+            ),
+        };
         Err(check::missing(at, "elevation_deg", mend))
     }
 }

@@ -28,7 +28,7 @@ fn read(text: &str, without: &[&str]) -> Result<Vec<RobotPart>, String> {
     let file = std::path::Path::new("nowhere/robot.urdf");
     RobotFile { file, packages: None, tag: "visual", without: &without }
         .shapes(text)
-        .map(|(parts, _)| parts)
+        .map(|shapes| shapes.parts)
         .map_err(|fault| format!("{}: {}", fault.element, fault.problem))
 }
 

@@ -2,9 +2,11 @@
 //! body, far from it, or too close for their LiDARs.
 
 use glam::DVec3;
+use lidar_cast::geom::Pose;
 
 use super::super::{around, clipped};
 use super::{Ground, Scene, Solid, corners, inside, inside_faces};
+use crate::scene::parts;
 use crate::vehicle::Region;
 use sightline_files::json::Location;
 
@@ -13,7 +15,7 @@ use sightline_files::json::Location;
 const LOWEST: [f64; 2] = [-0.1, 1.0];
 /// Metres by which a surface must reach into the body: things may touch it.
 const TOUCH: f64 = 0.05;
-/// Triangles of the body that are looked at, each as often as it must be.
+/// Triangles of the body, or of the world in all frames of a body that moves, that are looked at.
 const MOST_LOOKS: usize = 20_000_000;
 
 /// A doubt about a body whose lowest point is far from the ground.
@@ -25,6 +27,17 @@ pub(super) fn off_ground(who: &str, solid: &Solid) -> Option<String> {
     }
     let is_high = low.z > LOWEST[1];
     is_high.then(|| format!("the {who} begins {:.2} m above the ground, z = 0; {mend}", low.z))
+}
+
+/// A doubt about a body with a class of ground.
+pub(super) fn of_ground(scene: &Scene, who: &str, solid: &Solid) -> Option<String> {
+    let names = &scene.classes.names;
+    let is_ground = Ground::among(names);
+    let ground = |class: &&u16| is_ground.get(usize::from(**class)).is_some_and(|is| *is);
+    let class = names.get(usize::from(*solid.classes.iter().find(ground)?))?;
+    Some(format!(
+        "the {who} has a shape of class `{class}`, which is ground, and no body is; give it a class as `vehicle`"
+    ))
 }
 
 /// A doubt where something of the static world that is no ground lies inside the body in frame 0, or the body in it.
@@ -79,7 +92,17 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
             let [low, high] = (*corners)?;
             let ego_from_actor = ego_from_world.compose(&scene.actors[i].motion.pose(t));
             let own = ego_from_actor.apply(0.5 * (low + high));
-            let met = holds(&scene.body, own)
+            let in_moving = scene.bodies.iter().any(|body| {
+                let ego_from_body = body.motion.pose(t);
+                let holds_body = |[low, high]: [DVec3; 2]| {
+                    let middle = ego_from_body.apply(0.5 * (low + high));
+                    holds(&scene.actors[i].parts, ego_from_actor.inverse().apply(middle))
+                };
+                holds(&body.parts, ego_from_body.inverse().apply(own))
+                    || corners(&body.parts).is_some_and(holds_body)
+            });
+            let met = in_moving
+                || holds(&scene.body, own)
                 || holds(&scene.actors[i].parts, ego_from_actor.inverse().apply(middle));
             met.then_some(i)
         };
@@ -90,24 +113,40 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A doubt where a surface of the static world that is no ground lies inside the body in frame 0.
+/// A doubt where a surface of the static world that is no ground lies inside the body in frame 0, or inside one that moves in
+/// any frame.
 fn surface_inside(scene: &Scene) -> Option<String> {
-    let [low, high] = corners(&scene.body)?;
+    let frames = scene.frames.min(MOST_LOOKS / scene.world.faces.len().max(1)).max(1);
+    let moving = || {
+        let in_frame = |t: usize| {
+            let mut bodies = scene.bodies.iter();
+            bodies.find_map(|body| surface_in(scene, &body.parts, t, body.motion.pose(t)))
+        };
+        (0..frames).find_map(in_frame)
+    };
+    surface_in(scene, &scene.body, 0, Pose::IDENTITY).or_else(moving)
+}
+
+/// A doubt where a surface of the static world that is no ground lies inside a body where it stands in a frame.
+fn surface_in(scene: &Scene, body: &Solid, t: usize, ego_from_body: Pose) -> Option<String> {
+    let [low, high] = corners(body)?;
     let [low, high] = [low + TOUCH, high - TOUCH];
     let is_ground = Ground::among(&scene.classes.names);
-    let (world, ego_from_world) = (&scene.world, scene.ego_pose(0).inverse());
+    let body_from_world = ego_from_body.inverse().compose(&scene.ego_pose(t).inverse());
+    let world = &scene.world;
     let others = world.faces.iter().zip(&world.classes);
     let others =
         others.filter(|(_, class)| !is_ground.get(usize::from(**class)).is_some_and(|g| *g));
     let near = others.filter_map(|(face, class)| {
-        let triangle = face.map(|v| ego_from_world.apply(world.vertices[v as usize]));
+        let triangle = face.map(|v| body_from_world.apply(world.vertices[v as usize]));
         Some((middle_within(&triangle, low, high)?, class))
     });
-    let most = MOST_LOOKS / scene.body.faces.len().max(1);
-    let (at, class) = near.take(most).find(|(at, _)| inside(&scene.body, *at))?;
+    let most = MOST_LOOKS / body.faces.len().max(1);
+    let (at, class) = near.take(most).find(|(at, _)| inside(body, *at))?;
     let class = scene.classes.names.get(usize::from(*class)).map_or("", String::as_str);
+    let at = ego_from_body.apply(at);
     Some(format!(
-        "a `{class}` of the static world stands inside the ego body in frame 0, at x = {:.2}, y = {:.2}, z = {:.2} m of the \
+        "a `{class}` of the static world stands inside the ego body in frame {t}, at x = {:.2}, y = {:.2}, z = {:.2} m of the \
          ego: move the poses of `ego`, or the shape",
         at.x, at.y, at.z
     ))
@@ -131,11 +170,19 @@ const MOST_PLACES: usize = 16;
 
 /// Doubts about mounts inside the body, or far from it.
 pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
-    let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
+    let body = parts::standing(&scene.body, &scene.bodies, 0);
+    let Some([low, high]) = corners(&body) else { return Vec::new() };
     let far = scene.vehicle.mounts.iter().zip(places).filter_map(|(mount, at)| {
         let [from, to] = mount.region.corners().map(DVec3::from);
         let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
         let is_box = mount.region.ego_from_region.is_none();
+        let swept = swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner)).filter(|_| is_box);
+        if let Some((body, frame)) = swept {
+            return Some(format!(
+                "{at}: the whole mount lies inside the ego's body {body} that moves in frame {frame}, where every beam ends at \
+                 once; move it out of the way of that body, or correct its `poses`"
+            ));
+        }
         if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
             return Some(format!(
                 "{at}: the whole mount lies inside the ego body, where every beam ends at once; move it onto the body: \
@@ -167,6 +214,19 @@ pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
         ))
     });
     far.collect()
+}
+
+/// Number of a body that moves and the first frame in which all corners of a mount lie inside it; `None` where none does.
+fn swept(scene: &Scene, corners: &[DVec3; 8]) -> Option<(usize, usize)> {
+    let faces: usize = scene.bodies.iter().map(|body| body.parts.faces.len()).sum();
+    let most = MOST_LOOKS / (8 * faces.max(1));
+    (0..scene.frames.min(most)).find_map(|t| {
+        let holds = |body: &parts::OwnBody| {
+            let body_from_ego = body.motion.pose(t).inverse();
+            corners.iter().all(|corner| inside(&body.parts, body_from_ego.apply(*corner)))
+        };
+        Some((scene.bodies.iter().position(holds)?, t))
+    })
 }
 
 /// True if a patch with an offset lies inside the body with its nearer and its farther places. One without an offset lies on
@@ -267,9 +327,58 @@ mod tests {
         assert!(told(0.3).contains(words) && !told(2.5).contains("inside"), "{}", told(0.3));
     }
 
+    #[test]
+    fn things_in_a_body_that_moves_are_doubted_in_the_frame_in_which_it_stands_there() {
+        let told_at = |actor: [f64; 2], wall: [f64; 2]| {
+            let text = format!(
+                r#""lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
+                "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.5], "lidars": 1}},
+                "ego": {{"body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
+                  "bodies": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-6, -1, 0.2], "max": [-1, 1, 1.8]}}}}],
+                    "poses": [{{"x": -2, "y": 0}}, {{"x": -2, "y": 0, "yaw": 1.5708}}]}}]}},
+                "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}},
+                  {{"class": "wall", "box": {{"foot": [{}, {}, 0], "size": [0.3, 0.3, 1.5]}}}}],
+                "actors": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-0.3, -0.3, 0], "max": [0.3, 0.3, 1.5]}}}}],
+                  "poses": [{{"x": {x}, "y": {y}}}, {{"x": {x}, "y": {y}}}]}}]"#,
+                wall[0],
+                wall[1],
+                x = actor[0],
+                y = actor[1]
+            );
+            told(&text)
+        };
+        let (away, straight, bent) = ([12.0, 9.0], [-5.5, 0.0], [-2.0, -5.0]);
+        assert!(!told_at(away, away).contains("inside"), "{}", told_at(away, away));
+        for (place, frame) in [(straight, 0), (bent, 1)] {
+            let words = format!("actors[0] stands inside the ego in frame {frame}");
+            assert!(told_at(place, away).contains(&words), "{}", told_at(place, away));
+            let words = format!(
+                "a `wall` of the static world stands inside the ego body in frame {frame}, at"
+            );
+            assert!(told_at(away, place).contains(&words), "{}", told_at(away, place));
+        }
+    }
+
+    #[test]
+    fn a_mount_that_a_moving_body_sweeps_over_is_doubted_with_the_frame() {
+        let trailer = r#""bodies": [{"parts": [{"class": "vehicle", "box": {"min": [-5, -1, 0.2], "max": [-1, 1, 1.8]}}],
+            "poses": [{"x": -2, "y": 0}, {"x": -2, "y": 0, "yaw": -1.5708}]}],"#;
+        let at = |y: f64| {
+            let mount = format!(r#""min": [-2.2, {y}, 0.8], "max": [-2, {}, 1.2]"#, y + 0.2);
+            told_of_mount_beside(&mount, trailer)
+        };
+        let words = "mounts[0]: the whole mount lies inside the ego's body 0 that moves in frame 1";
+        assert!(at(3.0).contains(words), "{}", at(3.0));
+        assert!(!at(-2.0).contains("the whole mount"), "{}", at(-2.0));
+    }
+
     fn told_of_mount(mount: &str) -> String {
+        told_of_mount_beside(mount, "")
+    }
+
+    fn told_of_mount_beside(mount: &str, bodies: &str) -> String {
         told(&format!(
-            r#""vehicle": {{"sightline": 1,
+            r#""frames": 2, "vehicle": {{"sightline": 1, {bodies}
               "body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
               "sensors": [{{"name": "a", "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 50}}}}],
               "mounts": [{{"name": "m", "count": 1, {mount}}}]}},

@@ -62,6 +62,23 @@ fn a_trailer_that_bends_is_in_each_frame_the_box_written_there_to_the_bit() {
 }
 
 #[test]
+fn a_trailer_over_the_tractor_is_doubted_in_its_pose() {
+    let doubts = |poses: &str| {
+        let scene = with(TRACTOR, &trailer(poses), r#""frames": 2,"#).unwrap();
+        let doubts = scene.notes().iter().filter(|note| note.is_doubt());
+        doubts.map(|note| note.text().to_owned()).collect::<Vec<_>>().join("\n")
+    };
+    let behind = r#"{ "x": -6.5, "y": 0, "z": 1.6 }"#;
+    let over = r#"{ "x": -2, "y": 0, "z": 1.6 }"#;
+    assert_eq!(doubts(&format!("{behind}, {behind}")), "");
+    for (poses, pose) in [(format!("{behind}, {over}"), 1), (over.to_owned(), 0)] {
+        let words =
+            format!("ego.bodies[0].poses[{pose}]: stands over the middle of the first body");
+        assert!(doubts(&poses).contains(&words), "{}", doubts(&poses));
+    }
+}
+
+#[test]
 fn the_bodies_of_a_vehicle_take_the_place_of_the_scenes() {
     let vehicle = r#"{ "sensors": [{ "name": "a", "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 50 } }],
         "mounts": [{ "name": "roof", "min": [0, 0, 2], "max": [0, 0, 2], "count": 1 }],
@@ -101,7 +118,7 @@ fn faults_of_bodies_name_their_field_and_the_mend() {
         (
             two.clone(),
             r#""frames": 3,"#,
-            "s.json: ego.bodies[0].poses: a list of 2 is not one pose for all frames, or one for each of the 3 frames",
+            "s.json: ego.bodies[0].poses: a list of 2 is not one pose for all frames, or one for each of the 3 frames of s.json; for scenes of several lengths give one pose, or",
         ),
         (
             trailer(""),
@@ -123,6 +140,11 @@ fn faults_of_bodies_name_their_field_and_the_mend() {
             good.replace("\"y\": 0", "\"y\": 0, \"roll\": 90"),
             "",
             "s.json: ego.bodies[0].poses[0].roll: 90 is not an angle",
+        ),
+        (
+            good.replace("\"y\": 0", "\"y\": 0, \"yaw\": -30"),
+            "",
+            "s.json: ego.bodies[0].poses[0].yaw: -30 is not an angle in radians within one turn",
         ),
     ] {
         let told = told(with(TRACTOR, &bodies, more));

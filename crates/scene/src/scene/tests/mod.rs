@@ -48,7 +48,10 @@ pub(super) fn told(keys: &str) -> String {
     let roi = r#"{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}"#;
     let text = format!(r#"{{"sightline": 1, "roi": {roi}, {keys}}}"#);
     let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
-    let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt(), "{note}"));
+    // That bodies move is a fact.
+    let notes =
+        scene.notes().iter().filter(|note| !note.text().contains("moves from frame to frame"));
+    let notes = notes.inspect(|note| assert!(note.is_doubt(), "{note}"));
     notes.map(Note::text).collect::<Vec<_>>().join("\n")
 }
 

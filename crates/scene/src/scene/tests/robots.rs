@@ -52,6 +52,21 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
     assert!(a.iter().zip(&b).all(|(a, b)| far(a, b) < 1e-6));
     let all = with_body(folder.path(), &collision.replace("\"lidar\"", "")).unwrap();
     assert_eq!(body(&all).len(), 12 + 2 * 32 * 15);
+    // The mast has no visual shape: it is missing there, and named unless it is left out.
+    let doubts = |shape: &str| {
+        let scene = with_body(folder.path(), shape).unwrap();
+        let notes = scene.notes().iter().filter(|note| note.is_doubt());
+        notes.map(|note| note.text().to_owned()).collect::<String>()
+    };
+    let visual = r#""urdf": {"file": "car/urdf/car.urdf"}"#;
+    let told = doubts(visual);
+    assert!(
+        told.contains("car.urdf: no <visual>, so that no beam meets them: links `lidar`; write"),
+        "{told}"
+    );
+    assert!(!doubts(collision).contains("no beam meets them"), "{}", doubts(collision));
+    let without = visual.replace("\"}", "\", \"without\": [\"lidar\"]}");
+    assert!(!doubts(&without).contains("no beam meets them"), "{}", doubts(&without));
 }
 
 #[test]

@@ -333,7 +333,9 @@ pub(super) fn unknown_or_slip(
     Some(match near {
         Some((key, near)) => {
             let text = note.text().trim_end_matches('.');
-            Note::doubt(format!("{text}; did you mean `{near}` by `{key}`?"))
+            let key =
+                if unknown.len() > 1 { format!(" instead of `{key}`") } else { String::new() };
+            Note::doubt(format!("{text}; did you mean `{near}`{key}?"))
         }
         None => note,
     })

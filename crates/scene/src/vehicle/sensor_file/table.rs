@@ -105,12 +105,20 @@ pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     })
 }
 
+/// Words of the note on the sign of azimuth offsets.
+const COUNTED: &str = "; offsets count counter-clockwise here, unless ";
+
+/// True for the note on the sign of azimuth offsets, which a description that says the sign makes idle.
+pub(in crate::vehicle) fn is_on_sign(note: &Note) -> bool {
+    note.text().contains(COUNTED)
+}
+
 /// Note on the sign of azimuth offsets: a sentence for people, of whose meaning no program can be sure.
 fn sign_note(at: &Location, sentence: &Value) -> Note {
     let sentence: String = sentence.to_string().chars().take(120).collect();
     Note::fact(format!(
-        "{at}: {sentence}; offsets count counter-clockwise here, unless the scene says `\"azimuth_offsets\": \
-         \"clockwise\"`."
+        "{at}: {sentence}{COUNTED}`lidar` says `\"azimuth_offsets\": \"clockwise\"`; give it either way, and this \
+         note goes"
     ))
 }
 

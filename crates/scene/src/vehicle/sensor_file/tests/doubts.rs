@@ -81,7 +81,12 @@ fn arrays_in_any_order_of_rows_and_bytes() {
     assert_eq!(c.beams, read(big).unwrap().beams);
     let degrees =
         message(array("<f8", "False", "(1, 2)", [1.0_f64, 52.0].map(f64::to_le_bytes).concat()));
-    assert!(degrees.contains("is it in degrees?"), "{degrees}");
+    assert!(degrees.contains("an elevation in radians"), "{degrees}");
+    let across =
+        message(array("<f8", "False", "(1, 2)", [573.0_f64, 0.2].map(f64::to_le_bytes).concat()));
+    for told in [degrees, across] {
+        assert!(told.contains("radians are expected, this looks like degrees"), "{told}");
+    }
 }
 
 #[test]
@@ -92,7 +97,7 @@ fn misspelt_keys_of_an_own_file_and_offsets_in_radians() {
             r#""azimuth_offset": [1, 2, 3]"#,
             "f: `azimuth_offset`: not known here, and not read; did you mean `azimuth_offset_deg`",
         ),
-        (r#""rnage": 100"#, "did you mean `range` by `rnage`?"),
+        (r#""rnage": 100"#, "did you mean `range`?"),
         (r#""azimuth_offset_deg": [0.02, 0, -0.08]"#, "all within ±0.08°; radians?"),
         (r#""noise": 5, "range": 100"#, "f: noise: 5 m; millimetres?"),
     ] {

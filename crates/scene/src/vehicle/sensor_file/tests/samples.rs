@@ -39,6 +39,10 @@ fn our_tables() {
     assert!(message(r#"{"elevation_deg": [0, 90.5]}"#).starts_with("f: elevation_deg[1]: 90.5 "));
     let none = message(r#"{"name": "none"}"#);
     assert!(none.contains("`elevation_deg` is missing") && none.contains("Hesai"), "{none}");
+    let slip = message(r#"{"elevations_deg": [1]}"#);
+    assert!(slip.contains("call `elevations_deg` so, if it lists"), "{slip}");
+    let facts = message(r#"{"name": "x", "file": "x.npy"}"#);
+    assert!(facts.ends_with("it names \"x.npy\" as its `file`; give that one"), "{facts}");
 }
 
 /// Radians; a positive correction turns counter-clockwise.
