@@ -88,8 +88,8 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
     let boxes: Vec<_> = scene.actors.iter().map(|actor| corners(&actor.parts)).collect();
     (0..scene.frames).find_map(|t| {
         let ego_from_world = scene.ego_pose(t).inverse();
-        let meets = |(i, corners): (usize, &Option<[DVec3; 2]>)| {
-            let [low, high] = (*corners)?;
+        let meets = |(i, ends): (usize, &Option<[DVec3; 2]>)| {
+            let [low, high] = (*ends)?;
             let ego_from_actor = ego_from_world.compose(&scene.actors[i].motion.pose(t));
             let own = ego_from_actor.apply(0.5 * (low + high));
             let in_moving = scene.bodies.iter().any(|body| {
