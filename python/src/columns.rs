@@ -31,7 +31,7 @@ fn values_of<S: Borrow<Scores>>(scores: &[S], of: &dyn Fn(&Scores) -> Option<f64
 }
 
 /// Columns that depend on sums over covered voxels alone, by name.
-pub fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
+pub(crate) fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
     let mut columns = Vec::new();
     let mut add = |name: &str, of: &dyn Fn(&Scores) -> Option<f64>| {
         columns.push((name.to_owned(), values_of(scores, of)));
@@ -54,7 +54,7 @@ pub fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
 }
 
 /// The `Scores` object of the package, with a column for everything that is known about placements of a vehicle.
-pub fn scores_object<'a, 'py>(
+pub(crate) fn scores_object<'a, 'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     scored: impl IntoIterator<Item = (&'a Placement, &'a Scores)>,
@@ -105,7 +105,7 @@ pub fn scores_object<'a, 'py>(
 }
 
 /// The `Scores` object of placements that `work` scores beside the interpreter. No placements have the columns of one.
-pub fn scored_object<'py>(
+pub(crate) fn scored_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     mut placements: Vec<Placement>,

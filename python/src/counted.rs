@@ -22,7 +22,7 @@ struct CountedEngine<'a> {
 ///
 /// # Errors
 /// The errors of `work`, and of a cast after the watch was stopped.
-pub fn counted<T, E>(
+pub(crate) fn counted<T, E>(
     engine: &mut dyn Backend,
     watch: &WorkMessages,
     total: usize,

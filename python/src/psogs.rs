@@ -36,7 +36,7 @@ const POINT_BYTES: usize = 64;
 /// are none of a P-SOG.
 #[pyclass(name = "Psog", module = "sightline", frozen)]
 #[derive(Clone)]
-pub struct PyPsog(pub Arc<Psog>);
+pub(crate) struct PyPsog(pub Arc<Psog>);
 
 #[pymethods]
 impl PyPsog {

@@ -31,7 +31,7 @@ const AT_ONCE: usize = 1 << 20;
 const WANTED: &str = "[..., 6]: origin and direction in the ego frame, metres";
 
 /// Trees and triangles that rays are cast into.
-pub struct RayTarget {
+pub(crate) struct RayTarget {
     rays: RayScene,
     triangles: Triangles,
     /// Class of each triangle; none where nobody has said.
@@ -46,7 +46,7 @@ enum Triangles {
 
 impl RayTarget {
     /// A frame of a scene, from the problem of that frame alone.
-    pub fn of_frame(scene: &Arc<Scene>, frame: usize, problem: &Problem) -> PyResult<Self> {
+    pub(crate) fn of_frame(scene: &Arc<Scene>, frame: usize, problem: &Problem) -> PyResult<Self> {
         let geometry = problem.geometry(0).ok_or_else(|| bad("the frame has no geometry"))?;
         let classes = scene.face_classes(EgoBody::Include);
         let (scene, soup) = (scene.clone(), OnceLock::new());
@@ -85,7 +85,7 @@ struct ColumnsPart<'a> {
 }
 
 /// Number as PyTorch takes it: −1 for none.
-pub fn signed<T: Into<i64>>(number: Option<T>) -> i64 {
+pub(crate) fn signed<T: Into<i64>>(number: Option<T>) -> i64 {
     number.map_or(-1, Into::into)
 }
 
@@ -223,7 +223,7 @@ impl RayArray {
 }
 
 /// Options of a call beside its rays.
-pub struct HitOptions {
+pub(crate) struct HitOptions {
     pub t_max: Option<f64>,
     pub normals: bool,
     pub uvs: bool,
@@ -243,7 +243,7 @@ impl HitOptions {
 }
 
 /// Closest hits as a dict of arrays.
-pub fn hits_object<'py>(
+pub(crate) fn hits_object<'py>(
     py: Python<'py>,
     target: Arc<RayTarget>,
     rays: &Bound<'py, PyAny>,
@@ -284,7 +284,7 @@ pub fn hits_object<'py>(
 /// may let a ray slip through an edge; four times the largest coordinate unless given. `Scene.raycaster(frame)` is one over
 /// a frame of a scene. Raises `ValueError` for a face of corners that are not there and for corners that are not finite.
 #[pyclass(name = "Raycaster", module = "sightline", frozen)]
-pub struct PyRaycaster(pub Arc<RayTarget>);
+pub(crate) struct PyRaycaster(pub Arc<RayTarget>);
 
 #[pymethods]
 impl PyRaycaster {

@@ -39,7 +39,7 @@ enum Source {
 }
 
 /// Frames of scenes in words, and how many of them scores are means over where these are fewer.
-pub fn frames_in_words(scenes: &[Arc<Built>]) -> String {
+pub(crate) fn frames_in_words(scenes: &[Arc<Built>]) -> String {
     let all: usize = scenes.iter().map(|built| built.scene.frame_count()).sum();
     let scored: usize = scenes.iter().map(|built| built.scored_frames().len()).sum();
     let of = if scored < all { format!(", scores over {scored}") } else { String::new() };
@@ -52,7 +52,7 @@ pub fn frames_in_words(scenes: &[Arc<Built>]) -> String {
 /// `sensors` names the model of each LiDAR of an array. `phases` `[L]` or `[N, L]` locks them at angles in radians
 /// (`NaN`: as the model says).
 #[pyclass(name = "Scene", module = "sightline", frozen)]
-pub struct PyScene {
+pub(crate) struct PyScene {
     pub built: Arc<Built>,
     source: Source,
     /// Current folder when it was read: that of relative paths.
@@ -68,7 +68,7 @@ impl PyScene {
     }
 
     /// The one placement that was given, and the scene that it is looked at in.
-    pub fn one(
+    pub(crate) fn one(
         &self,
         poses: &Bound<'_, PyAny>,
         sensors: Option<Vec<String>>,

@@ -27,7 +27,7 @@ use crate::wait::{start, wait};
 
 /// Several scenes that share LiDARs and mount; each counts the same. Raises `ValueError` for none, and where they differ.
 #[pyclass(name = "Suite", module = "sightline", frozen)]
-pub struct PySuite {
+pub(crate) struct PySuite {
     given: Vec<Py<PyScene>>,
     scenes: Vec<Arc<Built>>,
     evaluator: Arc<Kept>,
@@ -228,7 +228,7 @@ fn own_placements(
     population=None, baselines=None, starts=None, target=None, seconds=None, mirror=False, budget=None, fewest=False, \
     tolerance='5mm,0.5deg', callback=None, progress=None)")]
 #[allow(clippy::too_many_arguments)]
-pub fn search<'py>(
+pub(crate) fn search<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
     #[pyo3(from_py_with = arguments::objective)] objective: Aim,
@@ -290,7 +290,7 @@ pub fn search<'py>(
 }
 
 /// A result, or the signal that ended its search, with the result as its attribute.
-pub fn signalled<'py>(
+pub(crate) fn signalled<'py>(
     py: Python<'py>,
     signal: Option<PyErr>,
     result: Bound<'py, PyAny>,
@@ -301,7 +301,7 @@ pub fn signalled<'py>(
 }
 
 /// The built scenes of a `Scene`, or of a list of at least one.
-pub fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
+pub(crate) fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
     Ok(given_scenes(given)?.iter().map(|scene| scene.get().built.clone()).collect())
 }
 
@@ -322,7 +322,7 @@ type SearchEnd<T> = (T, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search ends its generation and
 /// confirms its best so far; after a second one it is left alone.
-pub fn beside<T: Send + 'static>(
+pub(crate) fn beside<T: Send + 'static>(
     py: Python<'_>,
     search: impl FnOnce(&mut dyn FnMut(&Event) -> bool) -> PyResult<T> + Send + 'static,
     callback: Option<Py<PyAny>>,

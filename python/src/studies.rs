@@ -54,7 +54,7 @@ impl StudyObserver for Told<'_> {
     evaluations = 120, random = 200, seed = 1, budget = None, conditions = None, regions = None, sensor_files = None,
     voxel = 0.1, progress = None))]
 #[allow(clippy::too_many_arguments)]
-pub fn study_table<'py>(
+pub(crate) fn study_table<'py>(
     py: Python<'py>,
     kind: &str,
     scenes: &Bound<'py, PyAny>,
