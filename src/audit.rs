@@ -24,7 +24,7 @@ const TOLERANCE: (f64, f64) = (1e-3, 0.1 * std::f64::consts::PI / 180.0);
 const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
 
 /// Frames that an audit averages over by default.
-pub const AUDIT_FRAMES: u32 = 2;
+pub(crate) const AUDIT_FRAMES: u32 = 2;
 
 /// Result of an audit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -57,7 +57,7 @@ pub enum AuditEvent<'a> {
 }
 
 /// Parts of an audit.
-pub const AUDIT_PARTS: u64 = 4;
+pub(crate) const AUDIT_PARTS: u64 = 4;
 
 /// Tries to fool the scores of a job in one scene, and ranks `honest` placements by its objective under changes of
 /// the model.

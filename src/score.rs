@@ -147,15 +147,15 @@ fn held_in_words(share: f64) -> String {
 }
 
 /// Share of the copies that meet all requirements, in words.
-pub fn all_held_in_words(share: f64) -> String {
+pub(crate) fn all_held_in_words(share: f64) -> String {
     format!("all requirements: {}", held_in_words(share))
 }
 
 /// Least share of copies within the mounting tolerance that must meet a requirement; below, it is met on paper only.
-pub const HOLDS: f64 = 0.95;
+pub(crate) const HOLDS: f64 = 0.95;
 
 /// The word for a share of voxels, places or ground.
-pub const SEEN: &str = "seen";
+pub(crate) const SEEN: &str = "seen";
 
 /// A requirement: a share of something that must be seen, or be shared by LiDARs.
 ///
@@ -354,14 +354,14 @@ impl Scores {
 
     /// Sentence on the share of copies within the mounting tolerance that meet all of several requirements. `None` for
     /// a single requirement, where one is not met anyway, or where no copies were looked at.
-    pub fn holds_in_words(&self) -> Option<String> {
+    pub(crate) fn holds_in_words(&self) -> Option<String> {
         let is_met = self.required.len() > 1 && self.required.iter().all(Seen::is_met);
         self.requirements_hold_in.filter(|_| is_met).map(all_held_in_words)
     }
 
     /// Share of copies within the mounting tolerance that meet all requirements, where the placement does and fewer than
     /// [`HOLDS`] of its copies do; `None` elsewhere.
-    pub fn holds_on_paper(&self) -> Option<f64> {
+    pub(crate) fn holds_on_paper(&self) -> Option<f64> {
         let [met, of] = self.met();
         self.requirements_hold_in.filter(|&share| met == of && share < HOLDS)
     }

@@ -126,7 +126,7 @@ fn looks_down(table: &BeamTable) -> bool {
 ///
 /// # Errors
 /// A model that there is not.
-pub fn gaming_placements(
+pub(crate) fn gaming_placements(
     base: &Placement,
     sensors: &Sensors,
 ) -> Result<Vec<(&'static str, Placement)>, UnknownSensor> {
@@ -180,7 +180,7 @@ fn with_rotation(pose: SensorPose, turned: &Pose) -> SensorPose {
 
 /// The placement as a mechanic would mount it: each coordinate off by up to `metres`, each angle by up
 /// to `radians`, evenly.
-pub fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> Placement {
+pub(crate) fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> Placement {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut off = |by: f64| rng.random_range(-by..=by);
     let lidars = placement.lidars.iter().map(|pose| SensorPose {

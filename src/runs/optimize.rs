@@ -469,7 +469,7 @@ impl<'a> Bars<'a> {
         Self { shown: None, watcher }
     }
 
-    pub fn show(&mut self, event: &Event) {
+    pub(crate) fn show(&mut self, event: &Event) {
         match *event {
             Event::Asks => {}
             Event::Note(sentence) => self.watcher.note(sentence),

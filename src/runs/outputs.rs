@@ -10,10 +10,10 @@ use crate::files::{
 };
 
 /// A figure: its name without an ending, and the SVG.
-pub type Figure = (String, String);
+pub(crate) type Figure = (String, String);
 
 /// Checks, before long work, that a folder of figures could be written; true if one is wanted.
-pub fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
+pub(crate) fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
     folder.map(writable_folder).transpose()?;
     Ok(folder.is_some())
 }
@@ -22,7 +22,7 @@ pub fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
 ///
 /// # Errors
 /// Such a folder.
-pub fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), RunError> {
+pub(crate) fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), RunError> {
     let place = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     match figures.filter(|figures| place(figures) == place(run)) {
         None => Ok(()),
@@ -34,7 +34,7 @@ pub fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), Run
 }
 
 /// Writes each figure as `NAME.svg`.
-pub fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), RunError> {
+pub(crate) fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), RunError> {
     let Some(folder) = folder else { return Ok(()) };
     let names = safe_names(figures.iter().map(|(name, _)| &**name));
     let named = names.into_iter().zip(figures);

@@ -175,7 +175,7 @@ impl Objective {
 
     /// Like [`Self::value_of_tally`], over several scenes: of their scores together, see
     /// [`Scores::over_scenes`]. Each scene has the tally over its frames, its content and their number.
-    pub fn value_over_scenes<'a>(
+    pub(crate) fn value_over_scenes<'a>(
         &self,
         scenes: impl IntoIterator<Item = (Tally, &'a Content, usize)>,
     ) -> Option<f64> {
@@ -207,7 +207,7 @@ impl Objective {
     }
 
     /// True if a placement that covers every voxel has a value; if that one has none, no placement has one.
-    pub fn exists_in(&self, content: &Content) -> bool {
+    pub(crate) fn exists_in(&self, content: &Content) -> bool {
         let occupied = content.occupied().len() as u64;
         let all = Tally {
             covered: occupied.max(1),
@@ -223,20 +223,20 @@ impl Objective {
     ///
     /// A gain is a sum over voxels of a weight times a concave function of the number of LiDARs that cover the voxel.
     /// The function is the same for all voxels.
-    pub fn is_information_gain(&self) -> bool {
+    pub(crate) fn is_information_gain(&self) -> bool {
         const GAINS: [&str; 3] = ["information_gain", "information_gain_share", NEAR_GAIN];
         let gain = |metric: &Metric| GAINS.contains(&metric.name) || metric.is_repeated();
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
 
     /// True if the weight of a voxel depends on its position.
-    pub fn weighs_place(&self) -> bool {
+    pub(crate) fn weighs_place(&self) -> bool {
         self.near_most().is_some()
     }
 
     /// Lowest level of the near gains that the objective names: 1 for `near_gain`, 2 for `near_gain_2`, 3 for
     /// `near_gain_3`. `None` where it names none.
-    pub fn near_most(&self) -> Option<usize> {
+    pub(crate) fn near_most(&self) -> Option<usize> {
         let most = |metric: &Metric| NEAR_GAINS.iter().position(|name| *name == metric.name);
         self.terms.iter().filter_map(|(_, metric)| most(metric)).min().map(|place| place + 1)
     }
@@ -271,7 +271,7 @@ impl Objective {
     }
 
     /// True if a detection target is needed.
-    pub fn needs_detection(&self) -> bool {
+    pub(crate) fn needs_detection(&self) -> bool {
         self.terms.iter().any(|(_, metric)| metric.detection)
     }
 }

@@ -11,7 +11,7 @@ use crate::problem::Content;
 use crate::psog::to_nats;
 
 /// Σ H over all voxels of a scene in nats: of segmentation and of detection.
-pub fn totals(content: &Content) -> [f64; 2] {
+pub(crate) fn totals(content: &Content) -> [f64; 2] {
     let [segmentation, detection, ..] = content.entropy_total();
     [to_nats(segmentation), to_nats(detection)]
 }
@@ -76,7 +76,7 @@ impl Scores {
     /// means, and do not exist where one of them does not; gains and S-MIG, which are sums, are 0 in a scene
     /// in which nothing is covered. A class counts over the scenes that have it. Guards are those of any
     /// scene.
-    pub fn over_scenes(scenes: &[(&str, &Scores, [f64; 2])]) -> Self {
+    pub(crate) fn over_scenes(scenes: &[(&str, &Scores, [f64; 2])]) -> Self {
         let [(_, first, _), others @ ..] = scenes else { return Self::default() };
         if others.is_empty() {
             return (*first).clone();
@@ -171,7 +171,7 @@ pub struct Interval {
 /// scenes as there are, with replacement, and from each as many frames as it has. Equal seeds give equal bits.
 ///
 /// `None` where a scene has no frame, or there is no scene or no resample to draw.
-pub fn bootstrap(values: &[Vec<f64>], resamples: usize, seed: u64) -> Option<Interval> {
+pub(crate) fn bootstrap(values: &[Vec<f64>], resamples: usize, seed: u64) -> Option<Interval> {
     if values.is_empty() || resamples == 0 || values.iter().any(Vec::is_empty) {
         return None;
     }

@@ -38,7 +38,7 @@ pub(super) struct Units {
 
 /// Union of held poses: coverage in each scene, and the poses themselves.
 #[derive(Debug, Clone, Default)]
-pub struct Unions {
+pub(crate) struct Unions {
     each: Vec<Union>,
     poses: Vec<u32>,
 }
@@ -121,7 +121,7 @@ impl Atlases {
     ///
     /// # Panics
     /// A pose is not held.
-    pub fn union(&self, poses: &[u32], unions: &mut Unions) {
+    pub(crate) fn union(&self, poses: &[u32], unions: &mut Unions) {
         unions.each.resize_with(self.each.len(), Union::default);
         let each = self.each.iter().zip(&mut unions.each);
         each.for_each(|(atlas, union)| atlas.union(poses, union));
@@ -175,7 +175,12 @@ impl Atlases {
     ///
     /// # Panics
     /// The pose is not held.
-    pub fn value_with(&self, objective: &Objective, unions: &Unions, pose: u32) -> Option<f64> {
+    pub(crate) fn value_with(
+        &self,
+        objective: &Objective,
+        unions: &Unions,
+        pose: u32,
+    ) -> Option<f64> {
         let tally = |(atlas, union): (&Atlas, &Union)| atlas.tally_with(union, pose);
         let tallies = self.each.iter().zip(&unions.each).map(tally);
         objective.value_over_scenes(

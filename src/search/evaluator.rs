@@ -206,7 +206,7 @@ impl Evaluator {
     ///
     /// # Panics
     /// There is no such member.
-    pub fn member_mut(&mut self, member: usize) -> (&Member, &mut dyn Backend) {
+    pub(crate) fn member_mut(&mut self, member: usize) -> (&Member, &mut dyn Backend) {
         let Seat { member, backend, .. } = &mut self.seats[member];
         (member, &mut **backend)
     }

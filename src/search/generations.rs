@@ -274,7 +274,7 @@ impl Generations {
     ///
     /// # Errors
     /// The placement could not be evaluated.
-    pub fn rescore_best(
+    pub(crate) fn rescore_best(
         &mut self,
         evaluator: &mut Evaluator,
         settings: &Settings,
@@ -326,7 +326,7 @@ impl Generations {
 }
 
 /// Why a layout to start from is not used, in words; empty where it is.
-pub fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String> {
+pub(crate) fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String> {
     let (has, wanted) = (start.lidars.len(), constraints.lidars());
     if has != wanted {
         return vec![format!("it has {}, the mount {wanted}", counted(has, "LiDAR"))];

@@ -42,7 +42,7 @@ impl Places {
     }
 
     /// LiDARs of each kind.
-    pub fn lidars_by_kind(&self) -> &[usize] {
+    pub(crate) fn lidars_by_kind(&self) -> &[usize] {
         &self.lidars_by_kind
     }
 
@@ -169,7 +169,7 @@ impl GridSearch {
     /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every 2048 casts of a pose in
     /// a frame, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
     /// `go_on` never says no.
-    pub fn hold_while(
+    pub(crate) fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,
         poses: &[u32],

@@ -11,7 +11,7 @@ const ALL_SETS: u64 = 4000;
 
 /// Some frames, and the error of ranking by them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Level {
+pub(crate) struct Level {
     /// Frames in rising order, numbered through all scenes.
     pub frames: Vec<usize>,
     /// Ranking error of these frames: RMS over the placements of 1 − a · score / full score, with the best a. `None` where

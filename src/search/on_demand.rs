@@ -169,7 +169,7 @@ impl FramesOnDemand {
     }
 
     /// A search over the frames `few`, taken without a comparison with all: there was no time.
-    pub fn hurried(few: Vec<usize>, all: usize) -> Self {
+    pub(crate) fn hurried(few: Vec<usize>, all: usize) -> Self {
         Self::over(vec![few, (0..all).collect()], vec![None; 2])
     }
 
@@ -219,7 +219,7 @@ impl FramesOnDemand {
     }
 
     /// Position of the level that swaps are over.
-    pub fn of_swaps(&self) -> usize {
+    pub(crate) fn of_swaps(&self) -> usize {
         let enough = self.levels.iter().position(|level| level.len() >= FRAMES_OF_SWAPS);
         enough.unwrap_or(self.levels.len() - 1).max(self.second()).max(self.at)
     }
@@ -230,14 +230,14 @@ impl FramesOnDemand {
     }
 
     /// Goes to a level after a generation; the finalists are to be scored there.
-    pub fn go_to(&mut self, level: usize, generation: u64) {
+    pub(crate) fn go_to(&mut self, level: usize, generation: u64) {
         self.at = level;
         self.steps.push((generation, self.frames().len() as u32));
     }
 
     /// Goes to the last level of at most `frames` frames, where that is beyond the present one; the finalists are not
     /// scored there.
-    pub fn go_to_within(&mut self, frames: usize, generation: u64) {
+    pub(crate) fn go_to_within(&mut self, frames: usize, generation: u64) {
         let within = |level: &usize| self.levels[*level].len() <= frames;
         if let Some(level) = (self.at + 1..self.levels.len()).rev().find(within) {
             self.go_to(level, generation);
@@ -245,13 +245,13 @@ impl FramesOnDemand {
     }
 
     /// Counts sensor poses cast by swaps over the present frames.
-    pub fn note_swaps(&mut self, poses: u64) {
+    pub(crate) fn note_swaps(&mut self, poses: u64) {
         let casts = poses.saturating_mul(self.frames().len() as u64);
         self.work.swaps = self.work.swaps.saturating_add(casts);
     }
 
     /// True if the order of the finalists is to be checked after this generation.
-    pub fn is_due(&self, generation: u64) -> bool {
+    pub(crate) fn is_due(&self, generation: u64) -> bool {
         !self.is_full() && generation.is_multiple_of(GENERATIONS)
     }
 
@@ -278,7 +278,7 @@ impl FramesOnDemand {
     }
 
     /// Takes the scores of all finalists over the present level, which has more frames than the last.
-    pub fn rescored(&mut self, scores: &[Scores], objective: &Objective) {
+    pub(crate) fn rescored(&mut self, scores: &[Scores], objective: &Objective) {
         self.work.confirm += (scores.len() * self.frames().len()) as u64;
         for (finalist, scores) in self.finalists.iter_mut().zip(scores) {
             finalist.standing = Standing::of(scores, objective);
@@ -287,12 +287,12 @@ impl FramesOnDemand {
     }
 
     /// Finalists whose order is checked, that are not confirmed over all frames yet.
-    pub fn to_check(&self) -> Vec<Placement> {
+    pub(crate) fn to_check(&self) -> Vec<Placement> {
         self.unconfirmed(CHECKED)
     }
 
     /// All finalists that are not confirmed over all frames yet; none where the search itself is over all.
-    pub fn to_confirm(&self) -> Vec<Placement> {
+    pub(crate) fn to_confirm(&self) -> Vec<Placement> {
         if self.has_choice() { self.unconfirmed(FINALISTS) } else { Vec::new() }
     }
 
@@ -315,7 +315,7 @@ impl FramesOnDemand {
 
     /// True if following the present level loses more than half the tolerance, as the checked finalists
     /// see it: (best over all frames − that of the first) / |best|.
-    pub fn is_unsure(&mut self) -> bool {
+    pub(crate) fn is_unsure(&mut self) -> bool {
         let checked = self.finalists.iter().take(CHECKED);
         let of_all: Vec<f64> = checked.filter_map(|f| f.confirmed?.value).collect();
         let best = of_all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -326,7 +326,7 @@ impl FramesOnDemand {
     }
 
     /// The best of the confirmed finalists; `None` where the search itself was over all frames.
-    pub fn winner(&self) -> Option<Placement> {
+    pub(crate) fn winner(&self) -> Option<Placement> {
         let confirmed: Vec<(&Finalist, Standing)> =
             self.finalists.iter().filter_map(|f| Some((f, f.confirmed?))).collect();
         let standings: Vec<Standing> = confirmed.iter().map(|(_, standing)| *standing).collect();

@@ -34,7 +34,7 @@ fn interval(values: &[f64]) -> [f64; 2] {
 
 impl Suite {
     /// True if any sensor of a placement has a phase that differs from frame to frame.
-    pub fn has_free_phase(&self) -> bool {
+    pub(crate) fn has_free_phase(&self) -> bool {
         let free = |member: &Member| {
             let slots = member.problem().constraints().slots.iter();
             slots.map(|slot| slot.sensor).any(|name| member.problem().sensors().is_free(name))
@@ -43,7 +43,7 @@ impl Suite {
     }
 
     /// True if weather or faults decide by chance which beams return.
-    pub fn has_weather(&self) -> bool {
+    pub(crate) fn has_weather(&self) -> bool {
         self.members().iter().any(|member| member.problem().air().is_some())
     }
 

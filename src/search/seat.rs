@@ -111,7 +111,7 @@ impl Seat {
 
     /// Like [`Self::scores`], to the same bits, with tallies over all frames that are already `known`; `None` once
     /// `go_on`, which is asked before every few placements and frames, says no.
-    pub fn scores_while(
+    pub(crate) fn scores_while(
         &mut self,
         placements: &[Placement],
         known: &[Option<Tally>],

@@ -135,12 +135,12 @@ impl Suite {
     }
 
     /// True if there is one scene alone, and no mirror image.
-    pub fn is_single(&self) -> bool {
+    pub(crate) fn is_single(&self) -> bool {
         self.members.len() == 1
     }
 
     /// Scenes, mirror images not counted.
-    pub fn scene_count(&self) -> usize {
+    pub(crate) fn scene_count(&self) -> usize {
         self.members.iter().map(|member| member.scene + 1).max().unwrap_or(0)
     }
 
@@ -215,7 +215,7 @@ impl Suite {
 
     /// A copy that searches poses of some equipment. Given placements are still judged by the rules that they had.
     #[must_use]
-    pub fn with_equipment(&self, constraints: &Constraints) -> Self {
+    pub(crate) fn with_equipment(&self, constraints: &Constraints) -> Self {
         let changed = |member: &Member| {
             let problem = Problem::clone(&member.problem).with_equipment(constraints.clone());
             Member { problem: Arc::new(problem), ..member.clone() }

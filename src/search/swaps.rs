@@ -21,7 +21,7 @@ use crate::vehicle::{Placement, PoseGrid, Spacing};
 use sightline_files::json::counted;
 
 /// Default grid of the swaps: the spacing of the published placements.
-pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
+pub(crate) const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 
 /// Poses spread over the grid, as a multiple of the casts of the settings.
 const SPREAD: f64 = 0.75;

@@ -41,7 +41,7 @@ impl<'a> SelfHitMask<'a> {
     }
 
     /// True if the beams are rings and columns.
-    pub fn is_grid(&self) -> bool {
+    pub(crate) fn is_grid(&self) -> bool {
         self.table.grid().is_some()
     }
 

@@ -54,7 +54,7 @@ pub(super) struct HandoverRig {
 
 impl HandoverRig {
     /// Sentence on the frame that the body is taken in, where bodies of the vehicle move.
-    pub fn frame_in_words(&self) -> Option<String> {
+    pub(crate) fn frame_in_words(&self) -> Option<String> {
         let scene = self.scene();
         let others = match (scene.has_moving_bodies(), scene.has_bodies_held_still()) {
             (true, _) => "--frame",
@@ -135,7 +135,7 @@ impl HandoverRig {
     }
 
     /// Name of the vehicle, or of the scene where the vehicle has none.
-    pub fn vehicle_name(&self) -> &str {
+    pub(crate) fn vehicle_name(&self) -> &str {
         let scene = self.scene();
         if scene.vehicle().name.is_empty() { scene.name() } else { &scene.vehicle().name }
     }
@@ -146,7 +146,7 @@ impl HandoverRig {
     }
 
     /// Name of a model; `lidar` for the one of a scene, which has none.
-    pub fn model_name(&self, model: usize) -> String {
+    pub(crate) fn model_name(&self, model: usize) -> String {
         let name = self.sensors.models()[model].name;
         if name.is_none() { "lidar".to_owned() } else { name.as_str().to_owned() }
     }
@@ -156,7 +156,7 @@ impl HandoverRig {
     }
 
     /// Numbers of the models that the rig has, rising.
-    pub fn used_models(&self) -> Vec<usize> {
+    pub(crate) fn used_models(&self) -> Vec<usize> {
         let mut used = self.models.clone();
         used.sort_unstable();
         used.dedup();

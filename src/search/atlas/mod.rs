@@ -120,7 +120,7 @@ impl Atlas {
 
     /// Makes this the atlas of a mirror image, in which poses stand mirrored; see [`Problem::mirrored`].
     #[must_use]
-    pub fn of_mirror_image(mut self, mirrored: bool) -> Self {
+    pub(crate) fn of_mirror_image(mut self, mirrored: bool) -> Self {
         self.mirrored = mirrored;
         self
     }

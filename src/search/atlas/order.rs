@@ -52,7 +52,7 @@ impl ToLevels {
     }
 
     /// Brings a bitmap of all voxels into the level order; `ordered` is zero.
-    pub fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
+    pub(crate) fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
         reorder(&self.mask, &self.rank, &self.bit_of, bitmap, ordered);
     }
 }
@@ -104,7 +104,7 @@ impl LevelOrder {
     }
 
     /// Near information of the bits set in `own`, or both in `below` and `page`, all in this order.
-    pub fn near_of(&self, own: &[u64], below: &[u64], page: &[u64]) -> u64 {
+    pub(crate) fn near_of(&self, own: &[u64], below: &[u64], page: &[u64]) -> u64 {
         let near = Entropy::Near.of(&self.entropies.each_ref());
         let mut sum = near_of_words(near, own, below, page);
         let (own, below, page) = (&own[near.len()..], &below[near.len()..], &page[near.len()..]);
@@ -120,7 +120,7 @@ impl LevelOrder {
     }
 
     /// Adds the sums over the bits set in `a` or in `b`, both in this order, to a tally.
-    pub fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
+    pub(crate) fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
         add_words(&self.entropies, a, b, tally);
         let mixed = self.entropies[0].len();
         let (a, b, mut sums) = (&a[mixed..], &b[mixed..], [0; KINDS]);

@@ -35,12 +35,12 @@ impl Sparse {
     }
 
     /// Sets its bits in a bitmap.
-    pub fn add_to(&self, bitmap: &mut [u64]) {
+    pub(crate) fn add_to(&self, bitmap: &mut [u64]) {
         self.visit(|at, word| bitmap[at] |= word);
     }
 
     /// Number of its bits that are not set in `bitmap`.
-    pub fn count_beyond(&self, bitmap: &[u64]) -> u64 {
+    pub(crate) fn count_beyond(&self, bitmap: &[u64]) -> u64 {
         count_beyond(self, bitmap)
     }
 

@@ -31,12 +31,12 @@ pub(in crate::search) struct PairBound {
 
 impl PairBound {
     /// True if it knows overlaps, not single poses alone.
-    pub fn has_overlaps(&self) -> bool {
+    pub(crate) fn has_overlaps(&self) -> bool {
         !self.overlaps.is_empty()
     }
 
     /// True if many sets of its poses may be split: overlaps are known, or would change nothing.
-    pub fn can_split(&self) -> bool {
+    pub(crate) fn can_split(&self) -> bool {
         self.has_overlaps() || (!self.counts_overlaps && self.poses <= MOST_POSES)
     }
 
@@ -47,7 +47,7 @@ impl PairBound {
     }
 
     /// (pose, worth of the voxels outside `base` that it covers).
-    pub fn singles(&self) -> Vec<(u32, f64)> {
+    pub(crate) fn singles(&self) -> Vec<(u32, f64)> {
         self.singles.iter().enumerate().map(|(pose, &single)| (pose as u32, single)).collect()
     }
 
@@ -55,7 +55,7 @@ impl PairBound {
     ///
     /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count without them.
     /// `go_on` is asked while the overlaps are added up; once it says no the splits so far are all that were tried.
-    pub fn tightest(
+    pub(crate) fn tightest(
         columns: &Columns,
         worths: &Worths,
         most_words: u64,

@@ -202,7 +202,7 @@ impl Columns {
     }
 
     /// Words that [`Self::add_overlaps`] reads of each pair.
-    pub fn group_words(&self, group: usize) -> u64 {
+    pub(crate) fn group_words(&self, group: usize) -> u64 {
         self.groups[group].words.len() as u64
     }
 
@@ -252,7 +252,7 @@ impl Columns {
 
     /// Lower bounds, `[poses × poses]`, on the worth of the leading columns of `within` that two poses both cover; the
     /// diagonal is 0.
-    pub fn lead_overlaps(&self, poses: &[u32], within: &[u64]) -> Vec<u64> {
+    pub(crate) fn lead_overlaps(&self, poses: &[u32], within: &[u64]) -> Vec<u64> {
         let (n, words) = (poses.len(), self.lead().len());
         let least = &self.least[self.lead()];
         let mut bitmaps = Vec::with_capacity(n * words);
@@ -276,7 +276,7 @@ impl Columns {
     /// Adds to `[poses × poses]` a lower bound on the worth that two poses both cover in a group; the diagonal
     /// stays. False once `go_on`, which is asked after every [`WORDS_AT_ONCE`]
     /// words, says no: only some pairs are added then.
-    pub fn add_overlaps(
+    pub(crate) fn add_overlaps(
         &self,
         group: usize,
         overlaps: &mut [f64],

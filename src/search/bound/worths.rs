@@ -36,7 +36,7 @@ impl Worths {
     }
 
     /// True if only the first sensor that covers a voxel counts.
-    pub fn is_plain(&self) -> bool {
+    pub(crate) fn is_plain(&self) -> bool {
         self.in_full == 1.0 && self.overlap == 1.0
     }
 
@@ -44,7 +44,7 @@ impl Worths {
     ///
     /// They cover it n·p times, joined by (n − 1)·p² edges of a tree. The smaller solution is meant: 1 / (n − 1) where
     /// only the first sensor counts, and 1 where there is no solution.
-    pub fn even_share(&self, lidars: usize) -> f64 {
+    pub(crate) fn even_share(&self, lidars: usize) -> f64 {
         let n = lidars.max(2) as f64;
         let edges = self.overlap * (n - 1.0);
         if edges == 0.0 {
