@@ -30,7 +30,6 @@ const FEW_BYTES: u128 = 1 << 20;
 /// Converters of whole numbers: converter, argument, type, least and most.
 macro_rules! whole_numbers {
     ($($name:ident = $what:literal: $kind:ty, $least:expr, $most:expr;)*) => {$(
-        #[doc = concat!("The argument `", $what, "`.")]
         pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<$kind> {
             whole($what, given, $least as i128..=$most as i128)
         }
@@ -39,13 +38,27 @@ macro_rules! whole_numbers {
 
 /// Converters of whole numbers that may be `None`.
 macro_rules! maybe_whole_numbers {
-    ($($name:ident = $what:literal: $kind:ty, $least:expr, $most:expr;)*) => {$(
-        #[doc = concat!("The argument `", $what, "`, which may be `None`.")]
+    ($($name:ident: $kind:ty, $least:expr, $most:expr;)*) => {$(
         pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<$kind>> {
-            if given.is_none() {
-                return Ok(None);
-            }
-            whole($what, given, $least as i128..=$most as i128).map(Some)
+            maybe(given, |given| whole(stringify!($name), given, $least as i128..=$most as i128))
+        }
+    )*};
+}
+
+/// Converters of finite numbers that may be `None`: converter, wanted value in words, and its rule.
+macro_rules! maybe_reals {
+    ($($name:ident: $wanted:literal, $is_allowed:expr;)*) => {$(
+        pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+            maybe(given, |given| real(stringify!($name), given, $wanted, $is_allowed))
+        }
+    )*};
+}
+
+/// Converters of lists of texts that may be `None`: converter and argument.
+macro_rules! maybe_texts {
+    ($($name:ident = $what:literal;)*) => {$(
+        pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+            maybe(given, |given| texts($what, given))
         }
     )*};
 }
@@ -70,44 +83,40 @@ whole_numbers! {
 }
 
 maybe_whole_numbers! {
-    azimuth_steps = "azimuth_steps": u32, 1, 100_000;
-    frames = "frames": u32, 1, u32::MAX;
-    memory = "memory": u64, 1, u64::MAX;
-    of_frames = "of_frames": u32, 1, u32::MAX;
-    population = "population": usize, 4, 10_000;
-    window = "window": u32, 0, u32::MAX;
+    azimuth_steps: u32, 1, 100_000;
+    frames: u32, 1, u32::MAX;
+    memory: u64, 1, u64::MAX;
+    of_frames: u32, 1, u32::MAX;
+    population: usize, 4, 10_000;
+    window: u32, 0, u32::MAX;
+}
+
+maybe_reals! {
+    budget: "a price of 0 or more, or None", |price| price >= 0.0;
+    range: "metres, more than 0, or None", |metres| metres > 0.0;
+    reach: "metres, 0 or more, or None", |metres| metres >= 0.0;
+    seconds: "more than 0 and less than 10⁹, or None", |seconds| seconds > 0.0 && seconds < 1e9;
+    target: "a finite number or None", |_| true;
+}
+
+maybe_texts! {
+    conditions = "conditions";
+    frame_names = "frames";
+    moving = "moving";
+    sensors = "sensors";
+}
+
+fn maybe<T>(
+    given: &Bound<'_, PyAny>,
+    read: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
+) -> PyResult<Option<T>> {
+    if given.is_none() { Ok(None) } else { read(given).map(Some) }
 }
 
 /// The argument of `set_threads`: at most [`THREADS_A_CORE`] for each core, and [`THREADS_ANYWHERE`] on any machine.
 pub(crate) fn threads(given: &Bound<'_, PyAny>) -> PyResult<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     whole("count", given, 1..=(THREADS_A_CORE * cores as i128).max(THREADS_ANYWHERE))
-}
-
-/// The argument `range` of sensors.
-pub(crate) fn range(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("range", given, "metres, more than 0, or None", |metres| metres > 0.0)
-}
-
-/// The argument `reach` of ray casters.
-pub(crate) fn reach(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("reach", given, "metres, 0 or more, or None", |metres| metres >= 0.0)
-}
-
-/// The argument `target`.
-pub(crate) fn target(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("target", given, "a finite number or None", |_| true)
-}
-
-/// The argument `seconds`.
-pub(crate) fn seconds(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    let wanted = "more than 0 and less than 10⁹, or None";
-    maybe_real("seconds", given, wanted, |seconds| seconds > 0.0 && seconds < 1e9)
-}
-
-/// The argument `budget`.
-pub(crate) fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("budget", given, "a price of 0 or more, or None", |price| price >= 0.0)
 }
 
 /// The argument `objective` of calls that take no function.
@@ -137,29 +146,9 @@ pub(crate) fn objective(given: &Bound<'_, PyAny>) -> PyResult<Aim> {
     objective_in_words(given).map(|text| Aim::Text(text.to_owned()))
 }
 
-/// The argument `conditions`, which may be `None`.
-pub(crate) fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("conditions", given).map(Some) }
-}
-
 /// The argument `classes`.
 pub(crate) fn classes(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     texts("classes", given)
-}
-
-/// The argument `frames` of rigs, which may be `None`.
-pub(crate) fn frame_names(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("frames", given).map(Some) }
-}
-
-/// The argument `moving`, which may be `None`.
-pub(crate) fn moving(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("moving", given).map(Some) }
-}
-
-/// The argument `sensors`, which may be `None`.
-pub(crate) fn sensors(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("sensors", given).map(Some) }
 }
 
 /// Objects of the module in a list; `None` where it does not begin with one.
@@ -299,7 +288,7 @@ fn exact(given: &Bound<'_, PyAny>) -> PyResult<Option<i128>> {
 }
 
 /// A finite number that `is_allowed`.
-pub(crate) fn real(
+fn real(
     what: &str,
     given: &Bound<'_, PyAny>,
     wanted: &str,
@@ -312,18 +301,6 @@ pub(crate) fn real(
     value
         .filter(|&value| value.is_finite() && is_allowed(value))
         .ok_or_else(|| bad(format!("{what}: is {}; give {wanted}", shown(given))))
-}
-
-fn maybe_real(
-    what: &str,
-    given: &Bound<'_, PyAny>,
-    wanted: &str,
-    is_allowed: fn(f64) -> bool,
-) -> PyResult<Option<f64>> {
-    if given.is_none() {
-        return Ok(None);
-    }
-    real(what, given, wanted, is_allowed).map(Some)
 }
 
 /// Raises an error that does not depend on the argument's value, such as Ctrl-C or a lack of memory.

@@ -16,7 +16,7 @@ use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores};
 
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
-use crate::progress::{Urgency, WorkMessages, log};
+use crate::progress::{WorkMessages, log};
 use crate::psogs::PyPsog;
 use crate::rays::RayTarget;
 use crate::wait::{is_forked, pooled};
@@ -244,9 +244,8 @@ impl Built {
 
 /// An evaluator of a job, whose sentences on the engine go to the log.
 pub(crate) fn opened(job: &Job) -> PyResult<Evaluator> {
-    let (evaluator, notes) =
-        job.evaluator(|sentence| log(Urgency::Warning, sentence)).map_err(raised)?;
-    notes.iter().for_each(|sentence| log(Urgency::Info, sentence));
+    let (evaluator, notes) = job.evaluator(|sentence| log("warning", sentence)).map_err(raised)?;
+    notes.iter().for_each(|sentence| log("info", sentence));
     Ok(evaluator)
 }
 

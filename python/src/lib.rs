@@ -22,6 +22,8 @@
 //! | `front` | the front of objectives |
 //! | `studies` | studies that take many runs |
 
+#![allow(clippy::too_many_arguments, reason = "keywords of Python")]
+
 mod arguments;
 mod arrays;
 mod atlas;

@@ -144,29 +144,11 @@ impl Shown {
     }
 }
 
-/// Hands a sentence of the library to the logger `sightline`, from any thread.
-pub(crate) fn log(level: Urgency, sentence: &str) {
+/// Hands a sentence of the library to the logger `sightline`, from any thread; `level` is `info` or `warning`.
+pub(crate) fn log(level: &str, sentence: &str) {
     // A thread that outlives the interpreter has nobody to tell.
     let _ = Python::try_attach(|py| -> PyResult<()> {
         let logger = py.import("sightline._progress")?.getattr("logger")?;
-        logger.call_method1(level.method(), ("%s", sentence)).map(drop)
+        logger.call_method1(level, ("%s", sentence)).map(drop)
     });
-}
-
-/// How urgent a sentence is.
-#[derive(Clone, Copy)]
-pub(crate) enum Urgency {
-    /// Facts on how work is done, such as the engine taken.
-    Info,
-    /// Something went wrong, and the work goes on in another way.
-    Warning,
-}
-
-impl Urgency {
-    fn method(self) -> &'static str {
-        match self {
-            Self::Info => "info",
-            Self::Warning => "warning",
-        }
-    }
 }

@@ -42,7 +42,6 @@ pub(crate) struct PyPsog(pub Arc<Psog>);
 impl PyPsog {
     #[new]
     #[pyo3(signature = (*, index, counts, frames, classes, roi_min, voxel, shape))]
-    #[allow(clippy::too_many_arguments)]
     fn new(
         index: &Bound<'_, PyAny>,
         counts: &Bound<'_, PyAny>,
@@ -102,7 +101,6 @@ impl PyPsog {
     /// points of classes in `moving` count in their own frame only.
     #[staticmethod]
     #[pyo3(signature = (points, labels, poses, *, classes, roi, voxel, window = None, moving = None))]
-    #[allow(clippy::too_many_arguments)]
     fn from_scans(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,

@@ -96,7 +96,6 @@ impl PyScene {
     #[staticmethod]
     #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = None,
         backend = "auto", adapter = None, memory = None))]
-    #[allow(clippy::too_many_arguments)]
     fn load(
         py: Python<'_>,
         path: PathBuf,
@@ -119,7 +118,6 @@ impl PyScene {
     #[staticmethod]
     #[pyo3(signature = (scene, *, folder = None, psog = None, frames = None,
         conditions = None, backend = "auto", adapter = None, memory = None))]
-    #[allow(clippy::too_many_arguments)]
     fn from_dict(
         scene: &Bound<'_, PyAny>,
         folder: Option<PathBuf>,
@@ -239,7 +237,6 @@ impl PyScene {
     ///
     /// `progress` as for `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false, progress = None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn score<'py>(
         &self,
         py: Python<'py>,
@@ -344,7 +341,6 @@ impl PyScene {
     /// geometry.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = None, ideal = false, seed = 1,
         frames = None, misses = false))]
-    #[allow(clippy::too_many_arguments)]
     fn scan(
         &self,
         poses: &Bound<'_, PyAny>,
@@ -367,7 +363,6 @@ impl PyScene {
     /// `progress` as for `optimize`.
     #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1, progress = None))]
-    #[allow(clippy::too_many_arguments)]
     fn verify<'py>(
         &self,
         py: Python<'py>,

@@ -21,7 +21,7 @@ use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, guard, job_of, opened, score};
 use crate::errors::{bad, raised};
 use crate::placements::{PyPlacement, placements_in};
-use crate::progress::{Progress, Shown, Urgency, WorkMessages, log};
+use crate::progress::{Progress, Shown, WorkMessages, log};
 use crate::scenes::{PyScene, frames_in_words};
 use crate::wait::{start, wait};
 
@@ -95,41 +95,28 @@ impl PySuite {
     }
 }
 
-/// A job, and the limit of wall time that begins with its search.
-struct Asked {
-    job: Job,
-    seconds: Option<f64>,
-}
-
-impl Asked {
-    /// Runs to the outcome, with the weather and faults of the scenes as they are written; `None` where the observer
-    /// stops the choice of sensors.
-    fn run(
-        self,
-        observe: &mut dyn FnMut(&Event) -> bool,
-    ) -> PyResult<Option<(Found, Vec<String>)>> {
-        let length = self.seconds.map(Duration::from_secs_f64);
-        let job = self.job.within(length.map(TimeLimit::from_now));
-        let mut observe = |event: &Event| observe(event);
-        let found = job.optimize(&mut observe).map_err(raised)?;
+/// Searches on a thread of its own, for `seconds` of wall time at most, and gives the result as Python has it; see
+/// [`beside`].
+fn optimized<'py>(
+    py: Python<'py>,
+    (job, seconds): (Job, Option<f64>),
+    vehicle: &Vehicle,
+    callback: Option<Py<PyAny>>,
+    progress: Option<Progress>,
+) -> PyResult<Bound<'py, PyAny>> {
+    type Ended = Option<(Found, Vec<String>)>;
+    let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Ended> {
+        let length = seconds.map(Duration::from_secs_f64);
+        let job = job.within(length.map(TimeLimit::from_now));
+        let found = job.optimize(&mut |event: &Event| observe(event)).map_err(raised)?;
         Ok(found.map(|found| (found, job.conditions_in_words())))
-    }
-
-    /// Runs on a thread of its own, and gives the result as Python has it; see [`beside`].
-    fn answer<'py>(
-        self,
-        py: Python<'py>,
-        vehicle: &Vehicle,
-        callback: Option<Py<PyAny>>,
-        progress: Option<Progress>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let (ended, signal) = beside(py, |observe| self.run(observe), callback, progress)?;
-        let result = match ended {
-            Some((found, conditions)) => result_object(py, vehicle, &found, conditions)?,
-            None => py.None().into_bound(py),
-        };
-        signalled(py, signal, result)
-    }
+    };
+    let (ended, signal) = beside(py, search, callback, progress)?;
+    let result = match ended {
+        Some((found, conditions)) => result_object(py, vehicle, &found, conditions)?,
+        None => py.None().into_bound(py),
+    };
+    signalled(py, signal, result)
 }
 
 /// Tells a callback of an event; `Ok(false)` where it asks for the end by `StopIteration`, as SciPy has it.
@@ -227,7 +214,6 @@ fn own_placements(
     text_signature = "(scenes, *, objective='near_gain', evaluations=180, seed=1, method='both', frames=None, \
     population=None, baselines=None, starts=None, target=None, seconds=None, mirror=False, budget=None, fewest=False, \
     tolerance='5mm,0.5deg', callback=None, progress=None)")]
-#[allow(clippy::too_many_arguments)]
 pub(crate) fn search<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
@@ -286,7 +272,7 @@ pub(crate) fn search<'py>(
     if baselines.is_some() {
         job = job.baselines(layouts(&scenes[0].scene, baselines)?);
     }
-    Asked { job, seconds }.answer(py, scenes[0].scene.vehicle(), callback, progress)
+    optimized(py, (job, seconds), scenes[0].scene.vehicle(), callback, progress)
 }
 
 /// A result, or the signal that ended its search, with the result as its attribute.
@@ -336,7 +322,7 @@ pub(crate) fn beside<T: Send + 'static>(
     start(move || {
         let mut observe = |event: &Event| {
             match event {
-                Event::Note(sentence) => log(Urgency::Info, sentence),
+                Event::Note(sentence) => log("info", sentence),
                 Event::Progress { work, done, total } => {
                     told.reach(&work.to_string(), *done as usize, *total as usize);
                 }

@@ -53,7 +53,6 @@ impl StudyObserver for Told<'_> {
 #[pyo3(signature = (kind, scenes, poses = None, *, sensors = None, phases = None, objective = "near_gain",
     evaluations = 120, random = 200, seed = 1, budget = None, conditions = None, regions = None, sensor_files = None,
     voxel = 0.1, progress = None))]
-#[allow(clippy::too_many_arguments)]
 pub(crate) fn study_table<'py>(
     py: Python<'py>,
     kind: &str,
