@@ -465,7 +465,7 @@ struct Bars<'a> {
 }
 
 impl<'a> Bars<'a> {
-    pub fn new(watcher: &'a dyn Watcher) -> Self {
+    pub(crate) fn new(watcher: &'a dyn Watcher) -> Self {
         Self { shown: None, watcher }
     }
 
@@ -494,7 +494,7 @@ impl<'a> Bars<'a> {
         }
     }
 
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.shown = None;
     }
 }

@@ -50,18 +50,18 @@ pub(super) struct Drawings<'a> {
 }
 
 impl<'a> Drawings<'a> {
-    pub fn new(file: &'a Option<PathBuf>, folder: &'a FiguresOut) -> Self {
+    pub(crate) fn new(file: &'a Option<PathBuf>, folder: &'a FiguresOut) -> Self {
         Self { file: file.as_deref(), folder: folder.figures.as_deref() }
     }
 
     /// Checks, before work begins, that they can be written.
-    pub fn check(self) -> Result<(), RunError> {
+    pub(crate) fn check(self) -> Result<(), RunError> {
         self.file.map_or(Ok(()), |file| check_file(file, "svg"))?;
         check_figures(self.folder).map(drop)
     }
 
     /// Writes the figures, and the drawing where there is one; returns the sentence that names them.
-    pub fn write(
+    pub(crate) fn write(
         self,
         figures: Vec<Figure>,
         drawing: impl FnOnce() -> Option<String>,

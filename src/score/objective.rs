@@ -289,7 +289,7 @@ pub(super) struct Tasks {
 
 impl Tasks {
     /// From sums over `frames` frames.
-    pub fn new(tally: &Tally, content: &Content, frames: usize) -> Self {
+    pub(crate) fn new(tally: &Tally, content: &Content, frames: usize) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
         let gain = |kind: Entropy| to_nats(kind.of(&tally.entropy)) / frames as f64;
         let task = |kind: Entropy| {
@@ -314,7 +314,7 @@ impl Tasks {
     }
 
     /// Tasks among the scores of a placement.
-    pub fn of(scores: &Scores) -> Self {
+    pub(crate) fn of(scores: &Scores) -> Self {
         let Scores { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3, .. } =
             *scores;
         Self { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 }

@@ -91,7 +91,7 @@ impl Moved {
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
-    pub fn new(
+    pub(crate) fn new(
         (tolerance, seed, only): (Tolerance, u64, Option<usize>),
         (placement, required): (&Placement, usize),
         evaluator: &mut Evaluator,
@@ -121,7 +121,7 @@ impl Moved {
 
     /// A placement none of whose LiDARs is off, by which those of others [beside it](Self::shares_beside) are found; `go_on` and
     /// `None` work as in [`Self::new`].
-    pub fn still(
+    pub(crate) fn still(
         looked_at: (&Placement, usize),
         evaluator: &mut Evaluator,
         go_on: &mut dyn FnMut() -> bool,
@@ -370,7 +370,7 @@ impl Moved {
 
     /// Shares of the copies that meet the requirements. `found` has the share and the required share of each, over all
     /// frames; columns of `instead` replace LiDARs' own. `go_on` and `None` work as in [`Self::new`].
-    pub fn holds(
+    pub(crate) fn holds(
         &self,
         instead: &[(usize, Column)],
         found: &[(f64, f64)],

@@ -37,7 +37,7 @@ pub(super) struct Places {
 
 impl Places {
     /// Kind of slot of a pose.
-    pub fn kind(&self, pose: u32) -> usize {
+    pub(crate) fn kind(&self, pose: u32) -> usize {
         self.kinds[pose as usize]
     }
 
@@ -47,7 +47,7 @@ impl Places {
     }
 
     /// See [`GridSearch::fits`].
-    pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
+    pub(crate) fn fits(&self, pose: u32, others: &[u32]) -> bool {
         let at = |pose: u32| self.positions[pose as usize];
         let apart = |&other: &u32| other != pose && at(pose).distance(at(other)) >= self.least;
         let kind = self.kinds[pose as usize];

@@ -114,7 +114,7 @@ pub struct WorkByPurpose {
 
 impl FramesOnDemand {
     /// Checks that loaded levels fit a suite of `frames` frames.
-    pub fn check(&self, frames: usize) -> Result<(), String> {
+    pub(crate) fn check(&self, frames: usize) -> Result<(), String> {
         let PlacementFrames { levels: chosen, search, swaps, confirm } = self.work;
         let parts = [
             ("the present level is not among them", self.at < self.levels.len()),
@@ -138,7 +138,7 @@ impl FramesOnDemand {
     }
 
     /// Placements that the levels hold.
-    pub fn held(&self) -> impl Iterator<Item = &Placement> {
+    pub(crate) fn held(&self) -> impl Iterator<Item = &Placement> {
         self.finalists.iter().map(|finalist| &finalist.placement)
     }
 
@@ -148,7 +148,7 @@ impl FramesOnDemand {
     ///
     /// # Errors
     /// One placement does not fit.
-    pub fn choose(
+    pub(crate) fn choose(
         whole: &Suite,
         settings: &Settings,
         memory: u64,
@@ -182,12 +182,12 @@ impl FramesOnDemand {
     }
 
     /// Frames of the present level.
-    pub fn frames(&self) -> &[usize] {
+    pub(crate) fn frames(&self) -> &[usize] {
         &self.levels[self.at]
     }
 
     /// Frames of the first level.
-    pub fn first(&self) -> &[usize] {
+    pub(crate) fn first(&self) -> &[usize] {
         &self.levels[0]
     }
 
@@ -202,19 +202,19 @@ impl FramesOnDemand {
     }
 
     /// Position of the present level.
-    pub fn level(&self) -> usize {
+    pub(crate) fn level(&self) -> usize {
         self.at
     }
 
     /// Position of the least level from the present one on that is enough after a share of the evaluations.
-    pub fn enough(&self, progress: f64) -> usize {
+    pub(crate) fn enough(&self, progress: f64) -> usize {
         let exact = self.errors[0].is_some_and(|error| error <= LATE_ERROR);
         let least = if progress < LATE || exact { 0 } else { self.second() };
         least.max(self.at)
     }
 
     /// Position of the level after the present one; of the last one where there is none.
-    pub fn next(&self) -> usize {
+    pub(crate) fn next(&self) -> usize {
         (self.at + 1).min(self.levels.len() - 1)
     }
 
@@ -256,7 +256,7 @@ impl FramesOnDemand {
     }
 
     /// Takes note of a generation: placements that keep the rules of the mount, and their scores.
-    pub fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
+    pub(crate) fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
         self.work.search += (scored.len() * self.frames().len()) as u64;
         let standings = scored.into_iter().map(|(placement, scores)| Finalist {
             placement,
@@ -273,7 +273,7 @@ impl FramesOnDemand {
     }
 
     /// All finalists, to be scored over a new level.
-    pub fn finalists(&self) -> Vec<Placement> {
+    pub(crate) fn finalists(&self) -> Vec<Placement> {
         self.finalists.iter().map(|finalist| finalist.placement.clone()).collect()
     }
 
@@ -302,7 +302,7 @@ impl FramesOnDemand {
     }
 
     /// Takes the scores over all frames of the first finalists that were not confirmed yet.
-    pub fn confirmed(&mut self, scores: &[Scores], objective: &Objective) {
+    pub(crate) fn confirmed(&mut self, scores: &[Scores], objective: &Objective) {
         let all = self.levels[self.levels.len() - 1].len();
         self.work.confirm += (scores.len() * all) as u64;
         let open = self.finalists.iter_mut().filter(|f| f.confirmed.is_none());
@@ -336,7 +336,7 @@ impl FramesOnDemand {
 
     /// Frames used, saved and risked by a search of `evaluations` placements, whose swaps cast `poses_swapped`
     /// sensor poses, `lidars` of them a placement.
-    pub fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
+    pub(crate) fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
         let all = self.levels[self.levels.len() - 1].len();
         let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);
         let PlacementFrames { levels, search, swaps, confirm } = self.work;

@@ -68,7 +68,10 @@ impl HandoverRig {
         ))
     }
 
-    pub fn new(request: &HandoverRequest, computing: &Computing<'_>) -> Result<Self, RunError> {
+    pub(crate) fn new(
+        request: &HandoverRequest,
+        computing: &Computing<'_>,
+    ) -> Result<Self, RunError> {
         let Some((text, scenes)) = request.files.split_last() else {
             return Err(RunError::Usage("give a file of placements".to_owned()));
         };
@@ -130,7 +133,7 @@ impl HandoverRig {
         })
     }
 
-    pub fn scene(&self) -> &Scene {
+    pub(crate) fn scene(&self) -> &Scene {
         self.job.scene()
     }
 
@@ -141,7 +144,7 @@ impl HandoverRig {
     }
 
     /// Beams of a LiDAR.
-    pub fn table(&self, lidar: usize) -> &BeamTable {
+    pub(crate) fn table(&self, lidar: usize) -> &BeamTable {
         self.sensors.table(self.models[lidar])
     }
 
@@ -151,7 +154,7 @@ impl HandoverRig {
         if name.is_none() { "lidar".to_owned() } else { name.as_str().to_owned() }
     }
 
-    pub fn price(&self, model: usize) -> f64 {
+    pub(crate) fn price(&self, model: usize) -> f64 {
         self.sensors.models()[model].price
     }
 
@@ -164,7 +167,7 @@ impl HandoverRig {
     }
 
     /// The mask of each LiDAR.
-    pub fn masks(&self) -> Vec<SelfHitMask<'_>> {
+    pub(crate) fn masks(&self) -> Vec<SelfHitMask<'_>> {
         let mask = |k: usize| {
             let phase = self.placement.lidars[k].phase.unwrap_or_default();
             SelfHitMask::new(self.table(k), phase, &self.own[k])

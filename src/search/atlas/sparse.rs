@@ -13,7 +13,7 @@ pub(super) struct Sparse {
 
 impl Sparse {
     /// The bitmap of some words.
-    pub fn new(bitmap: impl Iterator<Item = u64> + Clone) -> Self {
+    pub(crate) fn new(bitmap: impl Iterator<Item = u64> + Clone) -> Self {
         // Counted first: lists that grow and shrink leave holes between one another.
         let mut words = Vec::with_capacity(bitmap.clone().filter(|&word| word != 0).count());
         let mut places = Vec::with_capacity(bitmap.size_hint().0.div_ceil(64));
@@ -30,7 +30,7 @@ impl Sparse {
     }
 
     /// Bytes that it takes.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(&self.places[..]) + size_of_val(&self.words[..])) as u64
     }
 

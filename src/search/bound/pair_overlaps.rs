@@ -41,7 +41,7 @@ impl PairBound {
     }
 
     /// Most worth that a pose adds to a set with `beside` in it.
-    pub fn added(&self, pose: u32, beside: u32) -> f64 {
+    pub(crate) fn added(&self, pose: u32, beside: u32) -> f64 {
         let overlap = self.overlaps.get(beside as usize * self.poses + pose as usize);
         self.singles[pose as usize] - overlap.unwrap_or(&0.0)
     }
