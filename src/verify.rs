@@ -3,7 +3,6 @@
 
 pub(crate) mod oracle;
 
-use std::ops::AddAssign;
 use std::sync::Arc;
 
 use rand::{RngExt, SeedableRng};
@@ -125,19 +124,6 @@ impl Differences {
     fn add_tallies(&mut self, ours: &[Tally], theirs: &[Tally]) {
         self.scores += ours.len() as u64;
         self.differing_scores += ours.iter().zip(theirs).filter(|(a, b)| a != b).count() as u64;
-    }
-}
-
-impl AddAssign for Differences {
-    fn add_assign(&mut self, other: Self) {
-        self.beams += other.beams;
-        self.triangles += other.triangles;
-        self.distances += other.distances;
-        self.largest_distance = self.largest_distance.max(other.largest_distance);
-        self.voxels += other.voxels;
-        self.differing_voxels += other.differing_voxels;
-        self.scores += other.scores;
-        self.differing_scores += other.differing_scores;
     }
 }
 

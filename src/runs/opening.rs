@@ -250,18 +250,12 @@ pub(crate) fn level_ground(
     frames: Option<u32>,
     watcher: &dyn Watcher,
 ) -> Result<Scene, RunError> {
-    let scene = Scene::level_ground(vehicle)?;
-    scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
-    note_frames_on_level_ground(frames, watcher);
-    Ok(scene)
-}
-
-/// Notes that `--frames` is more than the one frame of level ground.
-fn note_frames_on_level_ground(wanted: Option<u32>, watcher: &dyn Watcher) {
-    if let Some(wanted) = wanted.filter(|wanted| *wanted > 1) {
-        watcher
-            .note(&format!("--frames {wanted}: without a scene there is one frame, level ground"));
+    let scene = told(Scene::level_ground(vehicle)?, watcher)?;
+    if let Some(wanted) = frames.filter(|wanted| *wanted > 1) {
+        let words = "without a scene there is one frame, level ground";
+        watcher.note(&format!("--frames {wanted}: {words}"));
     }
+    Ok(scene)
 }
 
 /// Notes scenes with other classes than the first, which only the counts by class depend on.

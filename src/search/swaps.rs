@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 
 use super::atlases::Atlases;
 use super::climb::Moves;
-use super::coarse_grid::coarse_grid;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
 use super::on_demand::drawn;
+use super::settings::coarse_grid;
 use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
