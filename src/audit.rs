@@ -57,7 +57,6 @@ pub enum AuditEvent<'a> {
     PartDone,
 }
 
-/// Parts of an audit.
 pub(crate) const AUDIT_PARTS: u64 = 4;
 
 /// Tries to fool the scores of a job in one scene, and ranks `honest` placements by its objective under changes of
@@ -124,7 +123,6 @@ fn without_phases(placements: &[Placement]) -> Vec<Placement> {
     freed
 }
 
-/// Attempts to look better than the base, and the base in fog.
 fn trials(
     job: &Job,
     evaluator: &mut Evaluator,

@@ -134,11 +134,9 @@ pub(crate) fn objective_in_words<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'
 pub(crate) enum Aim {
     /// The name of a score, or a weighted sum of scores.
     Text(String),
-    /// A function of `Scores`.
     Function(Py<PyAny>),
 }
 
-/// The argument `objective`.
 pub(crate) fn objective(given: &Bound<'_, PyAny>) -> PyResult<Aim> {
     if given.is_callable() {
         return Ok(Aim::Function(given.clone().unbind()));
@@ -146,7 +144,6 @@ pub(crate) fn objective(given: &Bound<'_, PyAny>) -> PyResult<Aim> {
     objective_in_words(given).map(|text| Aim::Text(text.to_owned()))
 }
 
-/// The argument `classes`.
 pub(crate) fn classes(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     texts("classes", given)
 }
@@ -179,7 +176,6 @@ pub(crate) fn which_frames(given: Option<&Bound<'_, PyAny>>, count: usize) -> Py
     Ok(spread(count, Some(whole("frames", given, 1..=u32::MAX as i128)?)))
 }
 
-/// A list of texts.
 pub(crate) fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     // A text is a list of letters in Python.
     let letters = given.is_instance_of::<PyString>();
@@ -230,7 +226,6 @@ pub(crate) fn whole<T: TryFrom<i128>>(
     })
 }
 
-/// Words for a whole number in `allowed`.
 pub(crate) fn whole_in_words(allowed: &RangeInclusive<i128>) -> String {
     let (least, most) = (*allowed.start(), *allowed.end());
     if most == i128::MAX {

@@ -158,7 +158,6 @@ pub(crate) fn rows<'a, T: Element>(
     }
 }
 
-/// A column of values.
 pub(crate) fn column<T: Element>(py: Python<'_>, values: Vec<T>) -> Bound<'_, PyArray1<T>> {
     PyArray1::from_vec(py, values)
 }

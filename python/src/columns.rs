@@ -15,7 +15,6 @@ use crate::wait::watched;
 /// Gets a score of a task.
 type OfTask = fn(&TaskScores) -> Option<f64>;
 
-/// Scores of a task by name.
 const TASK: [(&str, OfTask); 6] = [
     ("m_sog", |task| task.m_sog),
     ("m_sog_scaled", |task| task.m_sog_scaled),

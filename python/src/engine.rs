@@ -42,7 +42,6 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    /// From arguments in Python.
     pub(crate) fn new(
         psog: Option<&Bound<'_, PyPsog>>,
         frames: Option<u32>,
@@ -134,7 +133,6 @@ impl Kept {
         Ok(kept)
     }
 
-    /// Works with the evaluator, alone.
     pub(crate) fn with<T>(
         &self,
         open: impl FnOnce() -> PyResult<Evaluator>,
@@ -221,7 +219,6 @@ impl Built {
         number.ok_or_else(|| bad(format!("frame: is {frame}; give 0 to {}", frames - 1)))
     }
 
-    /// One frame to cast into.
     pub(crate) fn frame(&self, frame: usize) -> PyResult<Posed> {
         if !self.scene.has_geometry() {
             return Err(bad(

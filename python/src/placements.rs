@@ -12,7 +12,6 @@ use crate::arguments::{self, listed, room_for};
 use crate::arrays::{column, matrix, numbers, shape_in_words, to_python};
 use crate::errors::{bad, raised, warn_of_placements};
 
-/// Bytes that the name of a placement takes.
 const NAME_BYTES: usize = 32;
 
 /// Required shape of an array of poses, in words.
@@ -158,7 +157,6 @@ pub(crate) fn parsed(
     Ok(all)
 }
 
-/// Bytes of a placement in memory.
 pub(crate) fn placement_bytes(lidars: usize) -> usize {
     size_of::<Placement>() + NAME_BYTES + lidars * size_of::<SensorPose>()
 }

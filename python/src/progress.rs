@@ -34,7 +34,6 @@ impl WorkMessages {
         !self.stop.load(Ordering::SeqCst)
     }
 
-    /// Asks the work to end.
     pub(crate) fn stop(&self) {
         self.stop.store(true, Ordering::SeqCst);
     }

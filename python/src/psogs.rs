@@ -280,7 +280,6 @@ fn labelled(
     Ok(LabelledScan { points, labels })
 }
 
-/// The lower and the upper corner of a box.
 fn corners_of(corners: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[[f64; 3]; 2]> {
     let view = rows("roi", corners, 3)?;
     let shape = || shape_in_words(corners.shape());

@@ -128,7 +128,6 @@ impl PySensor {
     }
 }
 
-/// Models of a vehicle by name.
 pub(crate) fn sensors_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,

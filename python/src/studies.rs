@@ -149,7 +149,6 @@ fn frames_of(kind: Kind, has_rigs: bool, scenes: &[Arc<Built>]) -> Option<u32> {
     scenes[0].options.frames.or(all.filter(|_| kind == Kind::Loss && has_rigs))
 }
 
-/// Further regions by name.
 fn boxes(given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Subregion>> {
     let region = |(name, corners): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
         let name: String = name.extract()?;

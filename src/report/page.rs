@@ -57,7 +57,6 @@ pub(crate) fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 
-/// Head of every page.
 fn head(title: &str) -> Markup {
     html! {
         head {
@@ -161,7 +160,6 @@ pub(crate) struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    /// The subject of a run.
     pub(crate) fn of(run: &'a RunRecord) -> Self {
         Self {
             scene: &run.scene,
@@ -225,7 +223,6 @@ pub(crate) struct Looks {
     views: Vec<ViewData>,
     /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
     near: Result<Near, String>,
-    /// LiDARs of the placement against each other.
     several: Several,
     /// True if bodies of the vehicle move: some figures are of frame 0.
     has_moving_bodies: bool,

@@ -292,7 +292,6 @@ pub(crate) fn named_placements(text: &str) -> Result<Vec<Placement>, RunError> {
 /// Most doubts that are noted: of a million placements in degrees the first few say enough.
 const MOST_TOLD: u64 = 3;
 
-/// Checks the placements of a file.
 pub(crate) struct Given<'a> {
     file: PathBuf,
     sensors: Sensors,
@@ -421,7 +420,6 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// Checks all placements.
     pub(crate) fn all<'p>(
         mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,

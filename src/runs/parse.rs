@@ -31,16 +31,9 @@ pub(crate) fn number_as(example: &'static str) -> impl Fn(&str) -> Result<f64, S
     }
 }
 
-/// A share from 0 to 1.
-pub(crate) fn share(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.01".to_owned())?;
-    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err("give 0 to 1, as in 0.01".into()) }
-}
-
 /// Metres above 0.
 pub(crate) fn metres(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.1".to_owned())?;
-    if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
+    number_that(|metres| metres > 0.0 && metres.is_finite(), "metres above 0, as 0.1")(text)
 }
 
 /// A number that `is_good`; `wanted` names them.
@@ -92,12 +85,6 @@ pub(crate) fn parse_box(text: &str) -> Result<Subregion, String> {
         return Err(wrong());
     }
     Ok(Subregion::of_box(name, [x0, y0, z0], [x1, y1, z1]))
-}
-
-/// A length above 0, metres.
-pub(crate) fn parse_length(text: &str) -> Result<f64, String> {
-    let wrong = || format!("`{text}` is no length; write metres, as 0.1");
-    text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or_else(wrong)
 }
 
 /// Point of the ground about which a body tilts, metres of the ego frame.

@@ -95,7 +95,6 @@ pub enum Guard {
 }
 
 impl Guard {
-    /// True for a LiDAR that could be left out, in some scene.
     pub(crate) fn is_of_redundancy(&self) -> bool {
         self.redundant_lidar().is_some()
     }

@@ -25,7 +25,6 @@ type Getter = fn(&Tasks, &TaskScores) -> Option<f64>;
 
 /// Near gains by the number of LiDARs that a voxel counts for at most.
 pub(crate) const NEAR_GAINS: [&str; 1 + REPEATS] = ["near_gain", "near_gain_2", "near_gain_3"];
-/// Name of the default objective.
 pub(crate) const NEAR_GAIN: &str = NEAR_GAINS[0];
 
 /// Every score that a search may maximize; all are "larger is better".
@@ -254,7 +253,6 @@ impl Objective {
         if self.is_share() { format!("{:.2} %", 100.0 * value) } else { spoken(value) }
     }
 
-    /// True if values are shares from 0 to 1.
     pub(crate) fn is_share(&self) -> bool {
         self.most() == Some(1.0)
     }
@@ -270,7 +268,6 @@ impl Objective {
         !(self.wants_redundancy() && guard.is_of_redundancy())
     }
 
-    /// True if a detection target is needed.
     pub(crate) fn needs_detection(&self) -> bool {
         self.terms.iter().any(|(_, metric)| metric.detection)
     }

@@ -94,7 +94,6 @@ impl Atlases {
         self.hold_while(evaluator, poses, &mut |_| true).map(drop)
     }
 
-    /// Like [`Atlas::hold_while`], in every scene.
     pub(super) fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,
@@ -128,7 +127,6 @@ impl Atlases {
         unions.poses = poses.to_vec();
     }
 
-    /// True if a search looks for targets.
     pub(super) fn has_sight(&self) -> bool {
         self.sight.is_some()
     }
@@ -188,7 +186,6 @@ impl Atlases {
         )
     }
 
-    /// True if the vehicle has requirements on areas.
     pub(super) fn has_areas(&self) -> bool {
         self.each.iter().any(Atlas::has_areas)
     }

@@ -15,7 +15,6 @@ use crate::problem::Problem;
 use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
-/// Copies of a placement.
 pub(crate) const COPIES: usize = 200;
 /// Poses of each LiDAR: its own, and one for each copy, in which targets are looked at.
 const POSES_OF_COPIES: usize = 1 + COPIES;
@@ -42,7 +41,6 @@ pub(crate) fn error_of_share(share: f64, lidars: usize) -> f64 {
 
 /// A LiDAR in each of its poses.
 pub(crate) struct Column {
-    /// The first of its poses.
     own: SensorPose,
     /// Beams on targets in it; empty where no rule looks for targets.
     on_targets: SightBeams,
@@ -76,7 +74,6 @@ pub(crate) struct Moved {
     sight: Option<Arc<Sight>>,
 }
 
-/// Shares of the copies that meet requirements.
 pub(crate) struct Holds {
     /// Share for each requirement, in the order of the scores.
     pub each: Vec<f64>,

@@ -45,7 +45,6 @@ pub struct Judged {
 struct Met {
     /// Share of beams on a car that are missing, if a search looks.
     car_missing: Option<f64>,
-    /// Results of the rules.
     seen: Vec<Seen>,
     /// LiDARs, among those looked at, that a rule needs in case another one is lost.
     needed: Vec<usize>,
@@ -211,7 +210,6 @@ impl Evaluator {
         (member, &mut **backend)
     }
 
-    /// The engines of all members, in order.
     pub(super) fn backends_mut(&mut self) -> impl Iterator<Item = &mut Box<dyn Backend>> {
         self.seats.iter_mut().map(|seat| &mut seat.backend)
     }

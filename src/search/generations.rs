@@ -108,7 +108,6 @@ pub struct Generation {
 pub struct Generations {
     cma: Option<Restarts>,
     best: Option<Best>,
-    /// Generations so far.
     pub(super) generation: u64,
     evaluations: u64,
     pub(super) stopped: Option<GenerationsStop>,

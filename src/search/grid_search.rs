@@ -36,12 +36,10 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Kind of slot of a pose.
     pub(crate) fn kind(&self, pose: u32) -> usize {
         self.kinds[pose as usize]
     }
 
-    /// LiDARs of each kind.
     pub(crate) fn lidars_by_kind(&self) -> &[usize] {
         &self.lidars_by_kind
     }

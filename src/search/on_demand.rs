@@ -36,7 +36,6 @@ const LATE_ERROR: f64 = 0.5 * TOLERANCE;
 /// Least frames of the first swaps. At equal work, many poses over two frames find more than half as many over four.
 const FRAMES_OF_SWAPS: usize = 2;
 
-/// A candidate for the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Finalist {
     placement: Placement,
@@ -53,9 +52,7 @@ pub(crate) struct FramesOnDemand {
     levels: Vec<Vec<usize>>,
     /// Error of each level against all frames, as the pilot saw it; see [`super::Level`].
     errors: Vec<Option<f64>>,
-    /// Present level.
     at: usize,
-    /// The best first.
     finalists: Vec<Finalist>,
     work: PlacementFrames,
     /// (generation, frames from then on), the start first.
@@ -181,17 +178,14 @@ impl FramesOnDemand {
         Self { levels, errors, at, finalists, work, steps, worst_loss }
     }
 
-    /// Frames of the present level.
     pub(crate) fn frames(&self) -> &[usize] {
         &self.levels[self.at]
     }
 
-    /// Frames of the first level.
     pub(crate) fn first(&self) -> &[usize] {
         &self.levels[0]
     }
 
-    /// True if the present level is all frames.
     fn is_full(&self) -> bool {
         self.at + 1 == self.levels.len()
     }
@@ -201,7 +195,6 @@ impl FramesOnDemand {
         self.levels.len() > 1
     }
 
-    /// Position of the present level.
     pub(crate) fn level(&self) -> usize {
         self.at
     }

@@ -8,7 +8,6 @@ use super::suite::{Member, SEARCHING, Suite};
 use crate::score::Objective;
 use crate::vehicle::Placement;
 
-/// Draws that the search has not seen.
 pub(super) const DRAWS: u64 = 8;
 /// Two-sided 95 % of Student's distribution with [`DRAWS`] − 1 degrees of freedom.
 const STUDENT: f64 = 2.365;

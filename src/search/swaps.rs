@@ -33,7 +33,6 @@ const MANY: u64 = 8;
 const WIDENED: usize = 4;
 /// Kicks out of local optima where as many poses are held as were to be cast; more where fewer are.
 const KICKS: u64 = 5;
-/// Most kicks.
 const MOST_KICKS: u64 = 32;
 /// LiDARs that a kick moves, one after the other, each anywhere.
 const KICKED: usize = 2;
@@ -219,7 +218,6 @@ fn grid_search(
     Ok(search)
 }
 
-/// Ends of climbs, and the best of them.
 #[derive(Default)]
 struct Ends {
     all: Vec<GridPlacement>,

@@ -185,7 +185,6 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     }
 }
 
-/// Gains in each of several scenes.
 pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
     let column = ScoreColumn::argued(subject.objective);
     let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines, column);

@@ -305,7 +305,6 @@ fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> 
     warnings
 }
 
-/// Lines of the title block.
 fn about(run: Option<&RunFound>, text: &str) -> Vec<String> {
     let tolerance = match run {
         Some(run) => run.tolerance,

@@ -8,7 +8,6 @@ const MARGIN: f64 = 0.01;
 
 /// Voxels of all areas of a problem, area after area.
 pub(crate) struct AreaBits {
-    /// Linear indices.
     voxels: Vec<u32>,
     /// First bit of each area and the end.
     starts: Vec<usize>,
@@ -17,7 +16,6 @@ pub(crate) struct AreaBits {
 }
 
 impl AreaBits {
-    /// Areas of a problem.
     pub(crate) fn new(content: &Content) -> Self {
         let (mut voxels, mut starts) = (Vec::new(), vec![0]);
         for set in content.classes().len()..content.set_count() {
@@ -29,7 +27,6 @@ impl AreaBits {
         Self { voxels, starts, least }
     }
 
-    /// Words of one frame.
     pub(crate) fn words(&self) -> usize {
         self.voxels.len().div_ceil(64)
     }
@@ -64,7 +61,6 @@ impl AreaBits {
     }
 }
 
-/// Bits set below a number.
 fn ones_below(words: &[u64], end: usize) -> u64 {
     let whole: u64 = words[..end / 64].iter().map(|word| u64::from(word.count_ones())).sum();
     let part = words.get(end / 64).map_or(0, |word| word & ((1 << (end % 64)) - 1));

@@ -12,7 +12,6 @@ pub(super) struct Sparse {
 }
 
 impl Sparse {
-    /// The bitmap of some words.
     pub(crate) fn new(bitmap: impl Iterator<Item = u64> + Clone) -> Self {
         // Counted first: lists that grow and shrink leave holes between one another.
         let mut words = Vec::with_capacity(bitmap.clone().filter(|&word| word != 0).count());
@@ -29,12 +28,10 @@ impl Sparse {
         Self { places: places.into(), words: words.into() }
     }
 
-    /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(&self.places[..]) + size_of_val(&self.words[..])) as u64
     }
 
-    /// Sets its bits in a bitmap.
     pub(crate) fn add_to(&self, bitmap: &mut [u64]) {
         self.visit(|at, word| bitmap[at] |= word);
     }

@@ -105,7 +105,6 @@ fn grid_search(
     GridSearch::new(atlas, objective.clone(), evaluator)
 }
 
-/// The bound on the gain, or why there is none.
 fn gain(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,

@@ -324,7 +324,6 @@ impl Columns {
     }
 }
 
-/// Columns that any pose covers, a bit each.
 fn any(pages: &[&[u64]]) -> Vec<u64> {
     let mut any = vec![0; pages.first().map_or(0, |page| page.len())];
     any.par_chunks_mut(WORDS).enumerate().for_each(|(block, any)| {
@@ -335,7 +334,6 @@ fn any(pages: &[&[u64]]) -> Vec<u64> {
     any
 }
 
-/// Poses that cover each column.
 fn counts(pages: &[&[u64]]) -> Vec<u32> {
     let of_word = |at: usize| {
         // Counters of 64 columns at once, a bit plane each.

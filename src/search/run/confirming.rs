@@ -233,7 +233,6 @@ impl Run {
         Ok(checked)
     }
 
-    /// The best of the generations.
     fn found_by_generations(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
         let best = self.state.generations.best().map(|best| best.placement.clone());
         let Some(best) = self.state.chosen.clone().or(best) else {

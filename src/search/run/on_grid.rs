@@ -39,7 +39,6 @@ const REFINEMENTS: [Refinement; 2] = [
 /// Frames of each scene that refinements count from if the first swaps are over fewer.
 const LEAST_FRAMES: usize = 4;
 
-/// True if LiDARs may be mounted a little off.
 fn is_roomy(settings: &Settings) -> bool {
     settings.tolerance.is_some_and(|tolerance| tolerance.is_some())
 }
@@ -239,7 +238,6 @@ impl Run {
         self.state.chosen.as_ref().or(best).cloned()
     }
 
-    /// Counts sensor poses cast by swaps over the present frames.
     fn note_swaps(&mut self, poses: u64) {
         if let Some(levels) = &mut self.state.levels {
             levels.note_swaps(poses);

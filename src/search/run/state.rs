@@ -285,12 +285,10 @@ impl Run {
         }
     }
 
-    /// True if the target ended the generations.
     pub(super) fn is_at_target(&self) -> bool {
         self.state.generations.stopped() == Some(GenerationsStop::Target)
     }
 
-    /// Bytes that work buffers may take.
     pub(super) fn memory(&self) -> u64 {
         self.state.settings.engine.memory_budget()
     }
@@ -304,12 +302,10 @@ impl Run {
         }
     }
 
-    /// True if the search is over all frames.
     pub(super) fn is_over_all(&self) -> bool {
         self.frames().len() == self.suite.frame_count()
     }
 
-    /// Scores over the frames of the search.
     pub(super) fn evaluator(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
         self.evaluator_over(self.frames(), watch)
     }
@@ -350,7 +346,6 @@ impl Run {
         self.state.levels.as_ref().map_or_else(|| self.frames(), |levels| levels.first().to_vec())
     }
 
-    /// Scores over the frames of the bounds.
     pub(super) fn evaluator_of_bounds(
         &mut self,
         watch: &mut Watch,
