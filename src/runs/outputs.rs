@@ -72,10 +72,15 @@ impl<'a> Drawings<'a> {
         if let Some(file) = self.file
             && let Some(svg) = drawing()
         {
-            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
+            write_text(file, &svg)?;
         }
         Ok(wrote)
     }
+}
+
+/// Writes a file of text, whole at any time.
+pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RunError> {
+    write_whole(path, |file| file.write_all(text.as_bytes()).map_err(RunError::io(path)))
 }
 
 /// Sentence that names what a command wrote: figures in a folder, and a drawing; `None` where nothing.

@@ -95,10 +95,6 @@ pub enum Guard {
 }
 
 impl Guard {
-    pub(crate) fn is_of_redundancy(&self) -> bool {
-        self.redundant_lidar().is_some()
-    }
-
     /// The LiDAR that could be left out, in some scene; `None` of other guards.
     pub(crate) fn redundant_lidar(&self) -> Option<usize> {
         match self {
@@ -117,9 +113,7 @@ impl Guard {
             _ => true,
         }
     }
-}
 
-impl Guard {
     /// `name: sentence`, as files and other programs have it: a blind sector has the name `blind_sector`.
     pub fn keyed(&self) -> String {
         match self {

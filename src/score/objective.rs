@@ -265,7 +265,7 @@ impl Objective {
     /// True if a guard is worth telling. An objective that wants voxels covered by several LiDARs, as `near_gain_2`, is
     /// not told of a LiDAR that gains little alone.
     pub fn tells(&self, guard: &Guard) -> bool {
-        !(self.wants_redundancy() && guard.is_of_redundancy())
+        !(self.wants_redundancy() && guard.redundant_lidar().is_some())
     }
 
     pub(crate) fn needs_detection(&self) -> bool {

@@ -65,6 +65,7 @@ pub use run::{Phase, Run, State, optimize};
 pub(crate) use seat::FRAMES_AT_ONCE;
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
 pub(crate) use settings::{PATIENCE, coarse_grid};
+pub(crate) use spread::MANY_SCENES;
 pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};
 pub use swaps::Climbs;

@@ -362,11 +362,7 @@ fn scene(
             let mend = "static shapes, actors and an ego body";
             opening::geometry(Path::new(file), mend, computing)?
         }
-        ([], Some(vehicle)) => {
-            let scene = Scene::level_ground(vehicle)?;
-            scene.notes().iter().try_for_each(|note| computing.watcher.tell(note))?;
-            scene
-        }
+        ([], Some(vehicle)) => opening::level_ground(vehicle, None, computing.watcher)?,
         ([], None) => return Err(no_ground(placements)),
         ([_, second, ..], _) => {
             return Err(RunError::Usage(format!(
