@@ -206,7 +206,7 @@ pub(crate) fn lidar_name(lidar: usize, mount: Option<&str>) -> String {
 
 impl Seen {
     /// True if enough is seen.
-    pub fn is_met(&self) -> bool {
+    pub(crate) fn is_met(&self) -> bool {
         self.share >= self.least
     }
 
@@ -348,7 +348,7 @@ impl Scores {
     }
 
     /// Penalty of a search for a car that is not seen all round; 0 where it does not look.
-    pub fn blindness(&self) -> f64 {
+    pub(crate) fn blindness(&self) -> f64 {
         CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
     }
 
@@ -367,7 +367,7 @@ impl Scores {
     }
 
     /// Number of requirements that are met, and of all.
-    pub fn met(&self) -> [usize; 2] {
+    pub(crate) fn met(&self) -> [usize; 2] {
         [self.required.iter().filter(|seen| seen.is_met()).count(), self.required.len()]
     }
 

@@ -130,9 +130,6 @@ impl Differences {
 /// Compares hits, covered voxels and sums of every placement in every frame of a problem.
 ///
 /// `done` is called after each placement and frame.
-///
-/// # Errors
-/// An engine failed.
 fn compare_engines(
     problem: &Problem,
     ours: &mut dyn Backend,

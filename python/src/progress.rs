@@ -129,9 +129,6 @@ impl Shown {
     }
 
     /// Tells of the last step where the work `is_done`, and takes a bar away.
-    ///
-    /// # Errors
-    /// Like [`Self::look`].
     pub(crate) fn end(mut self, py: Python<'_>, is_done: bool) -> PyResult<()> {
         let asked = self.progress.0.as_ref().is_some_and(|given| given.bind(py).is_callable());
         let is_told = is_done && (asked || self.reporter.is_some());

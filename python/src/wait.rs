@@ -81,9 +81,6 @@ pub(crate) fn wait<T: Send>(
 
 /// Runs `work` on a thread of its own and waits for it, showing how far it is as calls do that are not told how. A signal
 /// that raises stops the watch that `work` gets; `work` goes on in the background until it looks there.
-///
-/// # Errors
-/// Like [`wait`]; a panic of `work`.
 pub(crate) fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&WorkMessages) -> T + Send + 'static,
@@ -92,9 +89,6 @@ pub(crate) fn interruptible<T: Send + 'static>(
 }
 
 /// Like [`interruptible`], and shows how far the work is as `progress` says.
-///
-/// # Errors
-/// Like [`wait`]; a panic of `work`.
 pub(crate) fn watched<T: Send + 'static>(
     py: Python<'_>,
     progress: Progress,
@@ -117,9 +111,6 @@ pub(crate) fn watched<T: Send + 'static>(
 }
 
 /// The record that `work` makes, as `dict`s, `list`s and numbers; see [`watched`].
-///
-/// # Errors
-/// Like [`watched`]; the errors of `work`.
 pub(crate) fn answer<'py, T: Serialize + Send + 'static>(
     py: Python<'py>,
     progress: Option<Progress>,

@@ -119,9 +119,6 @@ fn looks_down(table: &BeamTable) -> bool {
 }
 
 /// Layouts that see little, or no more than fewer LiDARs would, with the name of each attempt; `sensors` has the models.
-///
-/// # Errors
-/// A model that there is not.
 pub(crate) fn gaming_placements(
     base: &Placement,
     sensors: &Sensors,

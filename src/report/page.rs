@@ -252,9 +252,6 @@ struct Near {
 impl Looks {
     /// Looks at a placement and its baselines in the scenes of a job, whose suite is over all frames, on the CPU
     /// within the memory of the job's engine. Losses of LiDARs are left out once `go_on`, which is asked often, says no.
-    ///
-    /// # Errors
-    /// Like [`open`] and the stages of the engine.
     pub(crate) fn new(
         job: &Job,
         suite: &Suite,

@@ -33,9 +33,6 @@ pub(crate) struct Files {
 impl Files {
     /// Sorts files by their content: placements are a `.jsonl` file, standard input, or a document
     /// `{"placements": [ … ]}`; all others are scenes.
-    ///
-    /// # Errors
-    /// Two files of placements, or placements without a scene.
     pub(crate) fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, RunError> {
         let sorted = Self::told_apart(files)?;
         if let ([], Some(only)) = (&sorted.scenes[..], &sorted.placements) {
@@ -76,9 +73,6 @@ impl Files {
     }
 
     /// Scenes, and the file of placements, for a command that takes the vehicle's level ground where there is no scene.
-    ///
-    /// # Errors
-    /// See [`Self::told_apart`]; neither a scene nor a vehicle.
     pub(crate) fn or_level_ground(
         files: &[PathBuf],
         computing: &Computing<'_>,
@@ -95,9 +89,6 @@ impl Files {
 
     /// Like [`Self::sort`], for a command that needs placements. If no file looks like placements, the last one is
     /// taken for them, so that its own fault is reported.
-    ///
-    /// # Errors
-    /// See [`Self::sort`]; a single file is an error, too.
     pub(crate) fn with_placements(
         files: &[PathBuf],
         watcher: &dyn Watcher,
@@ -155,9 +146,6 @@ fn told_apart(files: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<PathBuf>), RunErro
 }
 
 /// Checks, before any work begins, that a file is there and may be read. Pipes are not touched.
-///
-/// # Errors
-/// The reason of the operating system.
 pub(crate) fn can_be_read(file: &Path) -> Result<(), RunError> {
     let file = file.to_str().map_or(file, |text| Path::new(file_and_name(text).0));
     let is_stream = file == Path::new("-") || (file.exists() && !file.is_file() && !file.is_dir());
@@ -207,9 +195,6 @@ pub(crate) const MOST_OF_RESULT: u64 = 1 << 30;
 
 /// A file of placements, perhaps with `:NAME`. The folder of a run stands for the result in its file, the folder of a front
 /// for all points; `FOLDER:NAME` is any placement of its file.
-///
-/// # Errors
-/// A folder of placements whose result cannot be read.
 pub(crate) fn rig_file(text: &str) -> Result<String, RunError> {
     let (folder, name) = file_and_name(text);
     let folder = Path::new(folder);
@@ -229,9 +214,6 @@ pub(crate) fn rig_path(path: &Path) -> Result<PathBuf, RunError> {
 }
 
 /// The result that the folder of a run holds.
-///
-/// # Errors
-/// A folder without one, or one that cannot be read.
 pub(crate) fn result_of(folder: &Path) -> Result<Value, RunError> {
     let file = folder.join(RESULT);
     let wrong = |why: &str| {
@@ -282,9 +264,6 @@ pub(crate) fn note_unpriced(vehicle: &Vehicle, is_priced: bool, watcher: &dyn Wa
 }
 
 /// All placements of a file, or one by its name behind a colon; see [`rig_file`] for folders of runs.
-///
-/// # Errors
-/// A file that cannot be read, or has no placement of the name.
 pub(crate) fn named_placements(text: &str) -> Result<Vec<Placement>, RunError> {
     Ok(read_placements(rig_file(text)?)?)
 }
@@ -331,9 +310,6 @@ impl<'a> Given<'a> {
     }
 
     /// Names LiDARs by `--sensor`, and checks some placements.
-    ///
-    /// # Errors
-    /// A sensor that the vehicle does not have, or none where it has several.
     pub(crate) fn look<'p>(
         &mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
@@ -379,9 +355,6 @@ impl<'a> Given<'a> {
     }
 
     /// Checks that each choice of `--sensor` meets a LiDAR of the placements looked at; notes choices that change nothing.
-    ///
-    /// # Errors
-    /// The index of a LiDAR that no placement has.
     pub(crate) fn check_choices(&self) -> Result<(), RunError> {
         let most = self.most_lidars;
         let beyond = |choice: &&SensorChoice| choice.lidar.is_some_and(|lidar| lidar >= most);
@@ -401,9 +374,6 @@ impl<'a> Given<'a> {
     }
 
     /// Checks all placements of the command, and the choices of `--sensor`.
-    ///
-    /// # Errors
-    /// See [`Self::look`] and [`Self::check_choices`].
     pub(crate) fn whole<'p>(
         self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
@@ -440,9 +410,6 @@ pub(crate) fn held(
 }
 
 /// Names the models of layouts of the paper: by `--sensor`, else the first of several models, which is noted.
-///
-/// # Errors
-/// A model of `--sensor` that the vehicle does not have.
 pub(crate) fn name_published(
     mut layouts: Vec<Placement>,
     sensors: &Sensors,

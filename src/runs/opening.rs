@@ -284,9 +284,6 @@ fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
 }
 
 /// Notes mounts of a scene's vehicle that look into the own body, which ends beams in it.
-///
-/// # Errors
-/// A model without beams.
 pub(crate) fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), RunError> {
     if scene.scene().coverage() == Coverage::FirstHit {
         let told = mounts_into_body(scene.scene(), &scene.models()?).map_err(BackendError::from)?;

@@ -19,9 +19,6 @@ pub(crate) fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
 }
 
 /// Refuses figures in the folder of a run, whose own files would be in their way.
-///
-/// # Errors
-/// Such a folder.
 pub(crate) fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), RunError> {
     let place = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     match figures.filter(|figures| place(figures) == place(run)) {

@@ -106,7 +106,7 @@ impl Guard {
 
     /// True for a reason not to believe the scores; false for a fact about the rig: a sector that it does not see, a LiDAR that
     /// could be left out.
-    pub fn is_doubt(&self) -> bool {
+    pub(crate) fn is_doubt(&self) -> bool {
         match self {
             Self::BlindSector(_) | Self::RedundantLidar { .. } => false,
             Self::InScene { guard, .. } => guard.is_doubt(),

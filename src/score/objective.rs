@@ -193,7 +193,7 @@ impl Objective {
     }
 
     /// A weighted sum of objectives.
-    pub fn mixed(parts: &[(f64, &Self)]) -> Self {
+    pub(crate) fn mixed(parts: &[(f64, &Self)]) -> Self {
         let term = |weight: f64| move |(own, metric): &(f64, Metric)| (weight * own, *metric);
         let terms: Vec<(f64, Metric)> =
             parts.iter().flat_map(|(weight, part)| part.terms.iter().map(term(*weight))).collect();
@@ -264,7 +264,7 @@ impl Objective {
 
     /// True if a guard is worth telling. An objective that wants voxels covered by several LiDARs, as `near_gain_2`, is
     /// not told of a LiDAR that gains little alone.
-    pub fn tells(&self, guard: &Guard) -> bool {
+    pub(crate) fn tells(&self, guard: &Guard) -> bool {
         !(self.wants_redundancy() && guard.redundant_lidar().is_some())
     }
 

@@ -47,12 +47,12 @@ impl Standing {
     }
 
     /// The objective less the penalty for cars that are not seen.
-    pub fn worth(&self) -> Option<f64> {
+    pub(crate) fn worth(&self) -> Option<f64> {
         self.value.map(|value| value - self.blind)
     }
 
     /// The better one first.
-    pub fn compare(&self, other: &Self) -> Ordering {
+    pub(crate) fn compare(&self, other: &Self) -> Ordering {
         let value = |standing: &Self| standing.worth().unwrap_or(f64::NEG_INFINITY);
         self.violation
             .total_cmp(&other.violation)

@@ -75,7 +75,7 @@ impl Atlases {
     }
 
     /// Poses that fit at once.
-    pub fn capacity(&self) -> usize {
+    pub(crate) fn capacity(&self) -> usize {
         self.each[0].capacity()
     }
 
@@ -90,7 +90,11 @@ impl Atlases {
     }
 
     /// Like [`Atlas::hold`], in every scene.
-    pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
+    pub(crate) fn hold(
+        &mut self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+    ) -> Result<(), BackendError> {
         self.hold_while(evaluator, poses, &mut |_| true).map(drop)
     }
 

@@ -270,9 +270,6 @@ impl Generations {
 
     /// Scores the best placement so far anew: on another problem its old value compares with nothing. False, and
     /// nothing is changed, where `go_on` said no as in [`Self::step`].
-    ///
-    /// # Errors
-    /// The placement could not be evaluated.
     pub(crate) fn rescore_best(
         &mut self,
         evaluator: &mut Evaluator,

@@ -47,7 +47,7 @@ impl Pilot {
     }
 
     /// Placements × frames that were scored.
-    pub fn work(&self) -> u64 {
+    pub(crate) fn work(&self) -> u64 {
         (self.placements.len() * self.by_frame.len()) as u64
     }
 

@@ -66,7 +66,7 @@ impl TimeLimit {
     }
 
     /// Time at which the search has to end.
-    pub fn deadline(&self) -> Instant {
+    pub(crate) fn deadline(&self) -> Instant {
         self.start + self.length
     }
 
@@ -122,9 +122,6 @@ pub struct Settings {
 impl Settings {
     /// Grid of the swaps, and its spacing: the one given, or the least multiple of 0.1 m and 0.1 rad whose poses can be
     /// numbered.
-    ///
-    /// # Errors
-    /// A given spacing that is not positive, or has too many poses.
     pub(super) fn grid(
         &self,
         constraints: &Constraints,

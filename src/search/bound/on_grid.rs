@@ -30,9 +30,6 @@ pub(in crate::search) struct Bounds {
 
 /// Bounds the gain over all placements on a grid and samples that grid, within about `memory` bytes; where there
 /// is no bound, the grid of the swaps is sampled.
-///
-/// # Errors
-/// A spacing that gives no grid, or from the engine.
 pub(in crate::search) fn bounds(
     evaluator: &mut Evaluator,
     settings: &Settings,
@@ -160,7 +157,7 @@ pub struct Certificate {
 impl Certificate {
     /// Puts both bounds into words. `found` is the objective of the result; `gain` is the bound, or
     /// why there is none.
-    pub fn new(
+    pub(crate) fn new(
         lipschitz: Option<LipschitzBound>,
         gain: Result<GainBound, String>,
         found: f64,
