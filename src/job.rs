@@ -19,6 +19,7 @@ mod files;
 mod front;
 mod holds;
 mod loss;
+mod relief;
 mod room;
 mod scene;
 mod search;
@@ -35,7 +36,7 @@ use crate::scan::conditions::Condition;
 use crate::scene::Scene;
 use crate::score::{Guard, Objective, Scores, Seen};
 use crate::search::{Evaluator, Judged, SearchError, Settings, Suite, TimeLimit};
-use crate::targets::{RangeCard, TargetSite, missed_places};
+use crate::targets::{RangeCard, TargetSite, confirm, missed_places};
 use crate::vehicle::{Constraints, Placement, Sensors, TargetRule};
 use scene::{Frames, Worth};
 
@@ -351,6 +352,7 @@ impl Job {
             scores.guards = [below, std::mem::take(&mut scores.guards)].concat();
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
+        self.confirm_targets(&mut all)?;
         let is_whole = self.add_holds(&mut all, go_on)?;
         if let Some(site) = self.target_site()? {
             for (placement, scores) in &mut all {
@@ -359,6 +361,21 @@ impl Job {
         }
         self.add_range_cards(all)?;
         Ok(is_whole)
+    }
+
+    /// Looks again, at bearings as close together as the target is wide, at requirements on targets that are met everywhere.
+    ///
+    /// # Errors
+    /// See [`Self::problem`]; a sensor that the vehicle does not have.
+    fn confirm_targets(&self, all: &mut [(&Placement, &mut Scores)]) -> Result<(), JobError> {
+        let (Some(site), problem) = (self.target_site()?, self.problem()?) else { return Ok(()) };
+        for (placement, scores) in all {
+            let mounts = problem.rules().mount_names(placement);
+            let rig = (&placement.lidars[..], &mounts[..]);
+            confirm(site, problem.target_rules(), rig, &mut scores.required)
+                .map_err(BackendError::from)?;
+        }
+        Ok(())
     }
 
     /// Adds the range card to scores, and its blind sectors to their guards. Coverage `through` adds nothing.
@@ -392,10 +409,15 @@ impl Job {
     ) -> Result<(), JobError> {
         let all = placements.iter().zip(judged.iter_mut());
         self.look_closely(evaluator.backend_mut(), all.map(|(p, judged)| (p, &mut judged.scores)))?;
+        let problem = self.problem()?;
+        let rules = problem.target_rules();
         for Judged { scores, by_scene, .. } in judged.iter_mut() {
             for scene in by_scene {
                 for (seen, of) in scene.scores.required.iter_mut().zip(&scores.required) {
                     seen.missing.clone_from(&of.missing);
+                    if rules.iter().any(|rule| rule.name == seen.name) {
+                        (seen.share, seen.lost) = (of.share, of.lost.clone());
+                    }
                 }
             }
         }
@@ -441,10 +463,12 @@ fn name_missed_places(
         let lost = lost.filter(|&lost| lost < count);
         let left = lost.map(|lost| without(placement, lost));
         let words = missed_places(site, rule, &left.as_ref().unwrap_or(placement).lidars)?;
-        seen.missing = words.map(|words| match lost {
+        let words = words.map(|words| match lost {
             Some(lost) => format!("{words} (without LiDAR {lost})"),
             None => words,
         });
+        // Places that only a closer look misses are named already.
+        seen.missing = words.or(seen.missing.take());
     }
     Ok(())
 }

@@ -245,16 +245,17 @@ fn without(shares: &Shares, lost: Option<usize>) -> (Vec<usize>, Shares) {
     (left, shares)
 }
 
-/// Largest overlap at which pairs connect the LiDARs that are left without one.
+/// Largest overlap at which pairs connect the LiDARs that are left without one; 0 of a single one, which shares nothing.
 pub(crate) fn connected_without(shares: &Shares, lost: Option<usize>) -> f64 {
-    connected_up_to(&without(shares, lost).1)
+    let left = without(shares, lost).1;
+    if left.len() < 2 { 0.0 } else { connected_up_to(&left) }
 }
 
 /// How far pairs come to connecting all LiDARs at an overlap of `least`, from 0 to 1: the mean over the strongest chain of
-/// each pair's part of it.
+/// each pair's part of it. 0 of a single LiDAR.
 pub(crate) fn part_connected(shares: &Shares, least: f64) -> f64 {
     if shares.len() < 2 {
-        return 1.0;
+        return 0.0;
     }
     let parts: f64 = chain(shares).iter().map(|pair| (pair.shared / least).min(1.0)).sum();
     parts / (shares.len() - 1) as f64
@@ -263,6 +264,9 @@ pub(crate) fn part_connected(shares: &Shares, least: f64) -> f64 {
 /// LiDARs that pairs of an overlap of `least` do not connect with the others, and the most that they share, in words.
 pub(crate) fn cut_off(shares: &Shares, lost: Option<usize>, least: f64) -> String {
     let (names, shares) = without(shares, lost);
+    if shares.len() < 2 {
+        return "one LiDAR has nothing to share".to_owned();
+    }
     let groups = groups(&shares, least);
     let of_group = |group: &Vec<usize>| {
         let others = |a: usize| (0..shares.len()).map(move |b| (a, b));
@@ -386,7 +390,9 @@ mod tests {
             told.starts_with("LiDAR 0 is cut off: shares nothing with any other; LiDAR 2 is"),
             "{told}"
         );
-        assert_eq!(cut_off(&vec![vec![1.0]], None, 1.0), "");
+        let one = vec![vec![1.0]];
+        assert_eq!(cut_off(&one, None, 1.0), "one LiDAR has nothing to share");
+        assert_eq!((connected_without(&one, None), part_connected(&one, 0.1)), (0.0, 0.0));
     }
 
     #[test]
@@ -398,6 +404,5 @@ mod tests {
         assert_eq!(connected_without(&shares, Some(5)), 0.0196);
         (shares[5][0], shares[0][5]) = (0.2, 0.2);
         assert_eq!(connected_without(&shares, None), 0.0196);
-        assert_eq!(part_connected(&vec![vec![1.0]], 0.1), 1.0);
     }
 }

@@ -116,6 +116,11 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
         assert!(scores["requirements_hold_in"].is_number(), "{scores}");
         let seen = &scores["requirements"][0];
         assert_eq!(csv.cell(row, "requirements_met"), seen["met"].to_string());
+        let name = seen["name"].as_str().unwrap();
+        csv.is(row, &format!("{name}_found"), &seen["found"]);
+        csv.is(row, &format!("{name}_required"), &seen["required"]);
+        csv.is(row, &format!("{name}_holds_in"), &seen["holds_in"]);
+        assert_eq!(csv.cell(row, &format!("{name}_met")), seen["met"].to_string());
         let words = csv.cell(row, "requirements");
         assert!(words.ends_with(&format!(": {} of 0.05", seen["found"])), "{words}, {seen}");
     }

@@ -186,12 +186,13 @@ fn a_search_finds_a_rig_that_sees_the_ground_it_must() {
 }
 
 #[test]
-fn ground_that_no_pose_sees_is_out_of_reach() {
+fn ground_and_boxes_that_no_pose_sees_are_out_of_reach() {
     let dir = TempDir::new().unwrap();
     // From the middle of the roof beams that clear its edge, 40° down at most, reach the ground 1.2 m beside the cart.
     yard(
         dir.path(),
-        json!([{ "blind_zone": "left", "depth": 0.5 }, { "ground": 10, "share": 0.05 }]),
+        json!([{ "blind_zone": "left", "depth": 0.5 }, { "ground": 10, "share": 0.05 },
+            { "name": "inside", "min": [-1, -0.4, 0.3], "max": [1, 0.4, 1], "share": 0.9 }]),
     );
     let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
     let mut cart: Value = serde_json::from_str(&text).unwrap();
@@ -211,6 +212,10 @@ fn ground_that_no_pose_sees_is_out_of_reach() {
     );
     assert!(text.contains(&words), "{text}");
     assert!(text.contains("; raise `depth`, lower `share`, "), "{text}");
+    let words =
+        "inside: even a LiDAR at every pose of each mount leaves it 0.0 % seen, 90.0 % required";
+    assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
+    assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
     // How far the result comes stands in the first sentences.
     assert!(text.contains("NOT MET: blind zone left to 0.5 m: 0.0 % seen, "), "{text}");
     assert!(!text.contains("ground to 10 m: even") && !text.contains("Next, since"), "{text}");

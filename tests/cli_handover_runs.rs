@@ -131,7 +131,9 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     assert_eq!(read("own.urdf"), read("named.urdf"));
     let same = ok("rig compare runs/yard runs/yard/placements.json:optimized");
     assert!(same["lidars"].as_array().unwrap().iter().all(|of| of["moved"] == 0.0), "{same}");
-    run("view yard.json runs/yard --vehicle cart.json --backend cpu --out view.html");
+    let view = "view yard.json runs/yard --vehicle cart.json --backend cpu --out view.html";
+    let view = crate::cli::sightline(dir.path(), &view.split(' ').collect::<Vec<_>>());
+    assert_eq!(view.status.code(), Some(1), "the requirement is not met: {view:?}");
     // A study of one placement names it in its record, and one of another does not go on with it.
     let study = |rig: &str| {
         format!(

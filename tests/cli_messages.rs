@@ -210,7 +210,10 @@ fn one_placement_of_a_file_is_read_alike_by_every_command() {
     // LiDARs that name no model are of the only one.
     let output = sightline(dir.path(), &["score", "s.json", "rigs.json:B", "--backend", "cpu"]);
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; range"), "{text}");
+    assert!(
+        text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; distances"),
+        "{text}"
+    );
     for args in [
         ["score", "s.json", "rigs.json:C", "--backend", "cpu"],
         ["study", "tolerance", "s.json", "rigs.json:C", "--frames=1"],
@@ -324,7 +327,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     assert!(text.contains("\nMetres of targets count from the origin, of ground"), "{text}");
     // Every table that prints metres says where they begin.
     for (study, from) in [
-        ("targets", "Metres from the origin at which 5 beams or more meet a target"),
+        ("targets", "Distances from the origin. 5 beams or more meet a target"),
         ("redundancy", "targets 5 to 50 m from the origin with 5 beams or more each"),
         ("nearfield", " m² of ground within 10 m of the body, "),
     ] {

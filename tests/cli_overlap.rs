@@ -58,7 +58,8 @@ fn required_overlap_has_the_number_of_the_study() {
         let rules = |k: usize| scores[k]["requirements"].clone();
         assert_eq!(
             rules(4)[0],
-            json!({ "name": "overlap of LiDARs", "required": 0.05, "found": 1.0, "met": true })
+            json!({ "name": "overlap of LiDARs", "required": 0.05, "found": 0.0, "met": false,
+                "missing": "one LiDAR has nothing to share" })
         );
         // The study refuses a single LiDAR.
         let mut rigs: Value =
@@ -158,17 +159,17 @@ fn over_several_scenes_the_mean_counts() {
 #[test]
 fn a_search_finds_a_rig_whose_lidars_share_enough() {
     let dir = TempDir::new().unwrap();
-    let three = |require: Value| {
+    let three = |require: Value, count: Value| {
         yard(dir.path(), require);
         let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
         let mut vehicle: Value = serde_json::from_str(&text).unwrap();
         let mut edge = vehicle["mounts"][1].clone();
-        edge["count"] = json!(3);
+        edge["count"] = count;
         vehicle["mounts"] = json!([edge]);
         fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
     };
-    let search = |out: &str, require: Value| {
-        three(require);
+    let search = |out: &str, require: Value, count: Value| {
+        three(require, count);
         let args = "optimize yard.json --backend cpu --evaluations 12 --seed 2 --format json --out";
         let args: Vec<&str> = args.split(' ').chain([out]).collect();
         let output = sightline(dir.path(), &args);
@@ -176,12 +177,18 @@ fn a_search_finds_a_rig_whose_lidars_share_enough() {
         (output.status.code(), found["best"]["scores"].clone())
     };
     let required = json!([{ "overlap": 0.7 }]);
-    let (code, scores) = search("asked", required.clone());
+    let (code, scores) = search("asked", required.clone(), json!(3));
     let found = &scores["requirements"][0];
     assert_eq!(code, Some(0), "{found}");
     assert!(found["met"] == true && found["holds_in"].as_f64().is_some(), "{found}");
+    // Where one LiDAR would do, one alone does not: it shares nothing.
+    let (code, scores) = search("few", required.clone(), json!([1, 3]));
+    let best = fs::read_to_string(dir.path().join("few/placements.json")).unwrap();
+    let best: Value = serde_json::from_str(&best).unwrap();
+    let lidars = best["placements"][0]["lidars"].as_array().unwrap();
+    assert!(code == Some(0) && lidars.len() > 1, "{scores} {best}");
     // Without the rule the LiDARs look apart.
-    search("free", json!([]));
+    search("free", json!([]), json!(3));
     rule(dir.path(), required);
     let free = ["score", "yard.json", "free/placements.json", "--backend", "cpu"];
     let free = ok(dir.path(), &free)["scores"][0].clone();
@@ -250,4 +257,23 @@ fn requirements_are_told_in_the_order_of_the_file() {
     rule(dir.path(), gone);
     let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
     assert!(error.contains("require[2]: `area` holds no voxel"), "{error}");
+}
+
+#[test]
+fn one_seat_is_said_to_be_too_few_to_share_or_to_lose_a_lidar() {
+    let dir = TempDir::new().unwrap();
+    let loss = json!({ "ground": 3, "share": 0.1, "without_any_one": true });
+    for (mounts, is_told) in [(1, true), (2, false)] {
+        yard(dir.path(), json!([{ "overlap": 0.1 }, loss]));
+        let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+        vehicle["mounts"].as_array_mut().unwrap().truncate(mounts);
+        fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+        let run = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+        let told = String::from_utf8(run.stderr).unwrap();
+        for place in ["require[0].overlap", "require[1].without_any_one"] {
+            let words = format!("{place}: takes two LiDARs, and the mounts hold one; raise");
+            assert_eq!(told.contains(&words), is_told, "{told}");
+        }
+    }
 }

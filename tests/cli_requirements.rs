@@ -166,6 +166,92 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
 }
 
 #[test]
+fn the_rig_that_is_best_after_its_worst_loss_meets_what_is_required() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), json!([car([-180, 180], 0.95)]));
+    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+    vehicle["sensors"].as_array_mut().unwrap().truncate(1);
+    (vehicle["mounts"][0]["count"], vehicle["mounts"][0]["sensors"]) = (json!(2), json!(["half"]));
+    fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    // All that changes is ahead: two LiDARs that look there lose nothing with one of them.
+    let args = "study loss street.json --backend cpu --evaluations 40 --seed 1 --out loss";
+    let found = ok(dir.path(), &args.split(' ').collect::<Vec<_>>());
+    for row in found["rows"].as_array().unwrap() {
+        assert_eq!(row["requirements_met"], true, "{row}");
+    }
+}
+
+#[test]
+fn a_requirement_beyond_the_range_of_the_sensors_says_so() {
+    let dir = TempDir::new().unwrap();
+    let at = |name: &str, from: u32, within: u32| json!({ "name": name, "target": "car", "from": from, "within": within, "share": 0.9 });
+    street(dir.path(), json!([at("near", 10, 20), at("partly", 40, 80), at("far", 70, 80)]));
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    let missing =
+        |k: usize| found["scores"][0]["requirements"][k]["missing"].as_str().unwrap().to_owned();
+    assert!(!missing(0).contains("sensors reach"), "{}", missing(0));
+    assert!(missing(1).ends_with("; sensors reach 60 m at most"), "{}", missing(1));
+    let far = "; sensors reach 60 m at most: this lies beyond their range";
+    assert!(missing(2).ends_with(far), "{}", missing(2));
+}
+
+#[test]
+fn ground_that_is_not_level_where_targets_stand_is_said() {
+    let dir = TempDir::new().unwrap();
+    street(dir.path(), json!([car([-60, 60], 0.1)]));
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let text = fs::read_to_string(dir.path().join("street.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    for (z, is_told) in [(0.2, false), (1.5, true)] {
+        let plane = |from: i32, to: i32, z: f64| json!({ "class": "road", "plane": { "min": [from, -40], "max": [to, 40], "z": z } });
+        scene["static"] = json!([plane(-40, 12, 0.0), plane(12, 60, z)]);
+        fs::write(dir.path().join("street.json"), scene.to_string()).unwrap();
+        let words = "stand on level ground, and the ground of street rises 1.5 m to 15 m at 0° in frame 0; `study targets`";
+        for command in ["score", "view"] {
+            let mut args = vec![command, "street.json", "rigs.json", "--backend", "cpu"];
+            args.extend(if command == "view" { &["--force", "--out", "v.html"][..] } else { &[] });
+            let told = String::from_utf8(sightline(dir.path(), &args).stderr).unwrap();
+            assert_eq!(told.contains(words), is_told, "{told}");
+        }
+        let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
+        assert_eq!(page.contains("Note: targets of requirements and range card"), is_told);
+    }
+}
+
+#[test]
+fn a_vehicle_without_requirements_is_told_of_them_first() {
+    let dir = TempDir::new().unwrap();
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    for (require, is_told) in [(json!([]), true), (json!([car([-60, 60], 0.1)]), false)] {
+        street(dir.path(), require);
+        let text = |args: &str| {
+            let args = args.split(' ').chain(["--backend", "cpu"]).collect::<Vec<_>>();
+            String::from_utf8(sightline(dir.path(), &args).stdout).unwrap()
+        };
+        let hint = "\nNo requirement is set: `require` of the vehicle says what must be seen. ";
+        let scored = text("score street.json rigs.json");
+        assert_eq!(scored.contains(&format!("{hint}The page of `view`")), is_told, "{scored}");
+        let found = text("optimize street.json --budget 3 --evaluations 8 --force --out run");
+        assert_eq!(found.contains(&format!("{hint}report.html")), is_told, "{found}");
+        let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
+        let place = page.find("No requirement is set");
+        assert_eq!(place.is_some(), is_told);
+        assert!(
+            place.is_none_or(|place| place < page.find("<canvas").unwrap()),
+            "before the picture"
+        );
+    }
+}
+
+#[test]
 fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     let dir = TempDir::new().unwrap();
     let rule =

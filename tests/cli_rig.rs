@@ -5,7 +5,7 @@ use std::fs;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{fails, ok, sightline};
+use crate::cli::{fails, ok, piped, sightline};
 
 const FORMATS: [&str; 7] =
     ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "json"];
@@ -130,6 +130,15 @@ fn rigs_are_compared_as_text_and_as_json() {
 }
 
 #[test]
+fn a_rig_comes_through_standard_input() {
+    let dir = folder();
+    let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "top", "x": 1, "y": 0, "z": 2}]"#;
+    let output = piped(dir.path(), &["rig", "import", "-"], list.as_bytes());
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && text.contains("\"x\": 1.0"), "{output:?}");
+}
+
+#[test]
 fn what_cannot_be_done_is_a_sentence() {
     let dir = folder();
     let export = |args: &[&str]| fails(dir.path(), &[&["rig", "export"], args].concat());
@@ -143,6 +152,10 @@ fn what_cannot_be_done_is_a_sentence() {
     assert!(export(&["p.json:pair", "--format", "urdf", "--frame", "a"]).contains("1 names"));
     let args = ["p.json:one", "--format", "urdf", "--sensor", "top=VLP-16"];
     assert!(export(&args).contains("there are `lidar_0`"));
+    let args = ["p.json:one", "--format", "urdf", "--optical-height", "top=0.1"];
+    assert!(export(&args).contains("no frame is called `top`; there are `lidar_0`, `VLP-16`"));
+    let args = ["p.json:one", "--format", "urdf", "--sensor", "a=A", "--sensor", "a=B"];
+    assert!(export(&args).contains("--sensor a: comes twice; give it once"));
     let args = ["p.json:one", "--format", "urdf", "--out", "p.json"];
     assert!(export(&args).contains("would be overwritten"));
     assert!(export(&["none.json", "--format", "urdf"]).contains("none.json"));

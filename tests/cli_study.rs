@@ -253,6 +253,11 @@ fn voxels_and_published_results_are_ranked_by_the_scores_that_score_prints() {
             assert!((found - want).abs() <= 1e-8 * want.abs(), "{voxel:?}, {k}: {found}, {want}");
         }
     }
+    // Sensors of another vehicle are not those behind the published results.
+    let car = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/vehicles/car.json");
+    let car = ["study", "published", "room.json", "--vehicle", car.to_str().unwrap()];
+    let refused = fails(dir.path(), &car);
+    assert!(refused.contains("room.json: `study published` compares"), "{refused}");
     let more = ["--out", "published", "--frames", "3", "--voxel", "0.2"];
     let table = study(dir.path(), "published", &more);
     // Mean mIoU of Table 7, in the order of the paper's table; `Ours-seg` is ours there.

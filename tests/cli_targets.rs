@@ -62,11 +62,17 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
         assert_eq!(row["beams"], ring + half);
         assert_eq!(half > 0, row["bearing"] == 0.0, "{row}");
     }
+    // A direction that is given twice has one row.
+    let twice = ["--target", "tyre", "--distances", "10", "--bearings", "0,180,360,0,-180"];
+    let found_twice = ok(dir.path(), &[&STUDY[..], &twice].concat());
+    let bearings = rows(&found_twice, "one", "tyre");
+    let bearings: Vec<&Value> = bearings.iter().map(|row| &row["bearing"]).collect();
+    assert_eq!(bearings, [&json!(0.0), &json!(180.0)]);
     // No sensor reaches farther than 80 m: that is said once of all rigs.
     let far = ["--target", "board.json", "--distances", "60,82,100,120", "--bearings", "0"];
     let run = sightline(dir.path(), &[&STUDY[..], &far].concat());
     let told = String::from_utf8_lossy(&run.stderr);
-    let words = "a rig whose sensors reach 80 m at most meets no target at 100, 120 m: this lies beyond their range";
+    let words = "--distances: a rig whose sensors reach 80 m at most meets no target at 100, 120 m: this lies beyond their range";
     assert!(run.status.success() && told.matches(words).count() == 1, "{told}");
     let found_near = sightline(dir.path(), &[&STUDY[..], &asked].concat());
     assert!(!String::from_utf8_lossy(&found_near.stderr).contains("beyond their range"));
@@ -177,6 +183,31 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     let told = guards(&found["scores"][0]);
     let want = "blind_sector: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°), worst at ";
     assert!(told.contains(want), "{told}");
+}
+
+#[test]
+fn more_placements_than_are_looked_at_closely_are_said_and_have_no_card() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    street(dir.path());
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    for count in [64, 65] {
+        let rig = |k| json!({ "name": format!("r{k}"), "lidars": [lidar] });
+        let rigs = json!({ "placements": (0..count).map(rig).collect::<Vec<_>>() });
+        fs::write(dir.path().join("many.json"), rigs.to_string()).unwrap();
+        for scenes in [&["street.json"][..], &["street.json", "street.json"]] {
+            let args = [&["score"][..], scenes, &["many.json", "--backend", "cpu"]].concat();
+            let run = sightline(dir.path(), &[&args[..], &["--format", "json"]].concat());
+            let told = String::from_utf8_lossy(&run.stderr).into_owned();
+            let words = "are looked at for up to 64 placements; here are more";
+            assert_eq!(told.matches(words).count(), usize::from(count > 64), "{told}");
+            let found: Value = serde_json::from_slice(&run.stdout).unwrap();
+            let of = if scenes.len() > 1 { &found["mean"] } else { &found["scores"] };
+            let scores = of[count - 1].as_object().unwrap();
+            assert_eq!(scores["range_card"].is_null(), count > 64, "{scores:?}");
+            assert_eq!(scores.contains_key("requirements_hold_in"), count > 64);
+        }
+    }
 }
 
 #[test]

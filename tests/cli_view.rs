@@ -193,13 +193,23 @@ fn a_page_has_the_table_of_technologies_and_the_command_for_tolerances() {
     let dir = dir.path();
     change(dir, "cart.json", |cart| {
         cart["other_sensors"] = rig();
-        cart["require"] = json!([{ "target": "car", "within": 10, "share": 0.1 }]);
     });
     let done = |args: &str| {
         let run = sightline(dir, &format!("{args} --backend cpu").split(' ').collect::<Vec<_>>());
         assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
         String::from_utf8(run.stdout).unwrap()
     };
+    // A placement that misses a requirement ends with 1, as in `score`; its page is written.
+    let far = json!({ "target": "tyre", "from": 40, "within": 40, "beams": 100, "share": 1 });
+    change(dir, "cart.json", |cart| cart["require"] = json!([far]));
+    let args = "view yard.json each.json:l0 --backend cpu --out missed.html";
+    let run = sightline(dir, &args.split(' ').collect::<Vec<_>>());
+    let told = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(1), "{told}");
+    assert!(told.contains("NOT MET: l0 misses a requirement; exit code 1"), "{told}");
+    assert!(fs::read_to_string(dir.join("missed.html")).unwrap().contains("NOT MET"));
+    let near = json!({ "target": "car", "within": 10, "share": 0.1 });
+    change(dir, "cart.json", |cart| cart["require"] = json!([near]));
     // One LiDAR: its vehicle has cameras and radars, one of them within the body.
     done("view yard.json each.json:l0 --out v.html");
     let page = fs::read_to_string(dir.join("v.html")).unwrap();

@@ -1,12 +1,18 @@
-"""The front of price and near gain of a vehicle, by `sightline.front` and by NSGA-II of pymoo: python front.py SCENE.json VEHICLE.json [GENERATIONS]"""
+"""The front of price and near gain of a vehicle, by `sightline.front` and by NSGA-II of pymoo at as many casts: python front.py SCENE.json VEHICLE.json [CASTS]
+
+A cast is that of one LiDAR in one frame. Ours casts each pose of the coarse grid once and each LiDAR of a scored placement; poses are
+not searched further. CASTS gives NSGA-II another number. Vehicles whose requirements no point meets cost ours more, which is not counted.
+"""
 
 import json
 import sys
 from pathlib import Path
 
+import moocore
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.core.problem import Problem
+from pymoo.core.termination import Termination
 from pymoo.indicators.hv import Hypervolume
 from pymoo.optimize import minimize
 
@@ -25,7 +31,7 @@ class Rigs(Problem):
         self.scene, self.prices = scene, {sensor["name"]: sensor["price"] for sensor in vehicle["sensors"]}
         self.places = [(mount["name"], [None, *mount["sensors"]]) for mount in vehicle["mounts"] for _ in range(mount["count"][1])]
         self.dims = [scene.space([(mount, sensors[1])]).dim for mount, sensors in self.places]
-        self.scored = 0
+        self.casts = 0
         super().__init__(n_var=len(self.places) + sum(self.dims), n_obj=2, n_ieq_constr=1, xl=0, xu=1)
 
     def equipped(self, z):
@@ -47,7 +53,7 @@ class Rigs(Problem):
         if broken > 0:
             return price, 0.0, 5.0 + broken
         scores = self.scene.score(poses, sensors=space.sensors, self_hits=False)
-        self.scored += 1
+        self.casts += len(equipment) * FRAMES
         missing = sum(max(0.0, rule["required"] - rule["found"][0]) for rule in scores.requirements.values())
         return price, scores["near_gain"][0], missing
 
@@ -56,20 +62,39 @@ class Rigs(Problem):
         out["F"], out["G"] = np.column_stack([price, -gain]), missing
 
 
-def hypervolume(points, most):
-    """Share of the rectangle from price 0 to `most` and gain 0 to 1 that the points dominate."""
-    beaten = Hypervolume(ref_point=[1.0, 0.0])
-    return beaten(np.array([[price / most, -gain] for price, gain in points]))
+class Casts(Termination):
+    """The end of a search after so many casts."""
+
+    def __init__(self, rigs, most):
+        super().__init__()
+        self.rigs, self.most = rigs, most
+
+    def _update(self, algorithm):
+        return self.rigs.casts / self.most
+
+
+def hypervolumes(points, most):
+    """Share of the rectangle from price 0 to `most` and gain 0 to 1 that the points dominate, by pymoo and by moocore."""
+    if not points:
+        return 0.0, 0.0
+    costs = np.array([[price / most, -gain] for price, gain in points])
+    return Hypervolume(ref_point=[1.0, 0.0])(costs), moocore.hypervolume(costs, ref=[1.0, 0.0])
 
 
 if __name__ == "__main__":
     scene = sightline.Scene.load(sys.argv[1], vehicle=sys.argv[2], frames=FRAMES, backend="cpu")
     vehicle = json.loads(Path(sys.argv[2]).read_text())
     rigs = Rigs(scene, vehicle)
-    found = minimize(rigs, NSGA2(pop_size=POPULATION), ("n_gen", int(sys.argv[3]) if len(sys.argv) > 3 else 8), seed=1)
-    theirs = [] if found.F is None else sorted({(price, -gain) for price, gain in found.F})
-    front = sightline.front(scene, ["price", "near_gain"], evaluations=12)
+    events = []
+    front = sightline.front(scene, ["price", "near_gain"], evaluations=0, callback=events.append)
+    poses = max(event["total"] for event in events if event.get("work") == "poses for the choice of sensors")
     ours = [tuple(values) for values, meets in zip(front.values, front.meets) if meets]
+    casts = (poses + front.record["scored"] * len(rigs.places)) * FRAMES
+    end = Casts(rigs, int(sys.argv[3]) if len(sys.argv) > 3 else casts)
+    found = minimize(rigs, NSGA2(pop_size=POPULATION), end, seed=1, copy_termination=False)
+    theirs = [] if found.F is None else sorted({(price, -gain) for price, gain in found.F})
     most = sum(max(rigs.prices[name] for name in names[1:]) for _, names in rigs.places)
-    for name, points in (("sightline.front", ours), (f"NSGA-II, {rigs.scored} placements", theirs)):
-        print(f"{name}: {hypervolume(points, most):.3f} of the rectangle; " + ", ".join(f"{price:.0f}: {gain:.3f}" for price, gain in points))
+    for name, points in ((f"sightline.front, at most {casts} casts", ours), (f"NSGA-II, {rigs.casts} casts", theirs)):
+        share, again = hypervolumes(points, most)
+        told = ", ".join(f"{price:.0f}: {gain:.3f}" for price, gain in points)
+        print(f"{name}: {share:.3f} of the rectangle by pymoo, {again:.3f} by moocore; {told}")

@@ -8,7 +8,7 @@ use numpy::{
     PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList, PyTuple};
 use serde::Serialize;
 use sightline::geom::Pose;
 
@@ -227,5 +227,28 @@ pub(crate) fn to_text(what: &str, given: &Bound<'_, PyAny>) -> PyResult<String> 
     options.set_item("allow_nan", false)?;
     let dumps = given.py().import("json")?.getattr("dumps")?;
     let text = dumps.call((given,), Some(&options));
-    text.map_err(|error| bad(format!("{what}: is not JSON: {error}")))?.extract()
+    let fault = |error| match not_finite(given, what.to_owned(), 0) {
+        Some((place, number)) => bad(format!("{place}: is {number}; give a finite number")),
+        None => bad(format!("{what}: is not JSON: {error}")),
+    };
+    text.map_err(fault)?.extract()
+}
+
+/// The first number in dicts and lists that JSON does not have, with its place, as `scene.roi.min[0]`.
+fn not_finite(given: &Bound<'_, PyAny>, at: String, depth: usize) -> Option<(String, f64)> {
+    /// Deepest list or dict: one that holds itself has no end.
+    const DEEPEST: usize = 64;
+    if depth > DEEPEST {
+        return None;
+    }
+    if let Ok(dict) = given.cast::<PyDict>() {
+        let mut items = dict.iter();
+        return items.find_map(|(key, value)| not_finite(&value, format!("{at}.{key}"), depth + 1));
+    }
+    if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
+        let mut items = given.try_iter().ok()?.flatten().enumerate();
+        return items.find_map(|(k, value)| not_finite(&value, format!("{at}[{k}]"), depth + 1));
+    }
+    let number: f64 = given.extract().ok()?;
+    (!number.is_finite()).then_some((at, number))
 }

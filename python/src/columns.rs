@@ -4,11 +4,12 @@ use std::borrow::Borrow;
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
-use sightline::score::TaskScores;
+use sightline::near_field::FEW_PLACEMENTS;
+use sightline::score::{Seen, TaskScores};
 use sightline::vehicle::{Region, Vehicle};
 use sightline::{Constraints, Placement, Scores};
 
-use crate::arrays::{column, shaped};
+use crate::arrays::{column, shaped, to_python};
 use crate::progress::{Progress, WorkMessages};
 use crate::wait::watched;
 
@@ -100,8 +101,11 @@ pub(crate) fn scores_object<'a, 'py>(
     let names: Vec<&str> = scores.iter().map(|s| s.name.as_str()).collect();
     let guards: Vec<Vec<String>> =
         scores.iter().map(|s| s.guards.iter().map(|guard| guard.keyed()).collect()).collect();
+    // A dict a requirement is much for millions of placements.
+    let few = if scores.len() <= FEW_PLACEMENTS { &scores[..] } else { &[] };
+    let rules: Vec<&[Seen]> = few.iter().map(|s| &s.required[..]).collect();
     let class = py.import("sightline._scores")?.getattr("Scores")?;
-    class.call1((names, columns, guards, classes, least))
+    class.call1((names, columns, guards, classes, least, to_python(py, &rules)?))
 }
 
 /// The `Scores` object of placements that `work` scores beside the interpreter. No placements have the columns of one.

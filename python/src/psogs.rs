@@ -289,13 +289,13 @@ fn corners_of(corners: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[[f64; 3]; 2]> 
     Ok([0, 1].map(|k| [0, 1, 2].map(|axis| view[(k, axis)])))
 }
 
-/// A rigid 4 × 4 matrix that takes the sensor frame to the world.
+/// A rigid 4 × 4 matrix that takes the frame of the vehicle to the world.
 fn pose(t: usize, given: &Bound<'_, PyAny>) -> PyResult<Pose> {
     let what = format!("poses[{t}]");
-    let array = numbers::<f64>(&what, given, "a rigid 4 × 4 matrix, world from sensor")?;
+    let array = numbers::<f64>(&what, given, "a rigid 4 × 4 matrix, world from vehicle")?;
     let m = rows(&what, &array, 4)?;
     let wrong =
-        || bad(format!("{what}: is no rigid transform; give a 4 × 4 matrix, world from sensor"));
+        || bad(format!("{what}: is no rigid transform; give a 4 × 4 matrix, world from vehicle"));
     let is_last = |k: usize| m[(3, k)] == f64::from(u8::from(k == 3));
     if m.nrows() != 4 || !m.iter().all(|value| value.is_finite()) || !(0..4).all(is_last) {
         return Err(wrong());

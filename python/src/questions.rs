@@ -10,7 +10,7 @@ use sightline::targets::TargetQuestion;
 use crate::arguments;
 use crate::arrays::shaped;
 use crate::counted::counted;
-use crate::errors::{bad, raised};
+use crate::errors::{bad, raised, warn_of};
 use crate::progress::Progress;
 use crate::scenes::PyScene;
 use crate::targets::{redundancy_targets, row, target_question};
@@ -46,7 +46,7 @@ impl PyScene {
     /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
     /// with the own body in the way. `targets` are presets (`"car"`, `"child"`, …) or target files, `distances` metres from
     /// the ego origin to the middle of the target, `bearings` degrees counter-clockwise from straight ahead. Raises
-    /// `ValueError` for an unknown target and with coverage `through`.
+    /// `ValueError` for an unknown target and with coverage `through`. Distances beyond the range of all LiDARs are warned of.
     #[pyo3(signature = (poses, targets, distances, bearings, *, sensors = None, phases = None))]
     fn beams_on<'py>(
         &self,
@@ -60,6 +60,7 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
         let question = target_question(targets, distances, bearings)?;
+        warn_of(py, built.beyond(&question, &placement)?.as_slice())?;
         let shape = [
             question.targets.len(),
             question.bearings.len(),

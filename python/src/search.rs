@@ -10,16 +10,16 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
 use sightline::job::{Found, Tolerance};
-use sightline::report::{RunContext, RunRecord, RunTimes};
+use sightline::report::{NearRecord, RunContext, RunRecord, RunTimes, near_record};
 use sightline::search::{Event, FrameChoice, Method, Scored, Settings, TimeLimit};
 use sightline::vehicle::Vehicle;
-use sightline::{Job, Objective, Placement, Scene};
+use sightline::{Job, Note, Objective, Placement, Scene};
 
 use crate::arguments::{self, Aim, listed};
 use crate::arrays::to_python;
 use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, guard, job_of, opened, score};
-use crate::errors::{bad, raised};
+use crate::errors::{bad, raised, warn_of};
 use crate::placements::{PyPlacement, placements_in};
 use crate::progress::{Progress, Shown, WorkMessages, log};
 use crate::scenes::{PyScene, frames_in_words};
@@ -95,6 +95,13 @@ impl PySuite {
     }
 }
 
+/// A search at its end, near ground that its result sees, and weather and faults of the scenes as they are written.
+struct Ended {
+    found: Found,
+    near: Option<NearRecord>,
+    conditions: Vec<String>,
+}
+
 /// Searches on a thread of its own, for `seconds` of wall time at most, and gives the result as Python has it; see
 /// [`beside`].
 fn optimized<'py>(
@@ -104,16 +111,25 @@ fn optimized<'py>(
     callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    type Ended = Option<(Found, Vec<String>)>;
-    let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Ended> {
+    let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Option<Ended>> {
         let length = seconds.map(Duration::from_secs_f64);
         let job = job.within(length.map(TimeLimit::from_now));
         let found = job.optimize(&mut |event: &Event| observe(event)).map_err(raised)?;
-        Ok(found.map(|found| (found, job.conditions_in_words())))
+        let Some(found) = found else { return Ok(None) };
+        let best = found.outcome.best.as_ref();
+        let near = best.map(|best| near_record(&job, &best.placement)).transpose();
+        let near = near.map_err(raised)?.flatten();
+        Ok(Some(Ended { found, near, conditions: job.conditions_in_words() }))
     };
     let (ended, signal) = beside(py, search, callback, progress)?;
     let result = match ended {
-        Some((found, conditions)) => result_object(py, vehicle, &found, conditions)?,
+        Some(ended) => {
+            let equipped = ended.found.equipped.iter();
+            let beyond = equipped.flat_map(|equipped| &equipped.out_of_reach);
+            let beyond = beyond.map(|words| Note::doubt(format!("OUT OF REACH: {words}")));
+            warn_of(py, &beyond.collect::<Vec<_>>())?;
+            result_object(py, vehicle, &ended)?
+        }
         None => py.None().into_bound(py),
     };
     signalled(py, signal, result)
@@ -361,23 +377,27 @@ pub(crate) fn beside<T: Send + 'static>(
 fn result_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
-    found: &Found,
-    conditions: Vec<String>,
+    Ended { found, near, conditions }: &Ended,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let Found { outcome, suite, settings, equipment, equipping } = found;
+    let Found { outcome, suite, settings, equipment, equipped, equipping } = found;
+    let mut settled = json!(settings);
+    if let Some(equipped) = equipped {
+        settled["equipped"] = json!(equipped);
+        settled["equipped"]["open_mounts"] = json!(equipped.open_mounts(vehicle));
+    }
     let scene = suite.members().first().map_or("", |member| member.name());
     let (times, equip) = (&outcome.times, equipping.as_secs_f64());
-    let record = RunRecord::new(
+    let mut record = RunRecord::new(
         outcome,
         RunContext {
             scene,
-            settings: json!(settings),
+            settings: settled,
             command: String::new(),
             suite,
             equipment: equipment.clone(),
             seed: settings.seed,
             objective: settings.objective.to_string(),
-            conditions,
+            conditions: conditions.clone(),
             rate: times.scored as f64 / times.generations.max(1e-9),
             timings: RunTimes {
                 equip,
@@ -393,6 +413,7 @@ fn result_object<'py>(
             peak_memory: None,
         },
     );
+    record.near_field.clone_from(near);
     let placement = |scored: &Scored| PyPlacement(scored.placement.clone());
     let all = outcome.best.iter().chain(&outcome.baselines);
     let all = all.map(|scored| (&scored.placement, &scored.scores));

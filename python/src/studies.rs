@@ -39,6 +39,16 @@ impl StudyObserver for Told<'_> {
     }
 }
 
+/// Studies of the program that are methods of `Scene`.
+const OF_SCENE: [(&str, &str); 6] = [
+    ("nearfield", "near_field(poses)"),
+    ("targets", "detections(poses, targets, distances, bearings)"),
+    ("redundancy", "redundancy(poses)"),
+    ("overlap", "overlap(poses)"),
+    ("sweep", "sweep(poses, \"0.pitch\", values)"),
+    ("tolerance", "tolerance(poses)"),
+];
+
 /// Makes the study `kind` of one scene (`transfer`: of several), as `sightline study` does, and returns its table as a `dict`:
 /// `title`, `columns`, `rows` with `name`, `values`, `placement`, `requirements_met`, `not_met`, `warning`, and `notes`.
 ///
@@ -71,6 +81,9 @@ pub(crate) fn study_table<'py>(
     voxel: f64,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    if let Some((_, method)) = OF_SCENE.iter().find(|(name, _)| *name == kind) {
+        return Err(bad(format!("kind: `{kind}` is a method of Scene: scene.{method}")));
+    }
     let kind: Kind = kind.parse().map_err(|error: StudyError| bad(format!("kind: {error}")))?;
     let scenes = scenes_of(scenes)?;
     kind.check_scenes(scenes.len()).map_err(raised)?;

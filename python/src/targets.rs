@@ -2,12 +2,12 @@
 
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
-use sightline::Placement;
 use sightline::scene::Target;
 use sightline::shared::{Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
 use sightline::targets::{
     GroundBelow, RangeCard, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance,
 };
+use sightline::{Note, Placement};
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, shape_in_words};
@@ -142,6 +142,24 @@ impl Built {
             });
             Ok(found.map_err(raised)?.of_scene(self.scene.name()))
         })
+    }
+
+    /// Doubt about distances beyond the range of every LiDAR of a placement; `None` where there are none.
+    pub fn beyond(
+        &self,
+        question: &TargetQuestion,
+        placement: &Placement,
+    ) -> PyResult<Option<Note>> {
+        let site = self.job.target_site().map_err(raised)?;
+        let beyond = site.and_then(|site| question.beyond(site.sensors(), &placement.lidars));
+        Ok(beyond.map(|(range, beyond)| {
+            let beyond: Vec<String> = beyond.iter().map(ToString::to_string).collect();
+            Note::doubt(format!(
+                "distances: the LiDARs reach {range} m at most and meet no target at {} m: this lies beyond their range; leave \
+                 them out, or take sensors of longer range",
+                beyond.join(", ")
+            ))
+        }))
     }
 
     /// Beams of a placement on each target at each bearing and distance on level ground, by LiDAR, in that order.

@@ -150,6 +150,12 @@ def test_psogs() -> None:
         Psog.from_scans([np.array([[1, 1, 1], [np.nan, 1, 1], [1, 1, 1]])], [labels], [pose], **frame)
 
 
+def test_a_number_that_json_lacks_is_told_with_its_place() -> None:
+    scene = {"sightline": 1, "roi": {"min": [0, 0, float("nan")]}}
+    with pytest.raises(ValueError, match=r"scene\.roi\.min\[2\]: is NaN; give a finite number"):
+        Scene.from_dict(scene)
+
+
 def test_large_labels_do_not_wrap() -> None:
     """u16 would take 65 536 + 0 for class 0."""
     frame = dict(classes=["a"], roi=[[0, 0, 0], [2, 2, 2]], voxel=[1, 1, 1])

@@ -68,6 +68,7 @@ def test_optimizers_of_others(name: str, package: str) -> None:
 
 def test_a_front_beside_nsga2(tmp_path: Path) -> None:
     pytest.importorskip("pymoo")
+    pytest.importorskip("moocore")
     lidar = {"fov": [-25, 10], "azimuth_steps": 360, "range": 60}
     sensors = [
         {"name": name, "price": price, "lidar": {"channels": channels, **lidar}}
@@ -78,9 +79,12 @@ def test_a_front_beside_nsga2(tmp_path: Path) -> None:
     body = [{"class": "vehicle", "box": {"min": [-2.4, -1.0, 0.2], "max": [2.4, 1.0, 1.6]}}]
     vehicle = {"sightline": 1, "name": "roof", "body": body, "sensors": sensors, "mounts": mounts, "min_distance": 0.2}
     (tmp_path / "roof.json").write_text(json.dumps(vehicle))
-    ours, theirs = run("front.py", "scenes/industrial-yard.json", tmp_path / "roof.json", 2).splitlines()
+    ours, theirs = run("front.py", "scenes/industrial-yard.json", tmp_path / "roof.json", 80).splitlines()
     beaten = [float(line.split(": ")[1].split()[0]) for line in (ours, theirs)]
     assert 0.1 < beaten[0] < 0.3 and 0.1 < beaten[1] < 0.3, (ours, theirs)
+    assert all(f" {share:.3f} by moocore; " in line for share, line in zip(beaten, (ours, theirs))), (ours, theirs)
+    casts = [int(re.search(r"(\d+) casts", line)[1]) for line in (ours, theirs)]
+    assert casts[0] > 100 and 80 <= casts[1] < 160, (ours, theirs)
     # One small sensor, two of them, two large ones.
     assert {"1000", "2000", "5000"} <= {point.split(":")[0] for point in ours.split("; ")[1].split(", ")}
 

@@ -145,3 +145,5 @@ def test_the_program_and_the_module_pose_one_problem(
     found = sightline.optimize(loaded if len(loaded) > 1 else loaded[0], evaluations=12, seed=3, **search)
     assert found.record["best"] == told["best"] and told["best"] is not None
     assert found.record["baselines"] == told["baselines"]
+    assert found.record.get("near_field") == told.get("near_field")
+    assert found.record["settings"].get("equipped") == told["settings"].get("equipped")

@@ -111,7 +111,7 @@ def test_files_of_other_programs_are_rigs(tmp_path: Path) -> None:
         (SENSORS[:1], "no frame is a LiDAR"),
         ([lidar(), 3], r"sensors\[1\]: is 3; give a dict"),
         ([{1: 2}], r"sensors\[0\]: has the key 1; give texts as keys"),
-        ([lidar(x=float("nan"))], r"sensors\[0\]\.x: is not JSON: .*float"),
+        ([lidar(x=float("nan"))], r"sensors\[0\]\.x: is NaN; give a finite number"),
         ([lidar(x=object())], r"sensors\[0\]\.x: is not JSON: .*object"),
         ([lidar(x="\ud800")], r"sensors\[0\]\.x: "),
         ([lidar(x="a")], r"sensors\[0\]\.x: `a` stands where a finite number belongs"),

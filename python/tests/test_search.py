@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,6 +129,18 @@ def test_a_budget_chooses_sensors() -> None:
     cost = sum(prices[name or next(iter(prices))] for name in result.best.sensors)
     assert 0 < cost <= 14_000
     assert np.isfinite(result.scores["information_gain"]).all()
+
+
+def test_a_requirement_out_of_reach_is_warned_of_and_recorded(tmp_path) -> None:
+    vehicle = json.loads(Path("scenes/vehicles/car.json").read_text())
+    vehicle["require"] = [{"target": "tyre", "from": 90, "within": 90, "beams": 100, "share": 1}]
+    (tmp_path / "car.json").write_text(json.dumps(vehicle))
+    scene = Scene.load("scenes/urban-crossing.json", vehicle=tmp_path / "car.json", frames=2, backend="cpu")
+    with pytest.warns(sightline.DoubtWarning, match="OUT OF REACH: tyre at 90 m"):
+        result = sightline.optimize(scene, evaluations=12, budget=5_000.0)
+    equipped = result.record["settings"]["equipped"]
+    assert equipped["out_of_reach"][0].startswith("tyre at 90 m, 100 beams: even") and equipped["open_mounts"]
+    assert result.record["near_field"]["zone"]
 
 
 def test_one_placement_is_one(scene, placements) -> None:

@@ -90,6 +90,7 @@ def test_what_a_study_does_not_take_is_refused(scene: Scene, rig: sightline.Plac
     other = Scene.load("scenes/highway.json", backend="cpu", frames=2)
     foggy = Scene.load(YARD, backend="cpu", frames=1, conditions=["fog:mor=50"])
     for match, call in [
+        (r"^kind: `nearfield` is a method of Scene: scene\.near_field", lambda: sightline.study("nearfield", scene)),
         ("^kind: .*`lost`.*loss", lambda: sightline.study("lost", scene)),
         ("^poses: `lidars` takes none", lambda: sightline.study("lidars", scene, rig)),
         ("^conditions: `loss` takes none here", lambda: sightline.study("loss", scene, rig, conditions=["fog:mor=50"])),

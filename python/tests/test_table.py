@@ -101,6 +101,11 @@ def test_feasible_placements_and_requirements() -> None:
         assert (row["found"] == scores[f"seen.{name}"]).all() and 0 < row["required"] <= 1
         assert (row["met"] == (row["found"] >= row["required"])).all()
         met &= row["met"]
+        assert row["holds_in"].shape == row["intact"].shape == (4,)
+        assert len(row["missing"]) == len(row["worst_without"]) == 4
+    some = scores.rows[[2, 0]].requirements
+    assert all(some[name]["missing"] == [row["missing"][2], row["missing"][0]] for name, row in asked.items())
+    assert Scores.concatenate([scores] * 2).requirements.keys() == asked.keys()
     undoubted = [all(guard.startswith("blind_sector") for guard in guards) for guards in scores.guards]
     kept = (space.violations(np.concatenate([poses, broken])) == 0).all(axis=1)
     assert kept.tolist() == [True] * 3 + [False]

@@ -55,6 +55,8 @@ def test_beams_on_targets_are_those_of_the_program(tmp_path: Path) -> None:
     rows = json.loads(done.stdout)["rows"]
     assert beams.reshape(-1, 2).tolist() == [row["by_lidar"] for row in rows]
     assert beams[0].min() > 0 and beams[0].sum() > beams[1].sum()
+    with pytest.warns(sightline.DoubtWarning, match=r"distances: the LiDARs reach .* no target at 500 m"):
+        assert not scene.beams_on(rig, targets, [500.0], bearings).any()
     with pytest.raises(ValueError, match="did you mean `child`"):
         scene.beams_on(rig, ["chidl"], distances, bearings)
     with pytest.raises(ValueError, match=r"^distances\[0\]: is NaN; give metres above 0"):

@@ -47,7 +47,7 @@ pub fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
             let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
             let table = targets_text(&found.table, beams);
             format!(
-                "Metres from the origin at which {beams} beams or more meet a target, {over}{under}\n\n{table}"
+                "Distances from the origin. {beams} beams or more meet a target, {over}{under}\n\n{table}"
             )
         },
     )?;
@@ -70,7 +70,7 @@ pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
             let tables = redundancy_text(&rows);
             let at = targets_at(&found.distances);
             format!(
-                "Seen by how many LiDARs, targets{at} with {beams} beams or more each, {over}{under}\n\n{tables}"
+                "Seen by how many LiDARs, {over}{under}\nTargets{at}, {beams} beams or more each\n\n{tables}"
             )
         },
     )?;

@@ -306,10 +306,7 @@ mod tests {
     #[test]
     fn wrong_arguments_are_one_sentence() {
         for (line, told) in [
-            (
-                "scan s.json",
-                "arguments were not provided: --placement <PLACEMENTS[:NAME]>, --out <DIR>",
-            ),
+            ("scan s.json", "arguments were not provided: --placement <PLACEMENTS>, --out <DIR>"),
             (
                 "score s.json p.json --fromat json",
                 "unexpected argument '--fromat' found; a similar argument exists: '--format'",

@@ -160,16 +160,27 @@ fn sensor(text: &str) -> Result<(String, String), String> {
 }
 
 impl Mounted {
-    fn mounting(&self) -> Mounting {
-        Mounting {
+    fn mounting(&self) -> Result<Mounting, RunError> {
+        Ok(Mounting {
             base_link: self.base_link.unwrap_or_default(),
-            optical_heights: self.optical_height.iter().cloned().collect(),
-        }
+            optical_heights: by_name("--optical-height", &self.optical_height)?,
+        })
     }
 
-    fn sensors(&self) -> BTreeMap<String, String> {
-        self.sensor.iter().cloned().collect()
+    fn sensors(&self) -> Result<BTreeMap<String, String>, RunError> {
+        by_name("--sensor", &self.sensor)
     }
+}
+
+/// Values of an option by name, each name once.
+fn by_name<V: Clone>(option: &str, given: &[(String, V)]) -> Result<BTreeMap<String, V>, RunError> {
+    let mut all = BTreeMap::new();
+    for (name, value) in given {
+        if all.insert(name.clone(), value.clone()).is_some() {
+            return Err(RunError::Usage(format!("{option} {name}: comes twice; give it once")));
+        }
+    }
+    Ok(all)
 }
 
 fn run_export(args: &ExportArgs) -> Result<(), RunError> {
@@ -178,35 +189,39 @@ fn run_export(args: &ExportArgs) -> Result<(), RunError> {
         format: args.format,
         out: args.out.clone(),
         frames: args.frame.clone(),
-        sensors: args.mounted.sensors(),
+        sensors: args.mounted.sensors()?,
         scene: args.scene.clone(),
         vehicle: args.vehicle.clone(),
-        mounting: args.mounted.mounting(),
+        mounting: args.mounted.mounting()?,
     };
     let text = export_file(&request, &Terminal::new(args.talk))?;
     text.map_or(Ok(()), |text| out!("{text}"))
 }
 
-fn settings(reading: &Reading, format: Option<RigFormat>, name: Option<&str>) -> ImportSettings {
-    ImportSettings {
+fn settings(
+    reading: &Reading,
+    format: Option<RigFormat>,
+    name: Option<&str>,
+) -> Result<ImportSettings, RunError> {
+    Ok(ImportSettings {
         format,
         name: name.map(str::to_owned),
         base_frame: reading.base_frame.clone(),
         frames: reading.frame.clone(),
-        sensors: reading.mounted.sensors(),
-        mounting: reading.mounted.mounting(),
-    }
+        sensors: reading.mounted.sensors()?,
+        mounting: reading.mounted.mounting()?,
+    })
 }
 
 fn run_import(args: &ImportArgs) -> Result<(), RunError> {
-    let settings = settings(&args.reading, args.format, args.name.as_deref());
+    let settings = settings(&args.reading, args.format, args.name.as_deref())?;
     let terminal = Terminal::new(args.talk);
     let text = import_files(&args.files, &settings, args.out.as_deref(), &terminal)?;
     text.map_or(Ok(()), |text| out!("{text}"))
 }
 
 fn run_compare(args: &CompareArgs) -> Result<(), RunError> {
-    let settings = settings(&args.reading, None, None);
+    let settings = settings(&args.reading, None, None)?;
     let terminal = Terminal::new(args.talk);
     let found = compare_files(&args.before, &args.after, &settings, &terminal)?;
     match args.format {

@@ -29,8 +29,8 @@ pub struct ScanArgs {
     /// Scene files; they must have geometry
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<PathBuf>,
-    /// File of placements, or one of them; several give a folder each
-    #[arg(long, required = true, value_name = "PLACEMENTS[:NAME]")]
+    /// File of placements, or one of them as FILE:NAME; several give a folder each
+    #[arg(long, required = true, value_name = "PLACEMENTS")]
     placement: Vec<String>,
     /// Folder to write
     #[arg(long, value_name = "DIR")]

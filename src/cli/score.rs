@@ -49,8 +49,8 @@ pub fn run_view(args: &ViewArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let (command, tolerance) = (command(args), tolerance(args));
     let request = ViewRequest { command, tolerance, ..args.request.clone() };
-    view(&request, &args.named.computing(&args.compute, &terminal))?;
-    Ok(Exit::Done)
+    let is_met = view(&request, &args.named.computing(&args.compute, &terminal))?;
+    Ok(if is_met { Exit::Done } else { Exit::CheckFailed })
 }
 
 /// The command that was given, to be copied into a shell in the same folder; the page is written anew.

@@ -79,6 +79,8 @@ pub struct Found {
     pub settings: Settings,
     /// Sensors chosen, by mount, and their price, in words; `None` where there was nothing to choose.
     pub equipment: Option<String>,
+    /// Sensors chosen as data, with requirements out of reach; `None` where there was nothing to choose.
+    pub equipped: Option<Equipped>,
     /// Wall time of choosing them.
     pub equipping: Duration,
 }
@@ -435,8 +437,9 @@ impl JobRun<'_> {
     /// Result, scenes and settings together.
     fn found(self, outcome: Outcome) -> Option<Found> {
         let (equipment, equipping) = (self.equipment_in_words(), self.equipped_in);
+        let equipped = self.equipped().cloned();
         let settings = self.run?.state().settings().clone();
-        Some(Found { outcome, suite: self.suite, settings, equipment, equipping })
+        Some(Found { outcome, suite: self.suite, settings, equipment, equipped, equipping })
     }
 }
 

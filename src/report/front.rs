@@ -11,7 +11,7 @@ use super::tables::{optional, score_rows, score_titles};
 use crate::csv::{csv, number};
 use crate::job::{Front, FrontObjective, FrontPoint, FrontStopped};
 use crate::scan::conditions::under;
-use crate::score::percent_down;
+use crate::score::{percent_down, percent_up};
 use crate::targets::RangeCard;
 
 /// All of `result.json` of a front.
@@ -139,7 +139,8 @@ pub(super) fn blind_in_words(front: &Front) -> String {
 pub(super) fn shown(objective: &FrontObjective, value: f64) -> String {
     match objective {
         FrontObjective::Price | FrontObjective::Sensors => trimmed(value, 2),
-        FrontObjective::Requirements => format!("{:.1}", 100.0 * value),
+        // Rounded up, as the share that is seen is rounded down.
+        FrontObjective::Requirements => format!("{:.1}", percent_up(value)),
         FrontObjective::Score(score) if score.is_share() => format!("{:.2}", 100.0 * value),
         FrontObjective::Score(_) if value.abs() < 1.0 => format!("{value:.4}"),
         FrontObjective::Score(_) => trimmed(value, 2),
@@ -351,6 +352,12 @@ mod tests {
     use super::*;
     use crate::job::Pick;
     use crate::report::words::tests::planted;
+
+    #[test]
+    fn missing_points_are_rounded_up_as_on_the_page() {
+        let missing = |value| shown(&FrontObjective::Requirements, value);
+        assert_eq!([0.0651, 0.065, 0.0].map(missing), ["6.6", "6.5", "0.0"]);
+    }
 
     #[test]
     fn a_single_point_is_the_best_in_each_objective() {

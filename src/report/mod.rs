@@ -54,6 +54,7 @@ pub(crate) mod words;
 pub use front::{FrontContext, FrontRecord};
 pub(crate) use map::{InformationMap, placement_svg};
 pub(crate) use next_steps::next_in_words;
+pub use page::near_record;
 pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_html};
 pub(crate) use plot::{Axis, Plot, Series};
 pub(crate) use record::convergence_svg;

@@ -11,6 +11,21 @@ const MOST_MOUNTS: usize = 4;
 /// Words before them.
 const MOUNTS_WITH_ROOM: &str = "Mounts with room";
 
+/// Line on a vehicle without requirements.
+pub(super) const NO_REQUIREMENT: &str =
+    "No requirement is set: `require` of the vehicle says what must be seen.";
+
+/// [`next_in_words`] for a terminal, with a line where a vehicle has no requirements: a page has three to copy.
+pub(super) fn next_in_text(run: &RunRecord) -> Vec<String> {
+    let scores = run.best.iter().map(|best| &best.scores);
+    let none = scores.filter(|scores| scores.required.is_empty() && scores.range_card.is_some());
+    let has_vehicle = !run.mounts.is_empty();
+    let hint = none
+        .filter(|_| has_vehicle)
+        .map(|_| format!("{NO_REQUIREMENT} report.html has three to copy."));
+    next_in_words(run).into_iter().chain(hint).collect()
+}
+
 /// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then
 /// money and mounts that are left, and changes that let a search find more. Where all requirements are met: that a baseline
 /// meets them, too, for which fewer sensors may be enough.

@@ -96,8 +96,8 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                     (scores::required(subject))
                     @for step in run.map(next_in_words).unwrap_or_default() { p { (step) } }
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
-                    (layout::stage(subject, figures))
                     (scores::usual(subject))
+                    (layout::stage(subject, figures))
                     @if subject.result.is_some() {
                         p.part { "For the engineer: what it sees and where it stands" }
                     }
@@ -226,6 +226,8 @@ pub(crate) struct Looks {
     several: Several,
     /// True if bodies of the vehicle move: some figures are of frame 0.
     has_moving_bodies: bool,
+    /// Sentence on ground that is not level where targets stand.
+    relief: Option<String>,
 }
 
 /// LiDARs of a placement against each other.
@@ -297,7 +299,8 @@ impl Looks {
             several.losses = job.losses_while(&mut evaluator, placement, go_on)?;
         }
         let has_moving_bodies = job.scene().has_moving_bodies();
-        Ok(Self { maps, views, near, several, has_moving_bodies })
+        let relief = job.relief_in_words()?;
+        Ok(Self { maps, views, near, several, has_moving_bodies, relief })
     }
 
     /// Near field of the placement and of the best baseline; `None` where there is none to tell.
@@ -308,6 +311,28 @@ impl Looks {
     }
 }
 
+/// Ground near the vehicle that a placement sees in the first scene of a job, over the frames of its page, on the CPU; `None`
+/// without own body or ground.
+///
+/// # Errors
+/// See [`Job::problem`]; an engine that fails.
+pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord>, JobError> {
+    let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
+    let problem = job.problem()?;
+    let (few, frames) = near_frames(&problem);
+    let Ok(site) = NearSite::new(job.scene(), &few) else { return Ok(None) };
+    let mut engine = open(few.task(), &choice, |_| {})?.engine;
+    let near = site.look(&mut *engine, placement)?;
+    Ok(Some(NearRecord { frames, near, rival: None }))
+}
+
+/// A problem over the few frames of near fields, and their number.
+fn near_frames(problem: &Problem) -> (Arc<Problem>, usize) {
+    // A P-SOG without geometry has no frame to cast into.
+    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
+    (Arc::new(problem.over(&frames)), frames.len())
+}
+
 /// Near fields of placements over a few frames of a scene, and the LiDARs of the first one against each other.
 fn near<'a>(
     of: &JobScene,
@@ -316,9 +341,7 @@ fn near<'a>(
     placements: impl Iterator<Item = &'a Placement> + Clone,
 ) -> Result<(Result<Near, String>, Several), JobError> {
     let scene = &**of.scene();
-    // A P-SOG without geometry has no frame to cast into.
-    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
-    let few = Arc::new(problem.over(&frames));
+    let (few, frames) = near_frames(problem);
     let mut engine = open(few.task(), choice, |_| {})?.engine;
     let mut several = Several::default();
     let has_others = !scene.vehicle().other_sensors.is_empty();
@@ -337,7 +360,7 @@ fn near<'a>(
     };
     let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
     let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
-    let near = Near { footprint: site.footprint().clone(), frames: frames.len(), all };
+    let near = Near { footprint: site.footprint().clone(), frames, all };
     Ok((Ok(near), several))
 }
 
@@ -362,6 +385,8 @@ pub(crate) struct Figures {
     several: Several,
     /// True if bodies of the vehicle move: range card and outline are of frame 0.
     has_moving_bodies: bool,
+    /// Sentence on ground that is not level where targets stand.
+    relief: Option<String>,
     /// The 3-D view of each scene; empty without a result.
     pub views: Vec<ViewData>,
 }
@@ -386,12 +411,13 @@ impl Figures {
             near_frames: 0,
             several: Several::default(),
             has_moving_bodies: false,
+            relief: None,
             views: Vec::new(),
         };
         let Some((looks, shown)) = looks.zip(shown) else {
             return none;
         };
-        let Looks { maps, views, near, several, has_moving_bodies } = looks;
+        let Looks { maps, views, near, several, has_moving_bodies, relief } = looks;
         let near_frames = near.as_ref().map_or(0, |near| near.frames);
         let near_field = near.map(|Near { footprint, all, .. }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
@@ -403,7 +429,17 @@ impl Figures {
             maps[..count].iter().map(|(name, map)| (name.clone(), map.lidars_svg(placement)));
         let lidars = lidars.collect();
         let maps = maps.into_iter().map(|(name, map)| (name, map.svg(placement))).collect();
-        Self { maps, lidars, near_field, near_frames, several, has_moving_bodies, views, ..none }
+        Self {
+            maps,
+            lidars,
+            near_field,
+            near_frames,
+            several,
+            has_moving_bodies,
+            relief,
+            views,
+            ..none
+        }
     }
 
     /// Every drawing with a name of its own; `result` is the placement that they show.

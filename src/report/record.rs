@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::columns::align_columns;
 use super::coverage::seen_ground;
-use super::next_steps::next_in_words;
+use super::next_steps::next_in_text;
 use super::plot::{Change, ReferenceLine};
 use super::tables::by_scene;
 use super::targets::range_card_text;
@@ -345,7 +345,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
     text += &format!("{}\n\n", run_verdict(record).replace('\n', "\n- "));
-    next_in_words(record).iter().for_each(|step| text += &format!("{step}\n\n"));
+    next_in_text(record).iter().for_each(|step| text += &format!("{step}\n\n"));
     if let Some(words) = spread_in_words(record) {
         text += &format!("{words}\n\n");
     }

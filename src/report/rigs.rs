@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use super::next_steps::NO_REQUIREMENT;
 use super::svg::trimmed;
 use super::targets::runs_in_words;
 use crate::score::{Objective, Scores, Standing, percent_down};
@@ -21,7 +22,12 @@ pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) ->
             text += &format!("{}: {}\n", scores.name, facts.join("; "));
         }
     }
-    text + &better_in_words(all).unwrap_or_default()
+    text += &better_in_words(all).unwrap_or_default();
+    let has_none = |of: &Scores| of.required.is_empty() && of.range_card.is_some();
+    if !vehicle.is_nameless() && all.first().is_some_and(has_none) {
+        text += &format!("{NO_REQUIREMENT} The page of `view` has three to copy.\n");
+    }
+    text
 }
 
 /// Distances at which a target is met at every bearing of the card.

@@ -1,11 +1,11 @@
 //! Results of searches and audits as rows for CSV, like those of `tables`.
 
 use super::RunRecord;
-use super::tables::{joined, score_rows, score_titles, titles};
+use super::tables::{Cells, joined, score_rows, score_titles, titles};
 use super::text::numbered;
 use crate::audit::{Audit, Stability, TrialResult};
 use crate::csv::{csv, number};
-use crate::score::Scores;
+use crate::score::{Scores, Seen};
 use crate::search::Scored;
 
 /// The result of a search, if there is one, then its baselines: the rows of `score --format csv`. In a single scene result
@@ -31,7 +31,36 @@ pub fn run_csv(run: &RunRecord) -> String {
     };
     let prices: Vec<f64> = all.iter().filter_map(|of| of.price).collect();
     let rows: Vec<Scores> = all.iter().map(scores).collect();
-    csv(std::iter::once(score_titles(&prices)).chain(score_rows(&rows, &prices)))
+    let titles = titles_with_requirements(&prices, rows.first());
+    let rows = rows_with_requirements(&rows.iter().collect::<Vec<_>>(), &prices);
+    csv(std::iter::once(titles).chain(rows))
+}
+
+/// Titles of [`rows_with_requirements`]: those of scores, with four for each requirement of a placement before the price.
+pub(crate) fn titles_with_requirements(prices: &[f64], of: Option<&Scores>) -> Cells {
+    let of_each = |seen: &Seen| {
+        ["found", "required", "met", "holds_in"].map(|what| format!("{}_{what}", seen.name))
+    };
+    let required = of.into_iter().flat_map(|scores| &scores.required);
+    before_price(score_titles(prices), prices, required.flat_map(of_each))
+}
+
+/// Like [`score_rows`], with the share found of each requirement, the share required, whether it is met, and the share of
+/// copies that still meet it, before the price.
+pub(crate) fn rows_with_requirements(all: &[&Scores], prices: &[f64]) -> Vec<Cells> {
+    let of_each = |seen: &Seen| {
+        let met = seen.is_met().to_string();
+        [number(seen.share), number(seen.least), met, number(seen.holds_in)]
+    };
+    let rows = score_rows(all.iter().copied(), prices).into_iter().zip(all);
+    rows.map(|(row, of)| before_price(row, prices, of.required.iter().flat_map(of_each))).collect()
+}
+
+/// Puts cells into a row before the price, which is last where there is one.
+fn before_price(mut row: Cells, prices: &[f64], cells: impl Iterator<Item = String>) -> Cells {
+    let at = row.len() - usize::from(!prices.is_empty());
+    row.splice(at..at, cells);
+    row
 }
 
 /// Columns of [`audits_csv`] behind the scores.

@@ -16,7 +16,7 @@ use crate::targets::{TargetRow, TargetTable};
 /// Between the parts of a cell that holds several.
 const BETWEEN: &str = "; ";
 
-type Cells = Vec<String>;
+pub(crate) type Cells = Vec<String>;
 
 pub(super) fn titles(words: &[&str]) -> Cells {
     words.iter().map(|word| (*word).to_owned()).collect()

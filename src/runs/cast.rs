@@ -18,7 +18,7 @@ use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
 use crate::scan::BeamHits;
 use crate::scan::conditions::in_words;
 use crate::scene::EgoBody;
-use crate::score::Objective;
+use crate::score::{Objective, Seen};
 use crate::search::{Evaluator, Scored};
 use crate::vehicle::{Placement, read_placements};
 use sightline_files::json::counted;
@@ -157,11 +157,11 @@ pub struct ViewRequest {
     pub tolerance: String,
 }
 
-/// Writes the page about a placement.
+/// Writes the page about a placement. False, and a note, where the placement misses a requirement.
 ///
 /// # Errors
 /// Files that cannot be read or written, no placement to show, scenes that do not go together.
-pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunError> {
+pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, RunError> {
     let _session = Session::begin();
     let Some((placements, scenes)) = request.files.split_last() else {
         return Err(RunError::Usage("give scenes, and a file of placements".into()));
@@ -186,6 +186,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
     let mut loaded = opening::job(&files, computing)?;
     let mut evaluator = loaded.evaluator(computing)?;
     let (job, problem) = (loaded.job, evaluator.problem());
+    opening::note_relief(&job, computing.watcher)?;
     let look = |file: &str| Given::in_problem(Path::new(file), problem, computing);
     look(file_and_name(placements).0).all([&mut *shown])?;
     for (file, all) in &mut rivals {
@@ -201,12 +202,16 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), RunE
     let out = &request.out;
     outputs::check_file(out, "html")?;
     outputs::check_figures(request.figures.figures.as_deref())?;
-    let (page, figures) = page(request, &job, &mut evaluator, shown, &baselines)?;
+    let (page, figures, is_met) = page(request, &job, &mut evaluator, shown, &baselines)?;
     let wrote = outputs::wrote(request.figures.figures.as_deref(), figures.len(), Some(out));
     outputs::write_figures(request.figures.figures.as_deref(), figures)?;
     outputs::write_text(out, &page)?;
     wrote.iter().for_each(|wrote| computing.watcher.note(wrote));
-    Ok(())
+    if !is_met {
+        let name = &shown.name;
+        computing.watcher.note(&format!("NOT MET: {name} misses a requirement; exit code 1"));
+    }
+    Ok(is_met)
 }
 
 /// Placements of a file, perhaps with a name behind a colon, beside the file.
@@ -214,14 +219,14 @@ fn read(text: &str) -> Result<(&str, Vec<Placement>), RunError> {
     Ok((file_and_name(text).0, named_placements(text)?))
 }
 
-/// The page, and its figures by name.
+/// The page, its figures by name, and whether the placement meets all requirements.
 fn page(
     request: &ViewRequest,
     job: &Job,
     evaluator: &mut Evaluator,
     shown: &Placement,
     baselines: &[Placement],
-) -> Result<(String, Vec<Figure>), RunError> {
+) -> Result<(String, Vec<Figure>, bool), RunError> {
     let suite = &job.suite()?;
     let all: Vec<Placement> = std::iter::once(shown).chain(baselines).cloned().collect();
     let objective = Objective::default();
@@ -246,5 +251,6 @@ fn page(
     let command = request.command.clone();
     let subject = Subject::given(&names, &records, result, baselines, &objective, command);
     let subject = Subject { tolerance: request.tolerance.clone(), ..subject.under(&conditions) };
-    Ok((view_html(&subject, &figures), figures.files(Some(result))))
+    let is_met = result.scores.required.iter().all(Seen::is_met);
+    Ok((view_html(&subject, &figures), figures.files(Some(result)), is_met))
 }

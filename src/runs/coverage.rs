@@ -280,7 +280,8 @@ fn note_beyond(
         let Some((range, beyond)) = question.beyond(sensors, &placement.lidars) else { continue };
         let beyond = beyond.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         let words = format!(
-            "a rig whose sensors reach {range} m at most meets no target at {beyond} m: this lies beyond their range"
+            "--distances: a rig whose sensors reach {range} m at most meets no target at {beyond} m: this lies beyond their range; \
+             leave them out, or give sensors of longer range"
         );
         if !told.contains(&words) {
             watcher.note(&words);
@@ -377,8 +378,13 @@ fn question(
     let mut distances = or(&request.distances, usual_distances());
     distances.sort_by(f64::total_cmp);
     distances.dedup();
-    let mut bearings = or(&request.bearings, card_bearings());
-    bearings.dedup();
+    let mut bearings: Vec<f64> = Vec::new();
+    for bearing in or(&request.bearings, card_bearings()) {
+        // 0 and 360 are one direction.
+        if bearings.iter().all(|known| (known - bearing).rem_euclid(360.0) != 0.0) {
+            bearings.push(bearing);
+        }
+    }
     let (frames, of_frames) = (request.frames, request.of_frames.unwrap_or(request.frames));
     if of_frames > frames {
         return Err(RunError::Usage(format!(

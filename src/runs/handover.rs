@@ -37,7 +37,7 @@ use rig::HandoverRig;
 pub struct HandoverRequest {
     /// A scene, none for level ground, then a file of placements, with :NAME of one where it has several; or the folder
     /// of a run, for its optimum on the vehicle of the run
-    #[cfg_attr(feature = "cli", arg(value_name = "[SCENE] PLACEMENTS[:NAME]", required = true, num_args = 1..))]
+    #[cfg_attr(feature = "cli", arg(value_name = "[SCENE] PLACEMENTS", required = true, num_args = 1..))]
     pub files: Vec<String>,
     /// Folder to write, new or empty
     #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]

@@ -96,6 +96,12 @@ pub(crate) fn job_within(
     Ok(Loaded { job, times })
 }
 
+/// Notes that the ground of a scene is not level where targets of requirements and range cards stand.
+pub fn note_relief(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
+    job.relief_in_words()?.iter().for_each(|words| watcher.note(words));
+    Ok(())
+}
+
 /// Reads or builds the P-SOG of a scene, until the watcher or a limit of time stops it. A scene of few frames is scanned
 /// whatever the time.
 pub fn psog(
@@ -290,6 +296,12 @@ pub(crate) fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(),
         told.iter().for_each(|words| watcher.note(words));
     }
     Ok(())
+}
+
+/// Notes on mounts, and on ground that is not level, of a job that is about to search.
+pub fn note_before_search(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
+    note_mounts(&job.scenes()[0], watcher)?;
+    note_relief(job, watcher)
 }
 
 /// Notes scenes whose own body is not that of the first, which decides about requirements on targets and warnings of the mean.

@@ -142,7 +142,7 @@ fn begin<'a>(
     let run = match state {
         Some(state) => job.resume(state),
         None => {
-            opening::note_mounts(&job.scenes()[0], watcher)?;
+            opening::note_before_search(job, watcher)?;
             job.begin()
         }
     };

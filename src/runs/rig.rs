@@ -1,6 +1,7 @@
 //! Rigs in the formats of other programs, as files: read, written and compared.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::inputs::{file_and_name, rig_file};
@@ -8,12 +9,14 @@ use super::{RunError, Watcher, outputs};
 use crate::files::{Session, safe_name, shared_folder, writable_file, writable_folder};
 use crate::rig::{
     Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
-    Rig, RigError, RigFormat, compare, default_frame, export, import, placement_doubts, read_rig,
-    rig_json,
+    Rig, RigError, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
+    placement_doubts, read_rig, rig_json,
 };
 use crate::scene::Scene;
 use crate::vehicle::{PlacementFileError, Vehicle, in_millimetres};
 
+/// Most bytes of a rig on standard input, as of a file.
+const MOST_INPUT: u64 = 16 << 20;
 /// Frames left out that a note lists.
 const MOST_LISTED: usize = 12;
 
@@ -71,6 +74,7 @@ pub fn export_file(
         }
     }
     put_models(&mut rig, &request.sensors, file)?;
+    check_heights(&rig, &request.mounting, file)?;
     let models = vehicle.as_ref().map(Models::from).unwrap_or_default();
     let exported = export(&rig, request.format, &request.mounting, &models)?;
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
@@ -115,6 +119,16 @@ fn put_models(
         }
     }
     Ok(())
+}
+
+/// Refuses an `--optical-height` of a name that is neither a frame nor a sensor of the rig in `file`.
+fn check_heights(rig: &Rig, mounting: &Mounting, file: &Path) -> Result<(), RunError> {
+    let Some(frame) = mounting.unused(rig) else { return Ok(()) };
+    let frames = rig.lidars.iter().map(|lidar| lidar.frame.clone());
+    let sensors: BTreeSet<String> =
+        rig.lidars.iter().filter_map(|lidar| lidar.sensor.clone()).collect();
+    let (file, frame) = (file.display().to_string(), frame.to_owned());
+    Err(RigError::UnknownFrame { file, frame, known: frames.chain(sensors).collect() }.into())
 }
 
 /// The vehicle that a rig stands on: that of the vehicle file, else of the scene; `None` where neither is named.
@@ -162,10 +176,14 @@ pub fn import_files(
         _ => None,
     };
     let imported = match only {
+        _ if files == [Path::new("-")] => import_texts(&[standard_input()?], settings)?,
         Some(only) => named_rig(only, settings)?,
         None => import(files, settings)?,
     };
     let rig = &imported.rig;
+    if let Some(first) = files.first() {
+        check_heights(rig, &settings.mounting, first)?;
+    }
     for (index, lidar) in rig.lidars.iter().enumerate() {
         let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
         let place = in_millimetres(&lidar.pose);
@@ -177,6 +195,14 @@ pub fn import_files(
     writable_file(out)?;
     outputs::write_text(out, &text)?;
     Ok(None)
+}
+
+/// A rig's text from standard input.
+fn standard_input() -> Result<RigSource, RunError> {
+    let (file, mut text) = ("standard input".to_owned(), String::new());
+    let mut input = std::io::stdin().lock().take(MOST_INPUT);
+    input.read_to_string(&mut text).map_err(RunError::io(Path::new("-")))?;
+    Ok(RigSource { file, text })
 }
 
 /// Reads a file or folder of any format; a name behind a colon picks one of several placements.

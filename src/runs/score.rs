@@ -8,6 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, note_unpriced};
@@ -21,7 +22,7 @@ use crate::files::{
 use crate::job::{Job, JobFiles};
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::tables::{score_rows, score_titles};
+use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
 use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::{Scores, Seen};
@@ -81,6 +82,29 @@ fn meets(scores: &Scores) -> bool {
 /// Price of each placement; empty where no sensor has one.
 fn prices_of(vehicle: &Vehicle, placements: &[Placement]) -> Vec<f64> {
     placements.iter().filter_map(|placement| vehicle.price_of_rig(placement)).collect()
+}
+
+/// Sentence on placements that are too many to be looked at closely.
+fn not_looked_closely() -> String {
+    format!(
+        "range cards, blind sectors, `self_hit` and copies within the tolerance are looked at for up to {FEW_PLACEMENTS} \
+         placements; here are more: score the best of them alone, as PLACEMENTS:NAME"
+    )
+}
+
+/// Scores of a placement that nobody looked at closely, for JSON.
+#[derive(Serialize)]
+struct NotLooked<'a> {
+    #[serde(flatten)]
+    scores: &'a Scores,
+    range_card: Option<()>,
+    requirements_hold_in: Option<()>,
+}
+
+impl<'a> From<&'a Scores> for NotLooked<'a> {
+    fn from(scores: &'a Scores) -> Self {
+        Self { scores, range_card: None, requirements_hold_in: None }
+    }
 }
 
 /// Placements that are read, scored and printed at a time.
@@ -224,6 +248,7 @@ fn score_each(
 ) -> Result<bool, RunError> {
     let mut loaded = open(request, scenes, computing)?;
     let evaluator = loaded.evaluator(computing)?;
+    opening::note_relief(&loaded.job, computing.watcher)?;
     let Loaded { job, times } = loaded;
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
@@ -255,6 +280,8 @@ fn score_each(
     job.add_broken_rules(batch.evaluator.problem().rules(), &placements, &mut batch.judged);
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
+    } else {
+        computing.watcher.note(&not_looked_closely());
     }
     if request.near_field {
         batch.add_near_fields(&job, &placements)?;
@@ -273,6 +300,14 @@ fn score_each(
     })?;
     computing.watcher.note(&batch.pace(seconds));
     Ok(batch.judged.iter().any(|judged| meets(&judged.scores)))
+}
+
+/// Scores for JSON.
+fn listed(scores: Vec<&Scores>) -> Value {
+    match scores.len() <= FEW_PLACEMENTS {
+        true => json!(scores),
+        false => json!(scores.into_iter().map(NotLooked::from).collect::<Vec<_>>()),
+    }
 }
 
 /// All placements of the files, unless these are too many to be held with their scores in every scene.
@@ -381,16 +416,18 @@ impl Batch {
     /// The placements in each scene, then their means.
     fn csv(&self) -> String {
         let prices = prices_of(&self.vehicle, &self.placements);
-        let titles = std::iter::once("scene".to_owned()).chain(score_titles(&prices)).collect();
+        let mean: Vec<&Scores> = self.judged.iter().map(|judged| &judged.scores).collect();
+        let titles = titles_with_requirements(&prices, mean.first().copied());
+        let titles = std::iter::once("scene".to_owned()).chain(titles).collect();
         let mut rows: Vec<Vec<String>> = vec![titles];
         let mut add = |scene: &str, scores: Vec<Vec<String>>| {
             let named = |row| std::iter::once(scene.to_owned()).chain(row).collect();
             rows.extend(scores.into_iter().map(named));
         };
         for (index, member) in self.members() {
-            add(member.name(), score_rows(self.of_scene(index), &prices));
+            add(member.name(), rows_with_requirements(&self.of_scene(index), &prices));
         }
-        add("mean", score_rows(&self.mean(), &prices));
+        add("mean", rows_with_requirements(&mean, &prices));
         csv(rows)
     }
 
@@ -408,7 +445,7 @@ impl Batch {
                 "frames": problem.frame_count(),
                 "modelled": problem.modelled(),
                 "threads": rayon::current_num_threads(),
-                "scores": self.of_scene(index),
+                "scores": listed(self.of_scene(index)),
                 // Loading and the whole are those of all scenes together.
                 "timings": timings(self.times, stages, self.start),
             });
@@ -420,7 +457,8 @@ impl Batch {
             }
             scene
         };
-        json!({ "scenes": self.members().map(scene).collect::<Vec<_>>(), "mean": self.mean() })
+        let mean = listed(self.judged.iter().map(|judged| &judged.scores).collect());
+        json!({ "scenes": self.members().map(scene).collect::<Vec<_>>(), "mean": mean })
     }
 
     /// Covered voxels of each placement, in a folder a scene.

@@ -10,9 +10,9 @@ use super::atlas::{Atlas, Union};
 use super::evaluator::Evaluator;
 use crate::engine::BackendError;
 use crate::problem::{Content, KINDS, REPEATS, Tally};
-use crate::score::{Needed, Objective};
+use crate::score::{Needed, Objective, SEEN, percent_down, percent_up};
 use crate::targets::{MountPoses, OutOfReach, Sight, SightBeams};
-use crate::vehicle::{PoseGrid, UnknownSensor};
+use crate::vehicle::{PoseGrid, Requirement, UnknownSensor};
 
 /// Fixed-point sum by which the worth of one unit is found: a power of two, and large, so that it is as
 /// exact as the objective's own factors.
@@ -140,10 +140,14 @@ impl Atlases {
         self.sight.as_ref().is_some_and(|sight| sight.has_rules())
     }
 
-    /// Rules on targets and on the ground that no rig meets whose poses are among those held, in words. `mounts` says for
-    /// each mount the most sensors that it holds and the numbers of its poses. See [`Sight::out_of_reach`].
+    /// Requirements that no rig meets whose poses are among those held, in words: areas, then rules on targets, ground and
+    /// overlap. `mounts` says for each mount the most sensors that it holds and the numbers of its poses. See
+    /// [`Sight::out_of_reach`].
     pub(super) fn out_of_reach(&self, mounts: &[(usize, Vec<u32>)]) -> Vec<String> {
-        let Some(sight) = &self.sight else { return Vec::new() };
+        let used = mounts.iter().filter(|(most, _)| *most > 0);
+        let poses: Vec<u32> = used.flat_map(|(_, poses)| poses).copied().collect();
+        let mut all = self.areas_out_of_reach(&poses);
+        let Some(sight) = &self.sight else { return all };
         let held = |pose: &u32| self.targets.get(pose);
         let mounts: Vec<MountPoses<'_>> = mounts
             .iter()
@@ -156,9 +160,38 @@ impl Atlases {
         let over = format!("measured over {count} poses of a grid over the mounts");
         let in_words = |rule: OutOfReach| {
             let full = if rule.beams.is_some() { "every mount full, " } else { "" };
-            format!("{} ({full}{over})", rule.words)
+            match rule.is_measured {
+                true => format!("{} ({full}{over})", rule.words),
+                false => rule.words,
+            }
         };
-        sight.out_of_reach(&mounts).into_iter().map(in_words).collect()
+        all.extend(sight.out_of_reach(&mounts).into_iter().map(in_words));
+        all
+    }
+
+    /// Areas that all these poses together see too little of, in words.
+    fn areas_out_of_reach(&self, poses: &[u32]) -> Vec<String> {
+        let shares: Vec<Vec<f64>> =
+            self.each.iter().map(|atlas| atlas.area_shares(poses)).collect();
+        let areas = self.each[0].problem().content().areas().iter().enumerate();
+        let areas = areas.map(|(k, area)| {
+            let share = shares.iter().map(|of| of[k]).sum::<f64>() / shares.len() as f64;
+            (&area.required, share)
+        });
+        let beyond = areas.filter(|(required, share)| *share < required.share);
+        let frames: usize = self.each.iter().map(|atlas| atlas.problem().frame_count()).sum();
+        let in_words = |(required, share): (&Requirement, f64)| {
+            format!(
+                "{}: even a LiDAR at every pose of each mount leaves it {:.1} % {SEEN}, {:.1} % required; lower `share`, move \
+                 the box, add or widen mounts, or take other sensors (measured over {} poses of a grid over the mounts and {frames} \
+                 frames)",
+                required.name,
+                percent_down(share),
+                percent_up(required.share),
+                poses.len()
+            )
+        };
+        beyond.map(in_words).collect()
     }
 
     /// Shares that a union and one more held pose, if any, lack: beams on a car all round, and places of the rules on

@@ -8,15 +8,17 @@ use super::scene::StudyScene;
 use super::table::{Cases, shown_objective};
 use super::{Row, StudyError, Table, TablePlot};
 use crate::job::{Loss, Losses, without};
-use crate::score::Objective;
+use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, SearchError};
 use crate::targets::{BlindSector, RangeCard};
 use crate::vehicle::{Constraints, Placement};
 
 /// Step size at the start, as a share of each range.
 const STEP_SIZE: f64 = 0.3;
-/// Cost of a candidate that keeps the rules and has no value: above all values, below [`BROKEN`].
+/// Cost of a candidate that keeps the rules and has no value: above all values, below [`MISSED`].
 const NO_VALUE: f64 = 1e150;
+/// Cost of a candidate that misses nothing of its requirements; it grows with the missing share.
+const MISSED: f64 = 1e175;
 /// Cost of a candidate that breaks a rule by nothing; it grows with the amount.
 const BROKEN: f64 = 1e200;
 
@@ -52,6 +54,12 @@ fn table(
     columns.extend(further.iter().map(|column| (*column).to_owned()));
     if rows.iter().any(|row| !row.unmet_at.is_empty()) {
         notes.push("! before a value: a requirement is not met.".to_owned());
+    }
+    if rows.iter().any(|row| row.placement.is_some() && row.values.get(1) == Some(&None)) {
+        notes.push(format!(
+            "– {}: without one LiDAR there is no value, or a guard speaks against the others.",
+            OF_VALUE[1]
+        ));
     }
     let drawing = TablePlot::ByColumn {
         columns: (0..drawn).collect(),
@@ -166,7 +174,8 @@ pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     let (title, _) = shown_objective(objective);
     let notes = vec![format!(
         "{title} with one LiDAR failed. The second placement was searched for the score that is left \
-         after its worst loss, by {} evaluations without swaps; the first for the score of all.",
+         after its worst loss, by {} evaluations without swaps; the first for the score of all. Requirements come first \
+         in both.",
         scene.settings.evaluations
     )];
     let names: Vec<String> = (0..lidars).map(|lidar| format!("LiDAR {lidar}")).collect();
@@ -205,7 +214,7 @@ fn after_worst_loss(
 ) -> Result<Vec<Option<f64>>, StudyError> {
     let left: Vec<Placement> = placements.iter().flat_map(without_each).collect();
     let scores = scene.scores(evaluator, &left)?;
-    let value = |s| scene.settings.objective.value(s).filter(|_| s.guards.is_empty());
+    let value = |s: &Scores| scene.settings.objective.value(s).filter(|_| s.doubts() == 0);
     let mut values = scores.iter().map(value);
     let worst = |placement: &Placement| {
         let each: Vec<Option<f64>> = values.by_ref().take(placement.lidars.len()).collect();
@@ -244,7 +253,8 @@ fn most_robust(
             candidates.iter().map(|candidate| placement(candidate.point())).collect();
         let costs = costs(scene, evaluator, constraints, &placements)?;
         for (placement, &cost) in placements.iter().zip(&costs) {
-            if cost < NO_VALUE && best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            let counts = cost < NO_VALUE || (MISSED..BROKEN).contains(&cost);
+            if counts && best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, placement.clone()));
             }
         }
@@ -254,7 +264,7 @@ fn most_robust(
     Ok(best.map(|(_, placement)| placement))
 }
 
-/// −objective after the worst loss; rules come before guards, and guards before the objective.
+/// −objective after the worst loss; rules come before requirements, these before guards, and guards before the objective.
 fn costs(
     scene: &StudyScene,
     evaluator: &mut Evaluator,
@@ -266,10 +276,45 @@ fn costs(
     let keeps_rules =
         |(placement, &broken): (&Placement, &f64)| (broken == 0.0).then(|| placement.clone());
     let kept: Vec<Placement> = placements.iter().zip(&broken).filter_map(keeps_rules).collect();
-    let mut values = after_worst_loss(scene, evaluator, &kept)?.into_iter();
+    let problem = evaluator.problem();
+    let requires = !problem.content().areas().is_empty() || problem.requires_sight();
+    let missing: Vec<f64> = match requires {
+        true => scene.scores(evaluator, &kept)?.iter().map(Scores::missing).collect(),
+        false => vec![0.0; kept.len()],
+    };
+    let values = after_worst_loss(scene, evaluator, &kept)?;
+    let mut kept = missing.into_iter().zip(values);
     let cost = |&broken: &f64| match broken {
-        0.0 => values.next().flatten().map_or(NO_VALUE, |value| -value),
+        0.0 => kept.next().map_or(NO_VALUE, |(missing, value)| cost_of(missing, value)),
         amount => f64::MAX.min(BROKEN * (1.0 + amount)),
     };
     Ok(broken.iter().map(cost).collect())
+}
+
+/// Cost of a candidate that keeps the rules, by its missing share of requirements and its value after the worst loss.
+fn cost_of(missing: f64, value: Option<f64>) -> f64 {
+    match value {
+        _ if missing > 0.0 => MISSED * (1.0 + missing),
+        Some(value) => -value,
+        None => NO_VALUE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requirements_come_after_rules_and_before_guards_and_values() {
+        let costs = [
+            cost_of(0.0, Some(0.5)),
+            cost_of(0.0, Some(0.1)),
+            cost_of(0.0, None),
+            cost_of(0.1, Some(0.9)),
+            cost_of(0.4, Some(0.9)),
+            cost_of(100.0, None),
+            BROKEN,
+        ];
+        assert!(costs.is_sorted_by(|a, b| a < b), "{costs:?}");
+    }
 }

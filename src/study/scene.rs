@@ -33,6 +33,9 @@ impl<'a> StudyScene<'a> {
         settings: &'a StudySettings,
         observer: &'a dyn StudyObserver,
     ) -> Result<Self, StudyError> {
+        if kind == Kind::Published && !scene.scene().vehicle().is_nameless() {
+            return Err(StudyError::OtherVehicle { scene: scene.place() });
+        }
         let mut layouts = match kind {
             Kind::Published => table_7(),
             _ => table_7_held_by(scene.scene().vehicle()),

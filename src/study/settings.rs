@@ -249,6 +249,12 @@ pub enum StudyError {
          that is a box"
     )]
     NoHeights { scene: String, mounts: String },
+    /// The paper's layouts with sensors of another vehicle.
+    #[error(
+        "{scene}: `study published` compares scores of the paper's car and LiDAR with the paper's results; leave --vehicle out, \
+         or give a scene with `lidar` and `mount`"
+    )]
+    OtherVehicle { scene: String },
     /// The loss of the only LiDAR.
     #[error("{scene}: its mount has one LiDAR; without it nothing is left to score")]
     OneLidar { scene: String },

@@ -17,14 +17,16 @@ pub const CARD_BEAMS: u32 = 5;
 const TARGETS: [&str; 3] = ["car", "adult", "tyre"];
 /// Bearings on a card, counter-clockwise from straight ahead.
 const BEARINGS: usize = 16;
-/// Bearings at which sectors are tested: three a bearing of the card.
-const FINE: usize = 3 * BEARINGS;
+/// Bearings at which sectors are tested, 1.875° apart: at 50 m that is less than the width of a car.
+const FINE: usize = 12 * BEARINGS;
 /// Fine bearings to either side of a sector's middle: 15°.
-const HALF_SECTOR: usize = 2;
+const HALF_SECTOR: usize = FINE / 24;
+/// Fine bearings between those that a sector names first where a car is lost at as many distances: 7.5°.
+const NAMED_FIRST: usize = FINE / 48;
 /// Degrees of a sector.
 const SECTOR: f64 = 2.0 * HALF_SECTOR as f64 * 360.0 / FINE as f64;
 /// Distances between which a sector must not lose a car, metres; sensors that reach less far end them.
-const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
+pub(super) const SECTOR_RANGE: [f64; 2] = [5.0, 50.0];
 /// Most distances of a card, in metres.
 const FARTHEST: f64 = 200.0;
 
@@ -200,8 +202,11 @@ impl RangeCard {
         let mut places = Vec::new();
         for (target, of) in targets.iter().enumerate() {
             for bearing in (0..FINE).step_by(if target == 0 { 1 } else { FINE / BEARINGS }) {
+                let is_on_card = bearing % (FINE / BEARINGS) == 0;
                 for (distance, &metres) in distances.iter().enumerate() {
-                    if site.has_room(of, position(metres, degrees(bearing))) {
+                    // Between the bearings of the card, only sectors are tested.
+                    let is_tested = is_on_card || metres <= SECTOR_RANGE[1];
+                    if is_tested && site.has_room(of, position(metres, degrees(bearing))) {
                         places.push([target, bearing, distance]);
                     }
                 }
@@ -215,7 +220,7 @@ impl RangeCard {
             })
             .collect();
         let is_met = site.met(lidars, &standing, CARD_BEAMS)?;
-        // `None` where the own vehicle stands.
+        // `None` where the own vehicle stands, and where nobody looks.
         let mut met = vec![vec![vec![None; distances.len()]; FINE]; targets.len()];
         for (&[target, bearing, distance], is_met) in places.iter().zip(is_met) {
             met[target][bearing][distance] = Some(is_met);
@@ -315,8 +320,9 @@ fn blind_sectors(
                 turned(middle(first + count - 1) + HALF_SECTOR),
             ],
         };
-        // The first of equal ones.
-        let worse = |a: usize, b: usize| if lost[b].len() > lost[a].len() { b } else { a };
+        // The first of equal ones, one that is a multiple of 7.5° before others.
+        let rank = |fine: usize| (lost[fine].len(), fine.is_multiple_of(NAMED_FIRST));
+        let worse = |a: usize, b: usize| if rank(b) > rank(a) { b } else { a };
         let worst = of().reduce(worse).unwrap_or_default();
         let there: Vec<Option<bool>> =
             distances_of.iter().map(|d| Some(lost[worst].contains(d))).collect();

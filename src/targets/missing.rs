@@ -1,7 +1,7 @@
 //! Places of a rule that are not met, in words: runs of neighbouring bearings, and distances.
 
 use super::beams::{PlacedTarget, TargetSite};
-use super::places::places_of;
+use super::confirm::places_of;
 use crate::json::fixed;
 use crate::maths;
 use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};

@@ -9,25 +9,31 @@
 //! |---|---|
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
+//! | `confirm` | places of a rule on targets, and a closer look at them |
 //! | `missing` | places of a rule that are not met, in words |
 //! | `places` | where in a scene a target can stand |
 //! | `reach` | rules on targets and ground that no rig on some poses meets, or that no place or cell counts for |
+//! | `relief` | ground of a scene that is not level |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
 mod beams;
 mod card;
+mod confirm;
 mod missing;
 mod places;
 mod reach;
+mod relief;
 mod rules;
 mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
+pub(crate) use confirm::confirm;
 pub(crate) use missing::missed_places;
 pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
 pub(crate) use reach::{MountPoses, OutOfReach, check_counting};
+pub(crate) use relief::Relief;
 pub use rules::RuleMet;
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
 

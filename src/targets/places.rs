@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::beams::{LookingOut, PlacedTarget, TargetSite};
 use super::card::{CARD_BEAMS, card_targets, position};
+use super::confirm::places_of;
 use super::rules::Rule;
 use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
@@ -17,7 +18,7 @@ use crate::near_field::{Footprint, RequiredGround, WheelPlane, outline};
 use crate::overlap::{RequiredOverlap, Surfaces};
 use crate::problem::{Frame, Problem};
 use crate::scene::{EgoBody, Ground, Scene, Target};
-use crate::vehicle::{Placement, SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Metres above and below the wheel plane in which ground is looked for at the vehicle.
 const REACH: f64 = 30.0;
@@ -115,13 +116,10 @@ pub const CAR_WEIGHT: f64 = 1.0;
 const BEARINGS: usize = 24;
 /// Distances of the car, metres: between them a sector must not lose it.
 const DISTANCES: [f64; 8] = [5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0];
-/// Degrees between bearings of a rule at most, and metres between its distances at most.
-const RULE_DEGREES: f64 = 7.5;
-const RULE_METRES: f64 = 2.5;
 
 /// Places of targets around a vehicle on level ground, ground near it in each scene, and surfaces there.
 pub struct Sight {
-    site: TargetSite,
+    pub(super) site: TargetSite,
     /// Targets and their positions, group after group.
     pub(super) places: Vec<(Arc<Target>, [f64; 3])>,
     /// Places of the car all round; empty where a search does not look.
@@ -159,21 +157,6 @@ impl SightBeams {
         beams.for_each(|(sum, beams)| *sum = sum.saturating_add(*beams));
         self.ground.iter_mut().zip(&other.ground).for_each(|(sum, bits)| *sum |= bits);
     }
-}
-
-/// Places of a rule: bearings and distances spread evenly with both ends among them, as few as are at most 7.5° and
-/// 2.5 m apart. The middle bearing is one of them; all round the last bearing is the first.
-pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
-    let [from, to] = rule.bearings;
-    let is_round = to - from >= 360.0;
-    // Even, so that a sector ahead or behind looks straight ahead or behind.
-    let turns = (2 * ((to - from) / (2.0 * RULE_DEGREES)).ceil() as usize).max(1);
-    let bearings = (0..turns + usize::from(!is_round && to > from))
-        .map(|k| from + (to - from) * k as f64 / turns as f64);
-    let steps = (((rule.within - rule.from) / RULE_METRES).ceil() as usize).max(1);
-    let distances = |k: usize| rule.from + (rule.within - rule.from) * k as f64 / steps as f64;
-    let count = steps + usize::from(rule.within > rule.from);
-    bearings.flat_map(|b| (0..count).map(move |k| position(distances(k), b))).collect()
 }
 
 impl Sight {
@@ -351,6 +334,7 @@ mod tests {
 
     use super::*;
     use crate::psog::Psog;
+    use crate::vehicle::TargetRule;
 
     /// Heights of the ground for a child at places, from an ego at `z`, over a road at z = 0 and under or on a bridge
     /// whose deck is 6 m up.

@@ -4,7 +4,8 @@
 use std::ops::Range;
 
 use super::beams::TargetSite;
-use super::places::{Sight, SightBeams, places_of};
+use super::confirm::places_of;
+use super::places::{Sight, SightBeams};
 use super::rules::Rule;
 use crate::near_field::least_metres;
 use crate::problem::{Problem, ProblemError};
@@ -28,6 +29,8 @@ pub(crate) struct OutOfReach {
     pub beams: Option<u32>,
     /// Largest share of its places at which enough beams are possible, or of its ground that is seen.
     pub share: f64,
+    /// True if it follows from beams of poses, not from the number of LiDARs alone.
+    pub is_measured: bool,
 }
 
 impl Sight {
@@ -35,7 +38,8 @@ impl Sight {
     ///
     /// At each place the bound takes the most beams of any pose of a mount, times the sensors that the mount holds.
     /// Ground counts that any pose sees. Distances, prices and poses that do not go together are passed over, so that
-    /// every rig on the poses has at most as much.
+    /// every rig on the poses has at most as much. A rule that must hold without any one LiDAR has no more: see
+    /// [`Self::target_bound`]; with one seat in all, nothing is left.
     pub(crate) fn out_of_reach(&self, mounts: &[MountPoses<'_>]) -> Vec<OutOfReach> {
         let most: Vec<u32> = (0..self.places.len())
             .map(|place| {
@@ -49,9 +53,23 @@ impl Sight {
         let mut all = SightBeams::default();
         let used = mounts.iter().filter(|mount| mount.most > 0);
         used.flat_map(|mount| &mount.poses).for_each(|pose| all.add(pose));
+        let seats: usize = mounts.iter().map(|mount| mount.most).sum();
+        let largest: Vec<u32> = (0..self.places.len())
+            .map(|place| {
+                let used = mounts.iter().filter(|mount| mount.most > 0);
+                let poses = used.flat_map(|mount| &mount.poses);
+                let beams = poses.filter_map(|pose| pose.beams.get(place).copied()).max();
+                beams.map_or(0, u32::from)
+            })
+            .collect();
         let bound = |rule: &Rule| match rule {
-            Rule::Target(rule, places) => self.target_bound(rule, places.clone(), &most),
+            _ if rule.least() <= 0.0 => None,
+            _ if rule.without_any_one() && seats < 2 => Some(one_seat(rule.name())),
+            Rule::Target(rule, places) => {
+                self.target_bound(rule, places.clone(), (&most[..], &largest[..], seats))
+            }
             Rule::Ground(rule, number) => self.ground_bound(rule, *number, &all),
+            Rule::Overlap(rule) if seats < 2 => Some(one_seat(&rule.name)),
             Rule::Overlap(_) => None,
         };
         self.rules.iter().filter_map(bound).collect()
@@ -80,23 +98,34 @@ impl Sight {
             percent_down(share),
             percent_up(rule.share)
         );
-        Some(OutOfReach { words, beams: None, share })
+        Some(OutOfReach { words, beams: None, share, is_measured: true })
     }
 
-    /// The bound on a rule on a target; `None` if it may be met.
+    /// The bound on a rule on a target, by the most beams at each place and the most of a single LiDAR there; `None` if it
+    /// may be met.
+    ///
+    /// Where a rule must hold without any one LiDAR, a place that lacks beams without the largest share of them fails for at
+    /// least one loss. Some loss then fails at as many of these places as there are, divided by the seats.
     fn target_bound(
         &self,
         rule: &TargetRule,
         places: Range<usize>,
-        most: &[u32],
+        (most, largest, seats): (&[u32], &[u32], usize),
     ) -> Option<OutOfReach> {
-        let enough = places.clone().filter(|&place| most[place] >= u32::from(self.enough[place]));
-        let share = enough.count() as f64 / places.len().max(1) as f64;
+        let enough = |place: usize, beams: u32| beams >= u32::from(self.enough[place]);
+        let count = places.len().max(1) as f64;
+        let whole = places.clone().filter(|&place| enough(place, most[place])).count() as f64;
+        let left = |&place: &usize| enough(place, most[place] - largest[place]);
+        let fragile = count - places.clone().filter(left).count() as f64;
+        let after_loss = 1.0 - fragile / (count * seats.max(1) as f64);
+        let is_loss = rule.without_any_one && after_loss < whole / count;
+        let share = if is_loss { after_loss } else { whole / count };
         if places.is_empty() || share >= rule.share {
             return None;
         }
         let beams = most[places.clone()].iter().copied().max().unwrap_or(0);
         let (name, wanted) = (&rule.name, rule.beams);
+        let lost = if is_loss { ", the worst LiDAR lost," } else { "" };
         let words = if beams < wanted {
             format!(
                 "{name}: even the best pose of each mount meets it with at most {beams} of {wanted} beams; lower \
@@ -104,15 +133,24 @@ impl Sight {
             )
         } else {
             format!(
-                "{name}: even the best pose of each mount leaves it at most {:.1} % seen, {:.1} % required; lower \
+                "{name}: even the best pose of each mount{lost} leaves it at most {:.1} % seen, {:.1} % required; lower \
                  `share` or `within`, add or widen mounts, or take other sensors",
                 // Rounded up, as a bound from above.
                 percent_up(share),
                 100.0 * rule.share
             )
         };
-        Some(OutOfReach { words, beams: Some(beams), share })
+        Some(OutOfReach { words, beams: Some(beams), share, is_measured: true })
     }
+}
+
+/// The bound on a rule that takes two LiDARs where the mounts hold one.
+fn one_seat(name: &str) -> OutOfReach {
+    let words = format!(
+        "{name}: the mounts hold one LiDAR, and this takes two; raise `count` of a mount, add a mount, or leave the \
+         requirement out"
+    );
+    OutOfReach { words, beams: None, share: 0.0, is_measured: false }
 }
 
 /// Checks that every rule of a vehicle on targets and on the ground has something that counts, in the vehicle's problem.
@@ -229,6 +267,53 @@ mod tests {
         // A mount that holds none sees nothing.
         let none = sight.out_of_reach(&[mount(0)]);
         assert_eq!(none.iter().map(|one| one.share).collect::<Vec<_>>(), [0.0; 3]);
+    }
+
+    #[test]
+    fn no_rig_keeps_more_after_a_loss_than_the_bound() {
+        let mut rng = ChaCha8Rng::seed_from_u64(12);
+        let (mut in_reach, mut beyond) = (0, 0);
+        for round in 0..300_u16 {
+            let wanted = 2 + (round % 3) as u8;
+            let sight = posed(&format!(
+                r#"{{
+                  "sensors": [{{ "name": "a", "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }} }}],
+                  "mounts": [{{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [0, 3] }}],
+                  "require": [{{ "target": "tyre", "from": 20, "within": 20, "bearing": [0, 15], "beams": {wanted},
+                                "share": 1, "without_any_one": true }}] }}"#
+            ));
+            let mut pose = || {
+                let beams = (0..3).map(|_| rng.random_range(0..=wanted)).collect();
+                SightBeams { beams, ..SightBeams::default() }
+            };
+            let (first, second): (Vec<_>, Vec<_>) =
+                ((0..3).map(|_| pose()).collect(), (0..2).map(|_| pose()).collect());
+            let mounts = [
+                MountPoses { most: 2, poses: first.iter().collect() },
+                MountPoses { most: 1, poses: second.iter().collect() },
+            ];
+            let share = |k: usize| {
+                let rig = [&first[k % 3], &first[k / 3 % 3], &second[k / 9]];
+                sight.rules_met(&rig)[0].share
+            };
+            let best = (0..18).map(share).fold(0.0, f64::max);
+            match &sight.out_of_reach(&mounts)[..] {
+                [] => in_reach += 1,
+                [one] => {
+                    assert!(best <= one.share && best < 1.0, "{best} {one:?}");
+                    beyond += 1;
+                }
+                _ => panic!("one rule"),
+            }
+            // One seat leaves nothing.
+            let alone = [MountPoses { most: 1, poses: first.iter().collect() }];
+            let words = &sight.out_of_reach(&alone)[0].words;
+            assert!(
+                words.contains("any one LiDAR lost: the mounts hold one LiDAR, and"),
+                "{words}"
+            );
+        }
+        assert!(in_reach > 10 && beyond > 10, "{in_reach} {beyond}");
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub(super) enum Rule {
 }
 
 impl Rule {
-    fn name(&self) -> &str {
+    pub(super) fn name(&self) -> &str {
         match self {
             Self::Target(rule, _) => &rule.name,
             Self::Ground(rule, _) => &rule.name,
@@ -41,7 +41,7 @@ impl Rule {
     }
 
     /// Share that is required.
-    fn least(&self) -> f64 {
+    pub(super) fn least(&self) -> f64 {
         match self {
             Self::Target(rule, _) => rule.share,
             Self::Ground(rule, _) => rule.share,
@@ -57,7 +57,7 @@ impl Rule {
         }
     }
 
-    fn without_any_one(&self) -> bool {
+    pub(super) fn without_any_one(&self) -> bool {
         match self {
             Self::Target(rule, _) => rule.without_any_one,
             Self::Ground(rule, _) => rule.without_any_one,
@@ -337,9 +337,20 @@ impl Sight {
                     all.beams.get(place).is_some_and(|&beams| beams >= self.enough[place])
                 };
                 let places = places.clone().map(|place| (self.places[place].1, is_met(place)));
-                Missing::new(rule, places).map(|missing| missing.to_string())
+                Missing::new(rule, places).map(|missing| format!("{missing}{}", self.beyond(rule)))
             }
             Rule::Ground(_, number) => self.ground_missing(all, *number),
+        }
+    }
+
+    /// Words on distances of a rule that lie beyond the range of every sensor; empty where none do.
+    fn beyond(&self, rule: &TargetRule) -> String {
+        // A range is an f32: 30.2 is not to read 30.2000008.
+        let range = (1e3 * f64::from(self.site.sensors().longest_range())).round() / 1e3;
+        match (rule.from > range, rule.within > range) {
+            (true, _) => format!("; sensors reach {range} m at most: this lies beyond their range"),
+            (_, true) => format!("; sensors reach {range} m at most"),
+            _ => String::new(),
         }
     }
 

@@ -13,7 +13,7 @@ use crate::scene::Target;
 use crate::vehicle::{BeamTable, SensorPose, Sensors};
 
 /// Directions of a spinning sensor.
-fn directions(elevations: &[f64], steps: usize) -> Vec<DVec3> {
+pub(super) fn directions(elevations: &[f64], steps: usize) -> Vec<DVec3> {
     let of = |elevation: f64| {
         (0..steps).map(move |k| {
             let azimuth = k as f64 * std::f64::consts::TAU / steps as f64;
@@ -24,13 +24,13 @@ fn directions(elevations: &[f64], steps: usize) -> Vec<DVec3> {
     elevations.iter().flat_map(|&elevation| of(elevation)).collect()
 }
 
-fn site(directions: &[DVec3], range: f64, body: &TriangleSoup) -> TargetSite {
+pub(super) fn site(directions: &[DVec3], range: f64, body: &TriangleSoup) -> TargetSite {
     let table = BeamTable::from_directions(directions.iter().copied(), range).unwrap();
     TargetSite::new(Sensors::from(table), Frame::from(Arc::new(Bvh::build(body, 300.0))))
 }
 
 /// A wall across x at `x`, from y = −3 to 3 and z = 0 to 3.
-fn wall(x: f32) -> TriangleSoup {
+pub(super) fn wall(x: f32) -> TriangleSoup {
     TriangleSoup {
         vertices: vec![[x, -3.0, 0.0], [x, 3.0, 0.0], [x, 3.0, 3.0], [x, -3.0, 3.0]],
         faces: vec![[0, 1, 2], [0, 2, 3]],
@@ -251,4 +251,19 @@ fn a_gap_between_the_bearings_of_a_card_is_named() {
     assert!(text.ends_with(&line), "{text}");
     let bearings: Vec<f64> = card.targets[0].bearings.iter().map(|of| of.bearing).collect();
     assert_eq!(bearings[7..10], [157.5, 180.0, -157.5]);
+}
+
+#[test]
+fn a_mast_between_the_bearings_of_a_card_makes_a_sector_blind() {
+    let elevations: Vec<f64> = (0..48).map(|k| (-0.3 * f64::from(k)).to_radians()).collect();
+    let beams = directions(&elevations, 1800);
+    // 9 cm wide, 1 m ahead, at 3.75°: it hides a car at 30 m, and none at 0° or 7.5°.
+    let mut mast = wall(0.998);
+    mast.vertices.iter_mut().for_each(|at| at[1] = 0.02 + 0.09 * f32::from(at[1] > 0.0));
+    let lidar = [SensorPose::at(0.0, 0.0, 2.0)];
+    let card = |body: &TriangleSoup| RangeCard::new(&site(&beams, 100.0, body), &lidar).unwrap();
+    assert!(card(&TriangleSoup::default()).blind.is_empty());
+    let [ahead] = &card(&mast).blind[..] else { panic!("one sector is blind") };
+    assert_eq!((ahead.bearings, ahead.worst), ([-15.0, 15.0], 3.75));
+    assert!(ahead.lost.iter().any(|[near, far]| *near <= 30.0 && *far == 50.0), "{ahead:?}");
 }

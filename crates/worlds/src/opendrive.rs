@@ -87,9 +87,7 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
 pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     let document = document::checked(text, file)?;
     let text = document.text.as_deref().unwrap_or(text);
-    let (roads, origins) = xodr::load_str_with_provenance(text).map_err(|source| {
-        WorldError::OpenDrive { file: file.to_owned(), source: Box::new(source) }
-    })?;
+    let (roads, origins) = loaded(text, file)?;
     let permanent = |l: &&xodr::Lane| l.layer == Layer::Permanent;
     check(&roads, file)?;
     let mut network = Network { notes: document.notes.clone(), ..Network::default() };
@@ -124,6 +122,28 @@ pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     }
     objects::add(&roads, &mut network, file)?;
     Ok(network)
+}
+
+/// A road of one lane, which the library can read.
+const PLAIN_ROAD: &str = "<road id='sightline' length='1' junction='-1'><planView><geometry s='0' x='0' y='0' hdg='0' \
+    length='1'><line/></geometry></planView><lanes><laneSection s='0'><center><lane id='0' type='none'/></center><right>\
+    <lane id='-1' type='driving'><width sOffset='0' a='3' b='0' c='0' d='0'/></lane></right></laneSection></lanes></road>";
+
+/// The network of a document.
+///
+/// # Errors
+/// A document without lanes, with the reason why the library skips its roads: it says so beside a road that it reads.
+fn loaded(text: &str, file: &str) -> Result<(RoadNetwork, Provenance), WorldError> {
+    xodr::load_str_with_provenance(text).map_err(|source| {
+        let end = text.rsplit_once("</OpenDRIVE>");
+        let beside = end.map(|(head, _)| format!("{head}{PLAIN_ROAD}</OpenDRIVE>"));
+        let again = beside.and_then(|text| xodr::load_str_with_provenance(&text).ok());
+        let told = again.and_then(|(_, origins)| doubts::notes(&origins.warnings, file).err());
+        told.unwrap_or_else(|| WorldError::OpenDrive {
+            file: file.to_owned(),
+            source: Box::new(source),
+        })
+    })
 }
 
 /// Refuses documents too large for a world, before it is made.

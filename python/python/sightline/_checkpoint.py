@@ -87,7 +87,7 @@ class Checkpoint:
 def pack_scores(scores: Scores) -> Packed:
     """Scores as words and columns."""
     words = {"names": scores.names, "columns": list(scores), "guards": scores.guards, "classes": scores.classes,
-             "least": scores.least}
+             "least": scores.least, "required": scores.required}
     return words, {f"column:{name}": scores[name] for name in scores}
 
 
@@ -95,7 +95,7 @@ def unpack_scores(packed: Packed) -> Scores:
     """Scores of words and columns."""
     words, arrays = packed
     columns = {name: arrays[f"column:{name}"] for name in words["columns"]}
-    return Scores(words["names"], columns, words["guards"], words["classes"], words["least"])
+    return Scores(words["names"], columns, words["guards"], words["classes"], words["least"], words.get("required"))
 
 
 def pack_result(result: Result) -> Packed:

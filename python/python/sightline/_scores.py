@@ -83,7 +83,8 @@ class Rows:
         kept = np.arange(len(self))[which]
         columns = {name: values[kept] for name, values in scores.items()}
         names = [scores.names[k] for k in kept]
-        return Scores(names, columns, [scores.guards[k] for k in kept], scores.classes, scores.least)
+        required = [scores.required[k] for k in kept] if scores.required else []
+        return Scores(names, columns, [scores.guards[k] for k in kept], scores.classes, scores.least, required)
 
 
 class Scores(Mapping[str, Column]):
@@ -100,6 +101,7 @@ class Scores(Mapping[str, Column]):
         "classes": "Names of the classes of ``covered_by_class``.",
         "guards": "For each placement, reasons why its scores should not be believed; mostly none.",
         "least": "Least share by requirement of the vehicle, as its file has it; the shares found are columns ``seen.NAME``.",
+        "required": "For each of up to 64 placements its requirements, as ``sightline score --format json`` has them; else empty.",
         "names": "Name of each placement; its number for those from an array.",
         "_columns": "Arrays by name.",
     }
@@ -111,12 +113,14 @@ class Scores(Mapping[str, Column]):
         guards: list[list[str]],
         classes: list[str],
         least: dict[str, float] | None = None,
+        required: list[list[dict[str, Any]]] | None = None,
     ) -> None:
         self.names = names
         self._columns = columns
         self.guards = guards
         self.classes = classes
         self.least = least or {}
+        self.required = required or []
 
     def __getitem__(self, column: str) -> Column:
         try:
@@ -158,7 +162,7 @@ class Scores(Mapping[str, Column]):
     __hash__ = None  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Scores, (self.names, self._columns, self.guards, self.classes, self.least)
+        return Scores, (self.names, self._columns, self.guards, self.classes, self.least, self.required)
 
     @property
     def rows(self) -> Rows:
@@ -172,12 +176,24 @@ class Scores(Mapping[str, Column]):
 
     @property
     def requirements(self) -> dict[str, dict[str, Any]]:
-        """``required``, a share, ``found`` ``[N]`` and ``met`` ``[N]`` by requirement of the vehicle; empty where it has none."""
+        """A dict by requirement of the vehicle; empty where it has none.
+
+        ``required`` is a share, ``found`` and ``met`` are ``[N]``. For up to 64 placements there are also ``holds_in`` and
+        ``intact`` ``[N]``, ``NaN`` where not known, and lists of ``missing``, words, and ``worst_without``, a number of a
+        LiDAR, ``None`` where there is none.
+        """
         found = {name: self[f"seen.{name}"] for name in self.least}
-        return {
+        asked: dict[str, dict[str, Any]] = {
             name: {"required": least, "found": found[name], "met": found[name] >= least}
             for name, least in self.least.items()
         }
+        for name, row in asked.items() if self.required else ():
+            told = [next((rule for rule in rules if rule["name"] == name), {}) for rules in self.required]
+            for key in ("holds_in", "intact"):
+                row[key] = np.array([rule.get(key, np.nan) for rule in told], dtype=np.float64)
+            for key in ("missing", "worst_without"):
+                row[key] = [rule.get(key) for rule in told]
+        return asked
 
     def sort(self, column: str, *, descending: bool = True) -> Scores:
         """The placements ordered by a column ``[N]``, the highest first; equal ones stay in order, ``NaN`` comes last.
@@ -267,6 +283,7 @@ class Scores(Mapping[str, Column]):
             [guards for part in parts for guards in part.guards],
             first.classes,
             first.least,
+            [rules for part in parts for rules in part.required] if all(part.required for part in parts) else [],
         )
 
 

@@ -316,6 +316,8 @@ impl<'a> Pool<'a> {
             let placements = std::slice::from_ref(&point.placement);
             self.job.look_closely_by_scene(&mut self.evaluator, placements, &mut judged)?;
             let [Judged { scores, by_scene }] = judged;
+            // A closer look may find a place that is missed.
+            point.meets &= scores.missing() <= 0.0;
             (point.scores, point.by_scene) = (scores, by_scene);
         }
         for change in self.evaluator.changes() {

@@ -99,7 +99,7 @@ const YARD: &str = r#"{ "sightline": 1, "name": "yard", "frames": 3,
                      "count": [1, 3] }],
         "require": [{ "ground": 5, "share": 0.2 },
                     { "name": "ring", "min": [-6, -6, -0.2], "max": [6, 6, 0.6], "share": 0.2 },
-                    { "target": "car", "from": 5, "within": 12, "share": 0.5, "without_any_one": true }] } }"#;
+                    { "target": "tyre", "from": 5, "within": 30, "share": 0.5, "without_any_one": true }] } }"#;
 
 #[test]
 fn shares_beside_a_placement_are_those_of_scores() {

@@ -41,6 +41,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 (sizes_in_words(card))
                 @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { " " (words) }
             }
+            @if let Some(words) = &figures.relief { p { "Note: " (words) "." } }
             div.polar {
                 @for (title, svg) in range_card_svgs(&best.placement.name, card) { (figure(&svg, &title)) }
             }

@@ -108,7 +108,7 @@ pub fn front(
     job.check_front(&saved.objectives)?;
     if folder.is_none() {
         note_unpriced(job.scene().vehicle(), saved.counts_prices(), watcher);
-        opening::note_mounts(&job.scenes()[0], watcher)?;
+        opening::note_before_search(&job, watcher)?;
     }
     job.check_room()?;
     watcher.listen(GRACE);

@@ -20,9 +20,9 @@ use crate::files::{
 use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::tables::{score_rows, score_titles};
+use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
 use crate::runs::inputs::Given;
-use crate::runs::opening::{LoadTimes, Loaded, timings};
+use crate::runs::opening::{LoadTimes, Loaded, note_relief, timings};
 use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, outputs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
@@ -49,6 +49,7 @@ pub(super) fn score(
     let mut loaded =
         Loaded { job: job.draw(request.draw).tolerance(Some(request.mounting.tolerance)), times };
     let evaluator = loaded.evaluator(computing)?;
+    note_relief(&loaded.job, computing.watcher)?;
     let scene = loaded.job.scene().clone();
     if let Some(file) = &request.out {
         writable_file(file)?;
@@ -124,6 +125,7 @@ fn scoring<'a>(
         used: HashSet::new(),
         prices: Vec::new(),
         below: String::new(),
+        is_looked_at: false,
         at_once: FEWEST,
         is_stopped: false,
         is_met: false,
@@ -158,6 +160,8 @@ struct Scoring<'a> {
     prices: Vec<f64>,
     /// Text below the scores of few placements.
     below: String,
+    /// True if the placements are few enough to be looked at closely.
+    is_looked_at: bool,
     /// Placements that are scored in one go.
     at_once: usize,
     /// True if the watcher ended the work within a block.
@@ -198,6 +202,9 @@ impl Scoring<'_> {
             let all = block.iter().zip(&mut scores);
             self.job.look_closely(self.evaluator.backend_mut(), all)?;
             self.below = report::rigs_text(self.job.scene().vehicle(), &block, &scores);
+            self.is_looked_at = true;
+        } else if self.count == 0 {
+            self.watcher.note(&super::not_looked_closely());
         }
         let (vehicle, rules) = (self.job.scene().vehicle(), self.evaluator.problem().rules());
         self.prices = super::prices_of(vehicle, &block);
@@ -375,9 +382,10 @@ impl Scoring<'_> {
     fn text(&self, scores: &[Scores], first: bool) -> Result<String, RunError> {
         let mut text = String::new();
         if self.request.format == TableFormat::Csv {
-            let rows = score_rows(scores, &self.prices);
+            let rows = rows_with_requirements(&scores.iter().collect::<Vec<_>>(), &self.prices);
             return Ok(if first {
-                csv(std::iter::once(score_titles(&self.prices)).chain(rows))
+                let titles = titles_with_requirements(&self.prices, scores.first());
+                csv(std::iter::once(titles).chain(rows))
             } else {
                 csv(rows)
             });
@@ -389,7 +397,10 @@ impl Scoring<'_> {
         }
         for (index, scores) in scores.iter().enumerate() {
             text += if first && index == 0 { "\n" } else { ",\n" };
-            text += &self.json(scores, CompactFormatter)?;
+            text += &match self.is_looked_at {
+                true => self.json(scores, CompactFormatter)?,
+                false => self.json(&super::NotLooked::from(scores), CompactFormatter)?,
+            };
         }
         Ok(text)
     }

@@ -294,6 +294,18 @@ impl Atlas {
         self.areas.missing(&both.collect::<Vec<u64>>())
     }
 
+    /// Share of each required area that some held poses see together, over all frames.
+    ///
+    /// # Panics
+    /// A pose is not held.
+    pub(crate) fn area_shares(&self, poses: &[u32]) -> Vec<f64> {
+        let mut all = vec![0; self.problem.frame_count() * self.areas.words()];
+        for page in poses.iter().map(|&pose| self.page(pose)) {
+            all.iter_mut().zip(&page.areas).for_each(|(or, word)| *or |= word);
+        }
+        self.areas.shares(&all)
+    }
+
     pub(crate) fn has_areas(&self) -> bool {
         self.areas.words() > 0
     }

@@ -39,7 +39,7 @@ pub(super) struct Looked {
 }
 
 impl<'a> FirstPoses<'a> {
-    /// First poses among all poses of the columns.
+    /// All sets of the poses of the columns.
     pub(crate) fn new(columns: &'a Columns, places: &'a Places, unit: f64) -> Self {
         let poses = columns.poses() as u32;
         let of_kind = |kind: usize| (0..poses).filter(move |&pose| places.kind(pose) == kind);

@@ -5,8 +5,9 @@
 use std::fmt;
 use std::path::Path;
 
-use serde::Deserialize;
-use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::de::{DeserializeOwned, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use serde_json::{Map, Value};
 
 use super::objects::{IS_A_LIST, Objects};
 use super::{
@@ -29,12 +30,79 @@ pub fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, Descripti
     Ok(value)
 }
 
+/// Words that the error of a repeated key begins with.
+const TWICE: &str = "this key comes twice: ";
+
+/// Any JSON of a user's file: a key that comes twice in an object is an error, where `Value` keeps the last one.
+#[derive(Debug)]
+pub struct UniqueKeys(pub Value);
+
+impl<'de> Deserialize<'de> for UniqueKeys {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(AnyValue).map(Self)
+    }
+}
+
+struct AnyValue;
+
+impl<'de> Visitor<'de> for AnyValue {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("any value")
+    }
+
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Value, E> {
+        Ok(text.into())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Value, A::Error> {
+        let mut values = Vec::new();
+        while let Some(UniqueKeys(value)) = list.next_element()? {
+            values.push(value);
+        }
+        Ok(values.into())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut object: A) -> Result<Value, A::Error> {
+        let mut map = Map::new();
+        while let Some(key) = object.next_key::<String>()? {
+            if map.contains_key(&key) {
+                return Err(A::Error::custom(format!("{TWICE}`{key}`; leave one out")));
+            }
+            let UniqueKeys(value) = object.next_value()?;
+            map.insert(key, value);
+        }
+        Ok(map.into())
+    }
+}
+
 /// Checks the version key, and that the file is none of another kind: a file of a later version is refused for its
 /// version, one of another kind for its kind, not for their keys.
 pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), DescriptionError> {
     #[derive(Deserialize)]
     struct Version {
-        sightline: Option<serde_json::Value>,
+        sightline: Option<Value>,
     }
     refuse_comment(text, file)?;
     if let Some(told) = not_json(text) {
@@ -62,7 +130,7 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
 ///
 /// # Errors
 /// Any other version.
-pub fn version_1<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
+pub fn version_1<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
     match u64::deserialize(from)? {
         1 => Ok(Some(1)),
         other => Err(serde::de::Error::custom(format!(
@@ -86,7 +154,8 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
         other => other,
     };
     let Some((key, known)) = unknown_key(told) else {
-        let problem = comma_too_many(text, error).unwrap_or_else(|| plain_words(told));
+        let problem = comma_too_many(text, error).or_else(|| comment(text, error));
+        let problem = problem.unwrap_or_else(|| plain_words(told));
         return DescriptionError::Json { at, problem, line, column };
     };
     // The path of an unknown key ends in the key itself; the message names it anyway.
@@ -104,11 +173,23 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
 /// Fault of a comma before a closing bracket; `None` for any other error of this text. In values that are skipped serde_json
 /// has other words for it.
 pub fn comma_too_many(text: &str, error: &serde_json::Error) -> Option<String> {
-    let lines = text.split_inclusive('\n').take(error.line().checked_sub(1)?);
-    let at = lines.map(str::len).sum::<usize>() + error.column().checked_sub(1)?;
-    let end = text.get(at..)?.chars().next().filter(|end| "]}".contains(*end))?;
-    let has_comma = text[..at].trim_end().ends_with(',');
+    let (before, rest) = text.split_at_checked(place_of(text, error)?)?;
+    let end = rest.chars().next().filter(|end| "]}".contains(*end))?;
+    let has_comma = before.trim_end().ends_with(',');
     has_comma.then(|| format!("the comma before `{end}` is one too many; remove it"))
+}
+
+/// Byte of a text at which an error is found.
+fn place_of(text: &str, error: &serde_json::Error) -> Option<usize> {
+    let lines = text.split_inclusive('\n').take(error.line().checked_sub(1)?);
+    Some(lines.map(str::len).sum::<usize>() + error.column().checked_sub(1)?)
+}
+
+/// Fault of a comment behind the beginning of the text; `None` for any other error.
+fn comment(text: &str, error: &serde_json::Error) -> Option<String> {
+    let rest = text.get(place_of(text, error)?..)?;
+    let is_comment = rest.starts_with("//") || rest.starts_with("/*");
+    is_comment.then(|| "a comment stands here, and JSON has none; remove it".to_owned())
 }
 
 /// The key that serde does not know, and those that it knows in its place.
@@ -132,7 +213,7 @@ pub fn plain_words(text: &str) -> String {
         }
         _ => (),
     }
-    if text.starts_with(IS_A_LIST) {
+    if text.starts_with(IS_A_LIST) || text.starts_with(TWICE) {
         return text.to_owned();
     }
     let (head, expected) = text.split_once(", expected ").unwrap_or((text, ""));
@@ -250,7 +331,7 @@ impl ForeignJson {
         struct ForeignKeys {
             settings: Option<IgnoredAny>,
             stopped: Option<IgnoredAny>,
-            asset: Option<serde_json::Value>,
+            asset: Option<Value>,
         }
         let ForeignKeys { settings, stopped, asset } = from_text(text).ok()?;
         if settings.is_some() && stopped.is_some() {
@@ -352,9 +433,27 @@ mod tests {
     fn a_comma_before_a_bracket_is_told_in_values_that_are_read_or_skipped() {
         for (text, end) in [("{\"a\": 1,\n }", '}'), ("{\"a\":\n[1, ]}", ']')] {
             let told = format!("the comma before `{end}` is one too many; remove it (line 2,");
-            let read = parse::<serde_json::Value>(text, "f").unwrap_err().to_string();
+            let read = parse::<Value>(text, "f").unwrap_err().to_string();
             let skipped = parse::<IgnoredAny>(text, "f").unwrap_err().to_string();
             assert!(read.contains(&told) && skipped.contains(&told), "{read}; {skipped}");
         }
+    }
+
+    #[test]
+    fn a_comment_is_told_wherever_it_stands() {
+        for text in ["{\"a\": 1 /* b */}", "{\"a\": 1, // b\n}", "{\"a\": 1} // b", "[/* b */]"] {
+            let told = parse::<Value>(text, "f").unwrap_err().to_string();
+            assert!(told.contains("a comment stands here, and JSON has none; remove it"), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_key_that_comes_twice_is_an_error_at_any_depth() {
+        let text = "{\"map\": 1, \"b\": [-2, 0.5, null, true, \"c\"]}";
+        let UniqueKeys(value) = parse(text, "f").unwrap();
+        assert_eq!(value, serde_json::from_str::<Value>(text).unwrap());
+        let error =
+            parse::<UniqueKeys>("[{\"map\": 1,\n\"map\": 2}]", "f").unwrap_err().to_string();
+        assert!(error.contains("this key comes twice: `map`; leave one out (line 2,"), "{error}");
     }
 }

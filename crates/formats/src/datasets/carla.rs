@@ -99,9 +99,13 @@ impl CarlaSequence {
         self.tags
     }
 
+    /// The error of scans without a road below the LiDAR: a tag that no version has, if it keeps roads from being found.
     fn no_ground(&self) -> DatasetError {
+        let mut first = self.frames.values().take(MOST_SCANS);
         let path = self.frames.values().next().map_or(&self.folder, |(path, _)| path);
-        DatasetError::NoGround { path: path.clone(), radius: ground::NEAR }
+        first
+            .find_map(|(path, _)| self.records(path).err())
+            .unwrap_or_else(|| DatasetError::NoGround { path: path.clone(), radius: ground::NEAR })
     }
 
     /// Takes the version that is given, or the one in which the road of the first scans lies flat below the LiDAR.

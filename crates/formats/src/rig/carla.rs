@@ -4,16 +4,20 @@
 //! roll as it is; y, pitch, yaw and phase change sign. The bridge has the axes of ROS, and angles in degrees.
 
 use serde_json::{Map, Value, json};
-use sightline_files::json::{Location, written};
+use sightline_files::json::{Location, UniqueKeys, written};
 use sightline_files::{Note, json};
 use sightline_scene::vehicle::{SensorPose, of_degrees};
 
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::yaml::{Fields, PHASE, wrong};
-use super::{BASE_LINK, Checked, Fan, Models, Mounting, Rig, RigLidar, RigSource, beams, yaml};
+use super::{
+    BASE_LINK, Checked, Fan, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml,
+};
 
 /// Type of the LiDAR that CARLA casts.
 const LIDAR: &str = "sensor.lidar.ray_cast";
+/// Begin of the types of all LiDARs.
+const ANY_LIDAR: &str = "sensor.lidar";
 /// Attribute of a LiDAR that looks over a part of the turn, in degrees.
 const HORIZONTAL: &str = "horizontal_fov";
 
@@ -31,11 +35,11 @@ pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorP
     }
 }
 
-/// Keys of a LiDAR that are read.
-const READ: [&str; 13] = [
-    "type", "id", "x", "y", "z", "roll", "pitch", "yaw", PHASE, "channels", "lower_fov",
-    "upper_fov", "spawn_point",
-];
+/// Keys of a pose; in `objects.json` they stand in the [`SPAWN_POINT`] of a LiDAR.
+const POSE: [&str; 7] = ["x", "y", "z", "roll", "pitch", "yaw", PHASE];
+const SPAWN_POINT: &str = "spawn_point";
+/// Keys of a LiDAR that are read beside its pose.
+const READ: [&str; 6] = ["type", "id", "channels", "lower_fov", "upper_fov", SPAWN_POINT];
 /// Keys passed over: they say how CARLA casts, not where the LiDAR stands.
 #[rustfmt::skip]
 const PASSED_OVER: [&str; 12] = [
@@ -45,7 +49,7 @@ const PASSED_OVER: [&str; 12] = [
 ];
 
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
-    let document: Value = json::parse(&source.text, &source.file)?;
+    let UniqueKeys(document) = json::parse(&source.text, &source.file)?;
     read_list(&document, &Location::top(&source.file), frames)
 }
 
@@ -63,18 +67,32 @@ pub(super) fn read_list(document: &Value, top: &Location, frames: &mut FrameTree
             leave_out(frames, &fields)?;
             continue;
         }
-        let degrees = fields.pose(3)?;
-        let doubt = of_degrees("an angle", &degrees.values()[3..]);
-        frames.notes.extend(doubt.map(|doubt| Note::doubt(format!("{}: {doubt}", fields.at))));
-        let pose = mirrored(&degrees, f64::to_radians);
+        if fields.has(SPAWN_POINT) {
+            let mend = "write x, y, z, roll, pitch and yaw beside `type` and `id`";
+            return Err(unread(&fields, SPAWN_POINT, "stands in a list of `sensors()`", mend));
+        }
+        let pose = mirrored(&degrees(&fields, frames)?, f64::to_radians);
         add(frames, &fields, pose, holds)?;
     }
     Ok(())
 }
 
+/// The pose in a list or in a [`SPAWN_POINT`], its angles in degrees; a missing angle is 0, as in CARLA.
+fn degrees(fields: &Fields, frames: &mut FrameTree) -> Checked<SensorPose> {
+    let degrees = fields.pose(3)?;
+    let doubt = of_degrees("an angle", &degrees.values()[3..]);
+    frames.notes.extend(doubt.map(|doubt| Note::doubt(format!("{}: {doubt}", fields.at))));
+    Ok(degrees)
+}
+
+/// Error of a key of the pose that stands where none is read.
+fn unread(fields: &Fields, key: &str, what: &'static str, mend: &'static str) -> RigError {
+    RigError::Unread { at: Box::new(fields.at.key(key)), what, mend }
+}
+
 /// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.
 pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Checked<FrameContent> {
-    if !fields.text("type")?.starts_with("sensor.lidar") {
+    if !fields.text("type")?.starts_with(ANY_LIDAR) {
         return Ok(FrameContent::Other);
     }
     let angle = if fields.has(HORIZONTAL) { fields.number(HORIZONTAL)? } else { 360.0 };
@@ -86,7 +104,10 @@ pub(super) fn holds(fields: &Fields, frames: &mut FrameTree) -> Checked<FrameCon
             fields.at
         )));
     }
-    let known = |key: &str| key == HORIZONTAL || READ.contains(&key) || PASSED_OVER.contains(&key);
+    let known = |key: &str| {
+        key == HORIZONTAL
+            || [&POSE[..], &READ[..], &PASSED_OVER[..]].iter().any(|keys| keys.contains(&key))
+    };
     // A key of the pose in other letters would be passed over, and the pose be another.
     let posed = |key: &&String| SensorPose::FIELDS.contains(&key.to_lowercase().as_str());
     if let Some(key) = fields.each().map(|(key, ..)| key).filter(|key| !known(key)).find(posed) {
@@ -171,11 +192,19 @@ pub(super) fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose
 
 /// Reads the sensors of the only vehicle that has LiDARs.
 pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
-    let document: Value = json::parse(&source.text, &source.file)?;
+    let UniqueKeys(document) = json::parse(&source.text, &source.file)?;
     let top = Fields::of(&document, Location::top(&source.file))?;
     let mut vehicle = None;
     for object in items(&top, "objects")? {
         if !object.has("sensors") {
+            if object.text("type").is_ok_and(|kind| kind.starts_with(ANY_LIDAR)) {
+                frames.notes.push(Note::doubt(format!(
+                    "{}: a LiDAR beside the vehicles stands in the world and is left out; write it into the \
+                     `sensors` of its vehicle",
+                    object.at
+                )));
+                leave_out(frames, &object)?;
+            }
             continue;
         }
         for sensor in items(&object, "sensors")? {
@@ -188,7 +217,13 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checke
                 let other = "a LiDAR of another vehicle";
                 return Err(wrong(&sensor.at, other, "one of the first one"));
             }
-            let pose = turned(sensor.inner("spawn_point")?.pose(3)?, f64::to_radians);
+            if let Some(key) = POSE.into_iter().find(|key| sensor.has(key)) {
+                let what = "stands beside a `spawn_point`";
+                return Err(unread(&sensor, key, what, "move it into the `spawn_point`"));
+            }
+            let spawn_point = sensor.inner(SPAWN_POINT)?;
+            spawn_point.refuse_others(&POSE, &[])?;
+            let pose = turned(degrees(&spawn_point, frames)?, f64::to_radians);
             add(frames, &sensor, pose, holds)?;
         }
     }
@@ -210,7 +245,7 @@ pub(super) fn write_objects(rig: &Rig, mounting: &Mounting, models: &Models) -> 
         let mut sensor = Map::new();
         sensor.insert("type".to_owned(), LIDAR.into());
         sensor.insert("id".to_owned(), lidar.frame.as_str().into());
-        sensor.insert("spawn_point".to_owned(), spawn_point.into());
+        sensor.insert(SPAWN_POINT.to_owned(), spawn_point.into());
         sensor.extend(attributes(models.fan(lidar)));
         Value::Object(sensor)
     };

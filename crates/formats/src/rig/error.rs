@@ -76,6 +76,10 @@ pub enum RigError {
         "{sensor:?} is not a name of a sensor: use 1 to {most} bytes without control characters"
     )]
     BadSensor { sensor: String, most: usize },
+    #[error(
+        "the name `{name}` holds `$(` or `${{`, for which readers of {format} put a value; give another one"
+    )]
+    Substitution { name: String, format: &'static str },
     #[error("the frame `{frame}` is used twice, or is that of the vehicle; names must differ")]
     SharedFrame { frame: String },
     #[error("no format is called `{name}`; there are {}", formats(|_| true))]

@@ -10,7 +10,7 @@ use sightline_files::json::Location;
 use sightline_scene::vehicle::SensorPose;
 
 use super::yaml::wrong;
-use super::{RigError, RigLidar, beams};
+use super::{Rig, RigError, RigLidar, beams};
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
@@ -242,6 +242,17 @@ impl Mounting {
             self.optical_heights.iter().find_map(same)
         };
         self.optical_heights.get(frame).copied().or_else(|| sensor.and_then(given))
+    }
+
+    /// The first name with a height that is neither a frame nor a sensor of a rig, so that the height does nothing.
+    pub fn unused(&self, rig: &Rig) -> Option<&str> {
+        let is_used = |name: &str| {
+            rig.lidars.iter().any(|lidar| {
+                let sensor = lidar.sensor.as_deref();
+                lidar.frame == name || sensor.is_some_and(|sensor| beams::same(name, sensor))
+            })
+        };
+        self.optical_heights.keys().map(String::as_str).find(|name| !is_used(name))
     }
 
     /// Pose in the ego frame of a pose in `base_link`.

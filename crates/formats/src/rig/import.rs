@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::PathBuf;
 
 use serde_json::Value;
-use sightline_files::json::Location;
+use sightline_files::json::{Location, UniqueKeys};
 use sightline_files::{Note, json};
 use sightline_scene::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
 
@@ -74,7 +74,7 @@ pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<ImportedRi
 
 /// Adds the models that `rig export` wrote beside files without a place for them, where none is given.
 fn add_models(source: &RigSource, known: &mut BTreeMap<String, String>) -> Result<Note, RigError> {
-    let document: Value = json::parse(&source.text, &source.file)?;
+    let UniqueKeys(document) = json::parse(&source.text, &source.file)?;
     let lidars = Fields::of(&document, Location::top(&source.file))?.inner("lidars")?;
     for (frame, _, _) in lidars.each() {
         let model = lidars.text(frame)?;
@@ -140,6 +140,7 @@ fn rig_of(
     let mut notes = std::mem::take(&mut frames.notes);
     let unplaced = std::mem::take(&mut frames.left_out);
     let (lidars, mut left_out) = picked(&frames, settings, file)?;
+    notes.extend(named_but_left_out(&frames, &lidars, settings, file));
     left_out.extend(unplaced);
     let moving: BTreeSet<&str> =
         lidars.iter().flat_map(|frame| frames.moving_between(&base, &frame.name)).collect();
@@ -355,6 +356,34 @@ fn picked<'a>(
     let others = frames.all().iter().filter(is_other);
     let others = others.map(|frame| frame.name.clone()).collect();
     Ok((lidars, others))
+}
+
+/// A doubt about frames that have the name of a LiDAR and are left out, because others are LiDARs by type. A frame on
+/// the way to a LiDAR, or right on one, is a part of it.
+fn named_but_left_out(
+    frames: &FrameTree,
+    lidars: &[&RigFrame],
+    settings: &ImportSettings,
+    file: &str,
+) -> Option<Note> {
+    let mut parts: HashSet<&str> = HashSet::new();
+    for lidar in lidars {
+        let mut next = Some(*lidar);
+        while let Some(frame) = next.filter(|frame| parts.insert(&frame.name)) {
+            next = frames.get(&frame.parent);
+        }
+    }
+    let taken: HashSet<&str> = lidars.iter().map(|frame| frame.name.as_str()).collect();
+    let is_part = |frame: &RigFrame| {
+        parts.contains(frame.name.as_str()) || taken.contains(frame.parent.as_str())
+    };
+    let is_missed = |frame: &&RigFrame| is_named_lidar(frame) && !is_part(frame);
+    let missed = frames.all().iter().find(is_missed).filter(|_| settings.frames.is_empty())?;
+    let name = &missed.name;
+    Some(Note::doubt(format!(
+        "{file}: `{name}` has the name of a LiDAR and is left out, since others have a sensor of that type; give it such a \
+         sensor, or name every LiDAR with --frame"
+    )))
 }
 
 /// The LiDAR of a frame. Where nothing tells the height of its optical centre, its name goes into `unknown`.

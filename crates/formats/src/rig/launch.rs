@@ -34,6 +34,7 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
     let mut launch = Launch {
         file: &source.file,
         values: HashMap::new(),
+        before: Vec::new(),
         passed: BTreeSet::new(),
         included: BTreeSet::new(),
         nodes: 0,
@@ -42,8 +43,8 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
     while let Some(step) = open.pop() {
         let node = match step {
             LaunchStep::Read(node) => node,
-            LaunchStep::Restore(values) => {
-                launch.values = values;
+            LaunchStep::Restore(kept) => {
+                launch.restore(kept);
                 continue;
             }
         };
@@ -54,20 +55,20 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
             name @ ("launch" | "group") => {
                 // Values that a group sets end with it, unless it says otherwise.
                 if name == "group" && launch.truth(node, "scoped")?.unwrap_or(true) {
-                    open.push(LaunchStep::Restore(launch.values.clone()));
+                    open.push(LaunchStep::Restore(launch.before.len()));
                 }
                 let children: Vec<Node> = node.children().filter(Node::is_element).collect();
                 open.extend(children.into_iter().rev().map(LaunchStep::Read));
             }
             "arg" | "let" => launch.argument(node)?,
-            "node" => {
+            "node" | "executable" => {
                 if let Some(frame) = launch.node(node)? {
                     frames.add(frame)?;
                 }
             }
             // Neither moves a frame.
             "param" | "rosparam" | "remap" | "env" | "set_env" | "unset_env" | "machine"
-            | "master" | "test" | "executable" | "arg_group" => {}
+            | "master" | "test" | "arg_group" => {}
             "include" => launch.include(node)?,
             other => {
                 launch.passed.insert(format!("<{other}>"));
@@ -81,8 +82,8 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), Rig
 /// Work that is left of a launch file.
 enum LaunchStep<'a, 'i> {
     Read(Node<'a, 'i>),
-    /// Values from before a group: those that it sets end with it.
-    Restore(HashMap<String, String>),
+    /// The end of a group: values that it set end with it. So many were replaced before it.
+    Restore(usize),
 }
 
 /// A launch file as far as it is read.
@@ -90,6 +91,8 @@ struct Launch<'a> {
     file: &'a str,
     /// Values of arguments and variables by name.
     values: HashMap<String, String>,
+    /// Names that were set, with the value before, in their order.
+    before: Vec<(String, Option<String>)>,
     /// Elements that are not understood.
     passed: BTreeSet<String>,
     included: BTreeSet<String>,
@@ -123,9 +126,20 @@ impl Launch<'_> {
         };
         // One that cannot be told is an error where it is used.
         if let (Some(name), Ok(value)) = (node.attribute("name"), self.resolved(text, &at)) {
-            self.values.insert(name.to_owned(), value);
+            let before = self.values.insert(name.to_owned(), value);
+            self.before.push((name.to_owned(), before));
         }
         Ok(())
+    }
+
+    /// Takes back all values that were set after the first `kept`.
+    fn restore(&mut self, kept: usize) {
+        for (name, before) in self.before.drain(kept..).rev() {
+            match before {
+                Some(value) => self.values.insert(name, value),
+                None => self.values.remove(&name),
+            };
+        }
     }
 
     /// A text with the values of `$(arg NAME)` and `$(var NAME)` in their places.
@@ -172,15 +186,28 @@ impl Launch<'_> {
         included.into_iter().chain(passed).map(Note::fact)
     }
 
-    /// The frame of a node that publishes one.
+    /// The frame of a node or of an executable that publishes one.
     fn node(&mut self, node: Node) -> Result<Option<RigFrame>, RigError> {
-        let at = Location::top(self.file).key("<node>").item(self.nodes);
+        let tag = node.tag_name().name();
+        let at = Location::top(self.file).key(&format!("<{tag}>")).item(self.nodes);
         self.nodes += 1;
-        if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
-            return Ok(None);
-        }
-        let args = self.resolved(yaml::attribute(node, "args", &at)?, &at)?;
-        let mut words: Vec<String> = args.split_whitespace().map(str::to_owned).collect();
+        let is_publisher = |word: &str| word.rsplit('/').next() == Some(PUBLISHER);
+        let args = if node.has_tag_name("node") {
+            if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
+                return Ok(None);
+            }
+            yaml::attribute(node, "args", &at)?
+        } else {
+            // `ros2 run tf2_ros static_transform_publisher`, or its path, and then the arguments.
+            let command = node.attribute("cmd").unwrap_or_default();
+            let Some(word) = command.split_whitespace().find(|word| is_publisher(word)) else {
+                return Ok(None);
+            };
+            command.split_once(word).map_or("", |(_, args)| args)
+        };
+        let args = self.resolved(args, &at)?;
+        let bare = |word: &str| word.trim_matches(['"', '\'']).to_owned();
+        let mut words: Vec<String> = args.split_whitespace().map(bare).collect();
         // `tf` of ROS 1 wants a period in milliseconds behind the two frames.
         let has_period = matches!(words.len(), 9 | 10)
             && words.last().is_some_and(|word| word.parse::<f64>().is_ok())

@@ -45,19 +45,20 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
     for node in model.children().filter(Node::is_element) {
         let at = yaml::place(node, file);
         let kind = node.tag_name().name();
+        let child = yaml::child(node, "child").map(yaml::text);
         let usual_parent = match kind {
             "link" | "model" => MODEL,
             "frame" => node.attribute("attached_to").filter(|to| !to.is_empty()).unwrap_or(MODEL),
             // A joint is a frame at its child.
             "joint" if !joints_are_frames(node) => continue,
-            "joint" => match yaml::child(node, "child").and_then(|child| child.text()) {
-                Some(child) => child.trim(),
+            "joint" => match child.as_deref().map(str::trim).filter(|child| !child.is_empty()) {
+                Some(child) => child,
                 None => {
                     return Err(RigError::Missing { at: Box::new(at), key: "<child>".to_owned() });
                 }
             },
             "include" => {
-                let uri = yaml::child(node, "uri").and_then(|uri| uri.text()).unwrap_or_default();
+                let uri = yaml::child(node, "uri").map(yaml::text).unwrap_or_default();
                 frames.notes.push(Note::doubt(format!(
                     "{file}: <include> of `{}` is not read; a LiDAR in it is missing. Merge it with `gz sdf -p`",
                     uri.trim()
@@ -142,7 +143,7 @@ fn pose<'a>(
     let known = ["relative_to", "frame", "degrees", "rotation_format"];
     let wanted = "no attribute but relative_to, degrees or rotation_format";
     yaml::refuse_attributes(element, &at, &known, wanted)?;
-    let text = element.text().unwrap_or_default();
+    let text = yaml::text(element);
     let named = |key: &str| element.attribute(key).filter(|frame| !frame.is_empty());
     let old = named("frame");
     if let Some(frame) = old {
@@ -151,21 +152,25 @@ fn pose<'a>(
         )));
     }
     let relative_to = named("relative_to").or(old);
-    if element.attribute("rotation_format") == Some("quat_xyzw") {
+    let is_quaternion = match element.attribute("rotation_format").map(str::trim) {
+        None | Some("euler_rpy") => false,
+        Some("quat_xyzw") => true,
+        Some(other) => {
+            return Err(wrong(&at.key("rotation_format"), other, "euler_rpy or quat_xyzw"));
+        }
+    };
+    if is_quaternion && !text.trim().is_empty() {
         let wanted = "seven numbers: x y z and a quaternion x y z w";
-        let [x, y, z, qx, qy, qz, qw] = yaml::numbers_of_text(text, &at, wanted)?;
+        let [x, y, z, qx, qy, qz, qw] = yaml::numbers_of_text(&text, &at, wanted)?;
         return Ok((of_quaternion([x, y, z], [qx, qy, qz, qw], &at)?, relative_to));
     }
-    if let Some(format) = element.attribute("rotation_format").filter(|f| *f != "euler_rpy") {
-        return Err(wrong(&at.key("rotation_format"), format, "euler_rpy or quat_xyzw"));
+    let pose = yaml::pose_of_text(&text, &at)?;
+    let degrees = element.attribute("degrees").unwrap_or("false");
+    match degrees.trim().to_lowercase().as_str() {
+        "false" | "0" => Ok((pose, relative_to)),
+        "true" | "1" => Ok((carla::turned(pose, f64::to_radians), relative_to)),
+        _ => Err(wrong(&at.key("degrees"), degrees, "true or false")),
     }
-    let mut pose = yaml::pose_of_text(text, &at)?;
-    match element.attribute("degrees") {
-        None | Some("false" | "0") => {}
-        Some("true" | "1") => pose = carla::turned(pose, f64::to_radians),
-        Some(other) => return Err(wrong(&at.key("degrees"), other, "true or false")),
-    }
-    Ok((pose, relative_to))
 }
 
 /// A model of `base_link` and one link a LiDAR.
@@ -218,31 +223,30 @@ pub(super) fn add_sensor(
     optical: SensorPose,
     file: &str,
 ) -> Checked<()> {
+    // A sensor of another type says nothing about its link: many LiDARs hold an IMU.
+    if !is_lidar(sensor) {
+        return Ok(());
+    }
     let name = sensor.attribute("name").unwrap_or_default();
     let phase = sensor.attribute((OWN, PHASE));
     let place = || yaml::place(sensor, file).key(PHASE);
     let phase = phase.map(|text| number(&place(), text)).transpose()?;
     let optical = SensorPose { phase, ..optical };
-    let holds = if is_lidar(sensor) {
-        let model = name.strip_prefix(link).and_then(|rest| rest.strip_prefix('-'));
-        let model = model.filter(|model| !model.is_empty()).map(beams::usual);
-        FrameContent::Lidar { sensor: model, optical: Some(optical) }
-    } else {
-        FrameContent::Other
-    };
+    let model = name.strip_prefix(link).and_then(|rest| rest.strip_prefix('-'));
+    let model = model.filter(|model| !model.is_empty()).map(beams::usual);
+    let holds = FrameContent::Lidar { sensor: model, optical: Some(optical) };
     match frames.get_mut(link) {
         Some(frame) if link != BASE_LINK && !matches!(frame.holds, FrameContent::Lidar { .. }) => {
             frame.holds = holds;
         }
         // A second LiDAR of a link, or one of the base itself, has a frame of its own.
-        _ if is_lidar(sensor) => frames.add(RigFrame {
+        _ => frames.add(RigFrame {
             name: format!("{link}/{name}"),
             parent: link.to_owned(),
             pose: IDENTITY,
             holds,
             at: yaml::place(sensor, file),
         })?,
-        _ => {}
     }
     Ok(())
 }
@@ -343,7 +347,7 @@ fn included(document: &Document) -> Vec<String> {
         node.has_tag_name("include") && matches!(above, Some("sdf" | "world"))
     };
     let uri = |node: Node| {
-        let uri = yaml::child(node, "uri").and_then(|uri| uri.text()).unwrap_or_default();
+        let uri = yaml::child(node, "uri").map(yaml::text).unwrap_or_default();
         format!("<include> of {}", uri.trim())
     };
     document.descendants().filter(of_world).map(uri).collect()
@@ -351,7 +355,7 @@ fn included(document: &Document) -> Vec<String> {
 
 /// Says that the place of the model in its world is none of a LiDAR on it.
 fn note_pose(model: Node, file: &str, frames: &mut FrameTree) {
-    let text = yaml::child(model, "pose").and_then(|pose| pose.text()).unwrap_or_default();
+    let text = yaml::child(model, "pose").map(yaml::text).unwrap_or_default();
     let numbers: Vec<f64> = text.split_whitespace().map_while(|word| word.parse().ok()).collect();
     if numbers.iter().any(|number| *number != 0.0) {
         let up = numbers.get(2).copied().unwrap_or_default();

@@ -47,6 +47,12 @@ pub(super) fn read_frames(document: &Value, top: Location, frames: &mut FrameTre
     let read: Vec<&str> = SensorPose::FIELDS.into_iter().chain([PHASE]).collect();
     for (parent, children, at) in Fields::of(document, top)?.each() {
         let Some(map) = children.as_object().filter(|map| map.values().any(is_frame)) else {
+            if is_frame(children) {
+                frames.notes.push(Note::doubt(format!(
+                    "{at}: stands under no parent frame and is not read; write it under `{BASE_LINK}`"
+                )));
+                continue;
+            }
             let text = format!("{at}: holds no frame with x, y, z, roll, pitch and yaw; not read");
             // Objects in an object may be frames of other keys.
             let inside = children.as_object().is_some_and(|map| map.values().any(Value::is_object));
@@ -268,7 +274,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Refuses keys that are neither read nor passed over.
-    fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Checked<()> {
+    pub(super) fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Checked<()> {
         let is_known = |key: &&String| read.iter().chain(passed).any(|known| known == key);
         let Some(key) = self.map.keys().find(|key| !is_known(key)) else { return Ok(()) };
         Err(RigError::UnknownKey {
@@ -363,6 +369,11 @@ pub(super) fn refuse_attributes(
 
 pub(super) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     node.children().find(|child| child.has_tag_name(name))
+}
+
+/// The text of an element, around its comments.
+pub(super) fn text(node: Node) -> String {
+    node.children().filter(Node::is_text).filter_map(|part| part.text()).collect()
 }
 
 /// An attribute that must be there.

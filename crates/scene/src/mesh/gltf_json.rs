@@ -4,6 +4,7 @@ use glam::{DMat4, DQuat, DVec3};
 use gltf::json::Root;
 use gltf::json::validation::{Error, Validate};
 use serde_json::{Map, Value};
+use sightline_files::json::{UniqueKeys, is_utf_16};
 
 use super::{MeshFault, Parsed};
 
@@ -31,7 +32,12 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<Parts> {
         (bytes.into(), None)
     };
     let no_json = |error| fault(format!("is no glTF: {error}; export it again"));
-    let mut json: Value = serde_json::from_slice(&text).map_err(no_json)?;
+    if is_utf_16(&text) {
+        return Err(fault("is UTF-16; save it as UTF-8".to_owned()));
+    }
+    // Some writers fill up the JSON of a GLB with zeros in place of spaces.
+    let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let UniqueKeys(mut json) = serde_json::from_slice(&text[..end]).map_err(no_json)?;
     whole(&mut json);
     let animations = json["animations"].as_array().map_or(0, Vec::len);
     if let Some(json) = json.as_object_mut() {

@@ -242,6 +242,13 @@ impl<'a> NodeWalk<'a> {
         weights: &[f32],
     ) -> Result<Vec<DVec3>, String> {
         let mut numbers = self.data.read(accessor, Dimensions::Vec3)?;
+        let targets = primitive.morph_targets().count();
+        if targets > 0 && ![0, targets].contains(&weights.len()) {
+            let given = weights.len();
+            return Err(format!(
+                "has {targets} morph targets and {given} weights; give each its own"
+            ));
+        }
         for (target, weight) in
             primitive.morph_targets().zip(weights).filter(|(_, weight)| **weight != 0.0)
         {

@@ -32,6 +32,10 @@ const REFUSED: [(&[&str], &str); 3] = [
 /// Statements that end in a name or a path, where a backslash at the end continues nothing.
 const NAMED: [&[u8]; 6] = [b"usemtl", b"mtllib", b"usemap", b"maplib", b"g", b"o"];
 
+/// A space that separates no words, as text from pages has it.
+const FIXED_SPACE: char = '\u{a0}';
+const HAS_FIXED: &str = "has non-breaking spaces; write plain ones";
+
 pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(MeshFault::new("line 1", "is UTF-16; save the file as UTF-8"));
@@ -118,7 +122,10 @@ fn decode(bytes: &[u8]) -> Cow<'_, str> {
 fn position<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> Result<DVec3, String> {
     let mut number = || {
         let word = decode(words.next().ok_or("lacks one of the numbers x, y, z")?);
-        word.parse::<f64>().map_err(|_| format!("{word:?} is not a number such as 1.5 or -2e3"))
+        word.parse::<f64>().map_err(|_| match word.contains(FIXED_SPACE) {
+            true => HAS_FIXED.to_owned(),
+            false => format!("{word:?} is not a number such as 1.5 or -2e3"),
+        })
     };
     Ok(DVec3::new(number()?, number()?, number()?))
 }
@@ -163,6 +170,9 @@ impl ObjReader {
                 {
                     return Err(format!("`{keyword}` {problem}"));
                 }
+                if keyword.contains(FIXED_SPACE) {
+                    return Err(HAS_FIXED.to_owned());
+                }
                 if !PASSED.contains(&&*keyword) {
                     let short: String = keyword.chars().take(20).collect();
                     if self.unknown.len() <= MOST_TOLD || self.unknown.contains_key(&short) {
@@ -185,7 +195,8 @@ impl ObjReader {
                 .map_err(|_| format!("{:?} is not a vertex of a face", decode(word)))?;
             let place = if index < 0 { index.saturating_add(self.so_far + 1) } else { index };
             if place < 1 || place > total as i64 {
-                return Err(format!("refers to vertex {index}, there are {total}"));
+                let mend = if index == 0 { "; OBJ counts from 1" } else { "" };
+                return Err(format!("refers to vertex {index}, there are {total}{mend}"));
             }
             self.corners.push(place as u32 - 1);
         }

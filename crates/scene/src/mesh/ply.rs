@@ -21,6 +21,9 @@ const NO_SURFACE: [&str; 6] =
 /// Parts of a name that may mean classes.
 const CLASS_WORDS: [&str; 5] = ["label", "class", "semantic", "category", "segment"];
 
+const NO_CORNERS: &str =
+    "has no list `vertex_indices` or `vertex_index`; rename the list of its corners";
+
 pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     let (header, body) = PlyHeader::read(bytes)?;
     let mut reader = PlyReader::default();
@@ -123,7 +126,7 @@ impl PlyReader {
                 && element.count > 0
                 && !element.properties.iter().any(|p| is_corners(p) && p.list.is_some())
             {
-                return fault("has no list `vertex_indices`");
+                return fault(NO_CORNERS);
             }
             let corners = element.properties.iter().filter(|p| is_corners(p));
             let corners: Vec<&str> = corners.map(|property| property.name.as_str()).collect();
@@ -163,7 +166,10 @@ impl PlyReader {
         let places = ["x", "y", "z"].map(|name| element.scalar(name));
         let label = element.scalar("label");
         if element.count > 0 && places.contains(&None) {
-            return Err(MeshFault::new("element vertex", "lacks one of the numbers x, y, z"));
+            return Err(MeshFault::new(
+                "element vertex",
+                "lacks one of the numbers x, y, z; name them so, in small letters",
+            ));
         }
         for row in 0..element.count {
             let fault = |problem| MeshFault::new(format!("vertex {row}"), problem);
@@ -248,7 +254,8 @@ impl PlyReader {
         for &corner in corners {
             let known = usize::try_from(corner).is_ok_and(|corner| corner < count);
             if !known {
-                return Err(format!("refers to vertex {corner}, there are {count}"));
+                let mend = if count == 0 { "; name the element of points `vertex`" } else { "" };
+                return Err(format!("refers to vertex {corner}, there are {count}{mend}"));
             }
             self.polygon.push(corner as u32);
         }

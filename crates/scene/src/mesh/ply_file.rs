@@ -50,7 +50,9 @@ impl Property {
     /// The property of a header's words behind `property`; `line` is the whole line.
     fn of(words: &[&str], line: &str) -> Result<Self, String> {
         let kind = |word: &str| {
-            PlyScalar::of(word).ok_or_else(|| format!("has the unknown type {word:?}"))
+            PlyScalar::of(word).ok_or_else(|| {
+                format!("has the unknown type {word:?}; PLY has integers of 8 to 32 bits, float and double, export it so")
+            })
         };
         let (name, kind, list) = match *words {
             ["list", count, item, name] => (name, kind(item)?, Some(kind(count)?)),
@@ -89,7 +91,9 @@ impl Form {
             "ascii" => Ok(Self::Ascii),
             "binary_little_endian" => Ok(Self::Little),
             "binary_big_endian" => Ok(Self::Big),
-            _ => Err(format!("has the unknown format {name:?}")),
+            _ => Err(format!(
+                "has the unknown format {name:?}; write ascii, binary_little_endian or binary_big_endian"
+            )),
         }
     }
 }
@@ -312,11 +316,14 @@ impl<'a> PlyBody<'a> {
     /// The count of a list, for which there are bytes enough.
     pub(super) fn count(&mut self, kind: PlyScalar) -> Result<usize, String> {
         let count = self.number(kind)?;
-        let left = if self.form == Form::Ascii { self.words.len() } else { self.rest.len() };
+        let (left, mend) = match self.form {
+            Form::Ascii => (self.words.len(), "; write each row on a line of its own"),
+            _ => (self.rest.len(), ""),
+        };
         if count.fract() == 0.0 && (0.0..=left as f64).contains(&count) {
             return Ok(count as usize);
         }
-        Err(format!("has a list of {count} numbers, and {left} bytes follow"))
+        Err(format!("has a list of {count} numbers, and {left} bytes follow{mend}"))
     }
 
     /// Passes over a property, whatever its words are.

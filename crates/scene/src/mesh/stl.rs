@@ -23,7 +23,9 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     if expected == Some(bytes.len() as u64) {
         return binary(bytes);
     }
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    // Some writers fill up the last block of a text with zeros.
+    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let text = bytes[..end].strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes[..end]);
     if first_word(text).eq_ignore_ascii_case(b"solid") && !text.contains(&0) {
         return TextReader::default().read(text);
     }

@@ -193,7 +193,8 @@ impl RobotFile<'_> {
             }
             "sphere" => Ok(Geometry::Sphere(length(kind, "radius", of)?)),
             "mesh" => {
-                let file = self.mesh_file(attribute(kind, "filename", of)?, of)?;
+                let name = attribute(kind, "filename", of)?;
+                let file = self.mesh_file(name, of)?;
                 let scale = numbers(kind.attribute("scale").unwrap_or("1 1 1"), "scale", of)?;
                 let scale = DVec3::from(scale);
                 let most = scale.abs().max_element();
@@ -201,6 +202,11 @@ impl RobotFile<'_> {
                     let problem =
                         "is not three numbers other than 0 and at most 1000000; correct it";
                     return Err(fault(of, format!("scale of {scale} {problem}")));
+                }
+                if !file.is_file() {
+                    let problem =
+                        format!("{name:?} is no file; copy the mesh to {}", file.display());
+                    return Err(fault(of, problem));
                 }
                 Ok(Geometry::Mesh(file, scale))
             }

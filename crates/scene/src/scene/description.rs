@@ -254,7 +254,7 @@ described! {
         /// Class of each material or face label.
         #[serde(default)]
         pub classes: Dictionary<String>,
-        /// `y-up` or `z-up`; by the format unless given.
+        /// `z-up`, `y-up` (x forward) or `z-forward` (y up, x left); by the format unless given.
         pub axes: Option<String>,
     }
 

@@ -153,7 +153,7 @@ impl Target {
         json::check_version(text, file, FileKind::Target)?;
         let TargetDescription { name, mut shapes, reflectance, source, .. } =
             json::parse(text, file)?;
-        let written: Value = json::parse(text, file)?;
+        let json::UniqueKeys(written) = json::parse(text, file)?;
         let at = Location::top(file);
         let name = check::name(&at.key("name"), name)?;
         if name.trim().is_empty() {
@@ -165,6 +165,13 @@ impl Target {
             return Err(bad(&at.key("reflectance"), reflectance, wanted));
         }
         let source = source.map(|text| check::text(&at.key("source"), text)).transpose()?;
+        if shapes.is_empty() {
+            return Err(bad(
+                &at.key("shapes"),
+                "an empty list",
+                "a list of at least one box, cylinder or mesh",
+            ));
+        }
         for shape in shapes.iter_mut().filter(|shape| shape.shape.is_none()) {
             shape.class.get_or_insert_with(|| CLASS.to_owned());
         }
@@ -218,6 +225,10 @@ fn checked_corners(at: &Location, soup: &TriangleSoup) -> Checked<[[f64; 3]; 2]>
             "a target of at most {MOST_METRES} m; if a mesh is in millimetres, give it `\"scale\": 0.001`"
         );
         return Err(bad(&at.key("shapes"), format!("a target of {longest:.1} m"), wanted));
+    }
+    if high.z < OFF_CENTRE && low.z < -OFF_CENTRE {
+        let found = format!("a target whose top is at z = {:.3} m", high.z);
+        return Err(bad(&at.key("shapes"), found, "one above the ground, z = 0; raise its shapes"));
     }
     Ok([low, high].map(|corner| corner.to_array()))
 }
@@ -280,7 +291,8 @@ mod tests {
         let cube = r#"{"box": {"foot": [0, 0, 0], "size": [1, 1, 1]}}"#;
         assert!(Target::from_text(&target(cube, ""), Path::new(""), "t.json").is_ok());
         let cases = [
-            (target("", ""), "shapes"),
+            (target("", ""), "at least one box, cylinder or mesh"),
+            (target(&cube.replace("0]", "-5]"), ""), "top is at z = -4.000 m"),
             (target(cube, r#", "reflectance": 0"#), "reflectance"),
             (target(cube, r#", "reflectance": 10"#), "reflectance"),
             (target(cube, r#", "colour": 1"#), "colour"),

@@ -167,7 +167,7 @@ described! {
         /// Radians about z.
         #[serde(default)]
         pub yaw: f64,
-        /// `y-up` or `z-up`; by the format unless given.
+        /// `z-up`, `y-up` (x forward) or `z-forward` (y up, x left); by the format unless given.
         pub axes: Option<String>,
         /// Box of the ego frame to which triangles are cut.
         pub within: Option<KeepOutDescription>,

@@ -92,6 +92,9 @@ impl Vehicle {
         files.extend(required.files);
         notes.extend(required.notes);
         notes.extend(out_of_reach(&at.key("require"), &positions[1], &targets, &sensors));
+        if mounts.iter().map(|mount| mount.count[1]).sum::<usize>() < 2 {
+            notes.extend(needing_two(&at.key("require"), &vehicle.require));
+        }
         let other_sensors = at.key("other_sensors");
         let other_sensors =
             OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;
@@ -295,6 +298,22 @@ fn out_of_reach(
         ))
     };
     beyond.map(doubt).collect()
+}
+
+/// Doubts about requirements that take two LiDARs, where the mounts hold one.
+fn needing_two(at: &Location, require: &[RequirementDescription]) -> Vec<Note> {
+    let doubt = |(position, required): (usize, &RequirementDescription)| {
+        let key = match (required.without_any_one, required.overlap) {
+            (true, _) => "without_any_one",
+            (false, Some(_)) => "overlap",
+            (false, None) => return None,
+        };
+        Some(Note::doubt(format!(
+            "{}: takes two LiDARs, and the mounts hold one; raise `count` of a mount, add a mount, or leave it out",
+            at.item(position).key(key)
+        )))
+    };
+    require.iter().enumerate().filter_map(doubt).collect()
 }
 
 /// Doubts about a requirement that asks for nothing, or whose bearings are most likely radians.

@@ -385,9 +385,8 @@ fn check_density(
             let (start, length) =
                 (number_or_0(geometry, "s"), number_or_0(geometry, "length").min(length));
             metres += length;
-            // Longer roads are refused by the limit on the length of all roads.
             if metres > 2.0 * MAX_LENGTH {
-                return Ok(());
+                continue;
             }
             walk(geometry, length, |place, along, made| {
                 // The library's places, and further ones for the road's records.
@@ -398,6 +397,10 @@ fn check_density(
                 *cells.entry(cell).or_insert(0.0) += made * lanes;
             });
         }
+    }
+    // Before the library skips a road that is too long.
+    if metres > 2.0 * MAX_LENGTH {
+        return Err(WorldError::too_large(file, "metres of its roads", metres.round(), MAX_LENGTH));
     }
     if points > MAX_POINTS as f64 {
         let (what, most) = ("points of its lanes", MAX_POINTS as f64);

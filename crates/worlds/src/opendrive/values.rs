@@ -2,6 +2,7 @@
 //! widths below 0, places beyond a road, links to nothing.
 
 use std::collections::{BTreeSet, HashMap};
+use std::f64::consts::TAU;
 
 use roxmltree::{Document, Node};
 use sightline_files::Note;
@@ -55,6 +56,10 @@ const SHORTEST: f64 = 0.1;
 const BEYOND: f64 = 1e-3;
 /// Most corners of an outline: the time to fill it grows with their square.
 const MOST_CORNERS: usize = 10_000;
+/// Most turns of an arc or a spiral; a ramp of a car park has ten.
+const MOST_TURNS: f64 = 100.0;
+/// Highest place and largest edge of a sign's board, in metres.
+const MOST_OF_A_BOARD: f64 = 100.0;
 /// Types of objects that lie flat on the ground without a word.
 const FLAT: &[&str] = &["crosswalk", "roadMark", "parkingSpace", "patch", "roadSurface"];
 
@@ -74,6 +79,15 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     repeated(node, name)?;
     match name {
         "object" | "objectReference" => on_its_road(node),
+        "arc" => turns(node, &["curvature"]),
+        "spiral" => turns(node, &["curvStart", "curvEnd"]),
+        "signal" => {
+            let large = |key: &&str| number(node, key).abs() > MOST_OF_A_BOARD;
+            ["zOffset", "height", "width"].iter().find(|key| large(key)).map_or(Ok(()), |key| {
+                let metres = number(node, key);
+                Err(format!("`{key}` is {metres} m; write at most {MOST_OF_A_BOARD} m, the height and size of a board"))
+            })
+        }
         "outline" | "polyline" => {
             let corners = node.children().filter(Node::is_element).count();
             if corners > MOST_CORNERS {
@@ -85,6 +99,20 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
         }
         _ => Ok(()),
     }
+}
+
+/// Refuses an arc or a spiral that turns round and round: a curvature of another unit, most likely.
+fn turns(node: Node<'_, '_>, curvatures: &[&str]) -> Result<(), String> {
+    let bend = curvatures.iter().map(|key| number(node, key).abs()).fold(0.0, f64::max);
+    let length = node.parent_element().map_or(0.0, |parent| number(parent, "length"));
+    let turns = bend * length / TAU;
+    if turns <= MOST_TURNS {
+        return Ok(());
+    }
+    Err(format!(
+        "`{}` of {bend} over {length} m are {turns:.0} turns, at most {MOST_TURNS} are read; write 1/radius, 0.1 for 10 m",
+        curvatures.join("`, `")
+    ))
 }
 
 /// Refuses a record at the place of another one, with other values.

@@ -256,7 +256,23 @@ fn values_with_a_silent_default_are_refused() {
             plain
                 .replace("length='200'", "length='50000'")
                 .replace("<line/>", "<arc curvature='1000'/>"),
-            "points of its lanes lie within 4 m",
+            "road 1, <arc> `curvature` of 1000 over 50000 m are 7957747 turns, at most 100 are read",
+        ),
+        (
+            plain.replace("<line/>", "<spiral curvStart='0' curvEnd='-1e6'/>"),
+            "<spiral> `curvStart`, `curvEnd` of 1000000 over 200 m are",
+        ),
+        (
+            straight(
+                "<signals><signal id='1' s='50' t='-6' height='600' width='1'/></signals>",
+                "",
+            ),
+            "<signal> with s = 50 `height` is 600 m; write at most 100 m",
+        ),
+        (plain.replace("length='200'", "length='1e9'"), "metres of its roads"),
+        (
+            swap("<geometry s='0' x='0' y='0' hdg='0' length='200'><line/></geometry>", ""),
+            "road \"1\" skipped: ",
         ),
     ];
     for (text, told) in cases {

@@ -98,8 +98,10 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, Strin
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(DatasetError::SceneTwice { name: names[k].clone() });
     }
-    let mut all = Vec::new();
+    let (mut all, mut tokens, mut known) = (Vec::new(), HashSet::new(), HashSet::new());
     tables.rows("scene", |row: SceneRow| {
+        tables.refuse_twice("scene", &row.token, !tokens.insert(row.token.clone()))?;
+        tables.refuse_twice("scene", &row.name, !known.insert(row.name.clone()))?;
         all.push((row.token, row.name));
         Ok(())
     })?;
@@ -130,10 +132,11 @@ struct Sample {
 fn samples(tables: &SourceTables, scenes: &[(String, String)]) -> Checked<Vec<Sample>> {
     let scene: HashMap<&str, usize> =
         scenes.iter().enumerate().map(|(i, (token, _))| (token.as_str(), i)).collect();
-    let mut samples = Vec::new();
+    let (mut samples, mut tokens) = (Vec::new(), HashSet::new());
     tables.rows("sample", |row: SampleRow| {
         if let Some(&scene) = scene.get(row.scene_token.as_str()) {
             let SampleRow { token, timestamp, .. } = row;
+            tables.refuse_twice("sample", &token, !tokens.insert(token.clone()))?;
             samples.push(Sample { token, scene, frame: 0, timestamp });
         }
         Ok(())
@@ -162,8 +165,9 @@ fn categories(tables: &SourceTables) -> Checked<(LabelCategories, ByToken)> {
     // Sets of Place3D have one table of categories for points and another for boxes.
     let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
     for table in ["category"].into_iter().chain(apart) {
-        let mut here: HashSet<u8> = HashSet::new();
+        let (mut here, mut tokens): (HashSet<u8>, _) = (HashSet::new(), HashSet::new());
         tables.rows(table, |CategoryRow { token, name, index, .. }| {
+            tables.refuse_twice(table, &token, !tokens.insert(token.clone()))?;
             let Some(found) = category(&name) else {
                 let path = tables.path(table);
                 return Err(DatasetError::Category { path, name, known: known() });
@@ -195,10 +199,12 @@ fn keyframes(
     let calibrated = calibrated(tables)?;
     let wanted: HashSet<&str> = samples.iter().map(|s| s.token.as_str()).collect();
     let mut data: HashMap<String, SampleDataRow> = HashMap::new();
+    let mut tokens = HashSet::new();
     tables.rows("sample_data", |row: SampleDataRow| {
         let keyframe = row.is_key_frame && wanted.contains(row.sample_token.as_str());
         if keyframe && calibrated.contains_key(&row.calibrated_sensor_token) {
             let token = row.token.clone();
+            tables.refuse_twice("sample_data", &token, !tokens.insert(token.clone()))?;
             if data.insert(row.sample_token.clone(), row).is_some() {
                 let path = tables.path("sample_data");
                 let fault = "its sample has a keyframe of LIDAR_TOP already; leave one out";
@@ -207,11 +213,11 @@ fn keyframes(
         }
         Ok(())
     })?;
-    let tokens = data.values().map(|row| row.ego_pose_token.as_str()).collect();
-    let ego: HashMap<_, EgoPoseRow> = tables.by_token("ego_pose", &tokens, "sample_data.json")?;
-    let tokens = data.values().map(|row| row.token.as_str()).collect();
+    let wanted = data.values().map(|row| row.ego_pose_token.as_str()).collect();
+    let ego: HashMap<_, EgoPoseRow> = tables.by_token("ego_pose", &wanted, "sample_data.json")?;
+    let wanted = tokens.iter().map(String::as_str).collect();
     let lidarseg: HashMap<_, LidarsegRow> =
-        tables.by_token("lidarseg", &tokens, "sample_data.json, as a keyframe of LIDAR_TOP,")?;
+        tables.by_token("lidarseg", &wanted, "sample_data.json, as a keyframe of LIDAR_TOP,")?;
     let mut keyframes: HashMap<usize, Vec<Keyframe>> = HashMap::new();
     for sample in samples {
         let Some(row) = data.get(&sample.token) else {
@@ -233,8 +239,9 @@ fn keyframes(
 
 /// Poses of LIDAR_TOP on the vehicle, by token.
 fn calibrated(tables: &SourceTables) -> Checked<HashMap<String, Pose>> {
-    let mut sensors = HashSet::new();
+    let (mut sensors, mut tokens) = (HashSet::new(), HashSet::new());
     tables.rows("sensor", |row: SensorRow| {
+        tables.refuse_twice("sensor", &row.token, !tokens.insert(row.token.clone()))?;
         if row.channel == CHANNEL {
             sensors.insert(row.token);
         }
@@ -243,8 +250,10 @@ fn calibrated(tables: &SourceTables) -> Checked<HashMap<String, Pose>> {
     if sensors.is_empty() {
         return Err(tables.no_row("sensor", CHANNEL, "lidarseg"));
     }
-    let mut poses = HashMap::new();
+    let (mut poses, mut tokens) = (HashMap::new(), HashSet::new());
     tables.rows("calibrated_sensor", |row: CalibratedRow| {
+        let again = !tokens.insert(row.token.clone());
+        tables.refuse_twice("calibrated_sensor", &row.token, again)?;
         if sensors.contains(&row.sensor_token) {
             let pose =
                 tables.pose("calibrated_sensor", &row.token, row.translation, row.rotation)?;
@@ -262,7 +271,8 @@ fn tracks(
     categories: &ByToken,
 ) -> Checked<HashMap<usize, Vec<BoxTrack>>> {
     let by_token: HashMap<&str, &Sample> = samples.iter().map(|s| (s.token.as_str(), s)).collect();
-    let mut seen: BTreeMap<(usize, String), (Vec<TrackPose>, [f64; 3])> = BTreeMap::new();
+    type PosesAndSize = (BTreeMap<u32, TrackPose>, [f64; 3]);
+    let mut seen: BTreeMap<(usize, String), PosesAndSize> = BTreeMap::new();
     tables.rows("sample_annotation", |row: AnnotationRow| {
         let Some(sample) = by_token.get(row.sample_token.as_str()) else { return Ok(()) };
         let world_from_box =
@@ -273,9 +283,13 @@ fn tracks(
             let fault = "its size is not three edges from 0.001 to 1000 m";
             return Err(DatasetError::Row { path, token, fault });
         }
-        let (poses, size) =
-            seen.entry((sample.scene, row.instance_token)).or_insert((Vec::new(), [0.0; 3]));
-        poses.push(TrackPose { frame: sample.frame, world_from_box });
+        let (poses, size) = seen.entry((sample.scene, row.instance_token)).or_default();
+        let pose = TrackPose { frame: sample.frame, world_from_box };
+        if poses.insert(sample.frame, pose).is_some() {
+            let (path, token) = (tables.path("sample_annotation"), row.token);
+            let fault = "its instance has another row of the same sample; leave one out";
+            return Err(DatasetError::Row { path, token, fault });
+        }
         for (most, edge) in size.iter_mut().zip([length, width, height]) {
             *most = most.max(edge);
         }
@@ -285,16 +299,15 @@ fn tracks(
     let wanted_by = "sample_annotation.json";
     let instances: HashMap<_, InstanceRow> = tables.by_token("instance", &tokens, wanted_by)?;
     let mut tracks: HashMap<usize, Vec<BoxTrack>> = HashMap::new();
-    for ((scene, token), (mut poses, size)) in seen {
+    for ((scene, token), (poses, size)) in seen {
         let category = &instances[&token].category_token;
         let Some((name, found)) = categories.get(category) else {
             return Err(tables.no_row("category", category, "instance.json"));
         };
-        poses.sort_by_key(|pose| pose.frame);
-        poses.dedup_by_key(|pose| pose.frame);
         // Boxes of a category without a class are no obstacles, and are left out.
         if let Some(class) = found.class {
             let (name, kind) = (name.clone(), found.kind);
+            let poses = poses.into_values().collect();
             let track = BoxTrack { name, kind, class, size, poses };
             tracks.entry(scene).or_default().push(track);
         }

@@ -208,10 +208,8 @@ impl SourceTables {
         self.rows(name, |row: R| {
             if wanted.contains(row.token()) {
                 let token = row.token().to_owned();
-                if found.insert(token.clone(), row).is_some() {
-                    let fault = "it comes twice; leave one out";
-                    return Err(DatasetError::Row { path: self.path(name), token, fault });
-                }
+                let again = found.insert(token.clone(), row).is_some();
+                self.refuse_twice(name, &token, again)?;
             }
             Ok(())
         })?;
@@ -219,6 +217,14 @@ impl SourceTables {
             None => Ok(found),
             Some(missing) => Err(self.no_row(name, missing, wanted_by)),
         }
+    }
+
+    /// Refuses a row whose token comes `again`: nothing says which of the two counts.
+    pub(super) fn refuse_twice(&self, name: &str, token: &str, again: bool) -> Checked<()> {
+        let fault = "it comes twice; leave one out";
+        let refused =
+            || DatasetError::Row { path: self.path(name), token: token.to_owned(), fault };
+        if again { Err(refused()) } else { Ok(()) }
     }
 
     /// The transform of a row: position, and a quaternion w, x, y, z.

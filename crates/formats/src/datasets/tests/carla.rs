@@ -248,7 +248,16 @@ fn poses(folder: &Path, text: &str) {
 }
 
 /// Faults planted in good scans, and how each error begins.
-const SPOILT: [(Spoil, &str); 17] = [
+const SPOILT: [(Spoil, &str); 18] = [
+    (
+        |d| {
+            for (old, new) in [("lidar_000007.ply", "7.bin"), ("000008.bin", "8.bin")] {
+                std::fs::remove_file(d.join(old)).unwrap();
+                std::fs::write(d.join(new), records(&[(3.0, 0.0, -1.0, 0, 99)])).unwrap();
+            }
+        },
+        "DIR/7.bin: point 0 has tag 99; tags of CARLA 0.9.14 end at 28,",
+    ),
     (
         |d| poses(d, &POSES.replace("2.4,0", "2,4,0")),
         "DIR/poses.csv line 2: has more cells than the first row; write decimals with a point",

@@ -269,7 +269,35 @@ fn edit(folder: &Path, table: &str, from: &str, to: &str) {
 }
 
 /// Faults planted in a good set, and how each error begins.
-const SPOILT: [(Spoil, &str); 25] = [
+const SPOILT: [(Spoil, &str); 32] = [
+    (
+        |d| edit(d, "scene", "\"other\"", "\"wanted\""),
+        "DIR/v1.0-mini/scene.json: the row \"wanted\": it comes twice; leave one out",
+    ),
+    (
+        |d| edit(d, "scene", "scene-0103", "scene-0061"),
+        "DIR/v1.0-mini/scene.json: the row \"scene-0061\": it comes twice",
+    ),
+    (
+        |d| edit(d, "sample", "\"sample-1\"", "\"sample-0\""),
+        "DIR/v1.0-mini/sample.json: the row \"sample-0\": it comes twice",
+    ),
+    (
+        |d| edit(d, "category", "\"c-flat.sidewalk\"", "\"c-vehicle.car\""),
+        "DIR/v1.0-mini/category.json: the row \"c-vehicle.car\": it comes twice",
+    ),
+    (
+        |d| edit(d, "sensor", "\"camera\"", "\"lidar\""),
+        "DIR/v1.0-mini/sensor.json: the row \"lidar\": it comes twice",
+    ),
+    (
+        |d| edit(d, "calibrated_sensor", "\"cs-camera\"", "\"cs-lidar\""),
+        "DIR/v1.0-mini/calibrated_sensor.json: the row \"cs-lidar\": it comes twice",
+    ),
+    (
+        |d| edit(d, "sample_annotation", "\"sample-2\"", "\"sample-0\""),
+        "DIR/v1.0-mini/sample_annotation.json: the row \"box-1\": its instance has another row",
+    ),
     (
         |d| std::fs::write(d.join("v1.0-mini/scene.json"), "[]").unwrap(),
         "DIR/v1.0-mini/scene.json: lists no scene; give a set of at least one",

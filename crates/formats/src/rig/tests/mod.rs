@@ -2,6 +2,7 @@
 
 mod chains;
 mod comparison;
+mod doors;
 mod faults;
 mod real;
 mod round_trip;

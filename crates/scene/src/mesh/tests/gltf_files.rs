@@ -52,9 +52,25 @@ fn gltf_nodes_place_their_meshes() {
     assert_eq!(mesh.materials, [Some("paint".to_owned())]);
 }
 
+/// A GLB whose JSON is filled up with zeros, where spaces belong.
+#[test]
+fn a_glb_filled_up_with_zeros_is_read() {
+    let mut json = triangle_gltf(2, 40, 3).into_bytes();
+    json.push(b' ');
+    json.resize(json.len().next_multiple_of(4) + 4, 0);
+    let size = |bytes: usize| (bytes as u32).to_le_bytes();
+    let parts = [*b"glTF", size(2), size(20 + json.len()), size(json.len()), *b"JSON"];
+    let bytes = [parts.concat(), json].concat();
+    let mesh = gltf::read(&bytes, Path::new("")).unwrap();
+    assert_eq!(mesh.faces, [[0, 1, 2]]);
+}
+
 #[test]
 fn gltf_faults_never_panic() {
     let good = triangle_gltf(2, 40, 3);
+    let wide: Vec<u8> = good.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let fault = gltf::read(&wide, Path::new("")).unwrap_err();
+    assert!(fault.problem.contains("is UTF-16; save it as UTF-8"), "{fault:?}");
     let cases = [
         (triangle_gltf(9, 40, 3), "refers to vertex 9, it has 3"),
         (triangle_gltf(2, 4000, 3), "holds 40 bytes, 4000 are announced"),
@@ -66,6 +82,10 @@ fn gltf_faults_never_panic() {
             "needs version \"2.1\" (`minVersion`); export glTF 2.0",
         ),
         (good.replace("5121", "5126"), "not whole numbers"),
+        (
+            good.replace(r#""mesh":0,"#, r#""mesh":0,"mesh":0,"#),
+            "this key comes twice: `mesh`; leave one out at line",
+        ),
         (good.replace(r#""scene":0,"scenes":[{"nodes":[0]}],"#, ""), "no scene"),
     ];
     for (text, problem) in cases {
@@ -192,7 +212,12 @@ fn places_that_are_none_are_refused() {
 
 #[test]
 fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
-    let cases: [(&str, serde_json::Value, &str); 9] = [
+    let cases: [(&str, serde_json::Value, &str); 10] = [
+        (
+            "/nodes/5/weights",
+            serde_json::json!([0.5, 0.5]),
+            "has 1 morph targets and 2 weights; give each its own",
+        ),
         (
             "/extensionsRequired/0",
             "KHR_draco_mesh_compression".into(),

@@ -55,7 +55,12 @@ fn obj_faults_name_their_line() {
             "line 3: `call` includes another file, which is not read; put all into one file",
         ),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "line 4: refers to vertex 9, there are 3"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "line 4: refers to vertex 0, there are 3"),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n",
+            "line 4: refers to vertex 0, there are 3; OBJ counts from 1",
+        ),
+        ("v 0 0 0\nv 1\u{a0}0 0\n", "line 2: has non-breaking spaces; write plain ones"),
+        ("v 0 0 0\nv\u{a0}1 0 0\n", "line 2: has non-breaking spaces; write plain ones"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n", "line 4: refers to vertex -4, there are 3"),
         ("v 0 0 0\n", "file: holds no triangle; export its faces, not points or lines alone"),
         ("", "file: holds no triangle; export its faces, not points or lines alone"),

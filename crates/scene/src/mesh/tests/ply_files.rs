@@ -88,6 +88,17 @@ fn ply_faults_are_told_before_memory_is_spent() {
             "header line 9",
             "unknown type \"text\"",
         ),
+        (ascii_ply("3", body).replace("ascii", "ASCII"), "header line 2", "write ascii, binary"),
+        (
+            ascii_ply("3", body).replace("element vertex", "element vertices"),
+            "face 0",
+            "there are 0; name the element of points `vertex`",
+        ),
+        (
+            ascii_ply("3", body).replace("double x", "double X"),
+            "element vertex",
+            "name them so, in small letters",
+        ),
         ("ply\nformat ascii 1.0\n".to_owned(), "header", ""),
         (String::new(), "header", ""),
     ];

@@ -65,7 +65,8 @@ fn binary_and_text_are_the_triangles_of_the_same_obj() {
     let text = as_text(&wedge());
     let shouted =
         text.replace("facet", "FACET").replace('\n', "\r\n").replace("normal 0", "normal nan");
-    for bytes in [as_binary(&wedge()), text.into_bytes(), shouted.into_bytes()] {
+    let filled = format!("{text}\0\0\0").into_bytes();
+    for bytes in [as_binary(&wedge()), text.into_bytes(), shouted.into_bytes(), filled] {
         let mesh = stl::read(&bytes).unwrap();
         assert_eq!(corners(&mesh), corners(&obj));
         assert_eq!(mesh.vertices.len(), 6, "corners of equal bits are one");

@@ -166,6 +166,10 @@ fn faults_name_their_link_or_joint_and_the_mend() {
             "no folder `car` is beside the file, and none with a package.xml above it; give `\"packages\"`",
         ),
         (geometry("<mesh filename=\"package://../a.stl\"/>"), "no folder `..` is beside the file"),
+        (
+            geometry("<mesh filename=\"hull.stl\"/>"),
+            "link `l`: \"hull.stl\" is no file; copy the mesh to nowhere/hull.stl",
+        ),
     ];
     for (text, told) in cases {
         let message = read(&text, &[]).unwrap_err();

@@ -28,7 +28,14 @@ pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
     // Old spreadsheets end lines by a carriage return alone.
     let end = if text.contains('\n') { '\n' } else { '\r' };
     let rows = text.split(end).enumerate().map(move |(i, line)| (i + 1, cells_of(line)));
-    rows.filter(|(_, cells)| cells.iter().any(|cell| !cell.is_empty()))
+    rows.filter(|(_, cells)| cells.iter().any(|cell| !cell.is_empty()) && !is_comment(cells))
+}
+
+/// True if a row is a comment behind `#`, and no row of titles.
+fn is_comment(cells: &[&str]) -> bool {
+    let words = ["elevation", "azimuth", "zenith"];
+    let is_title = |cell: &&str| words.iter().any(|w| cell.to_ascii_lowercase().contains(w));
+    cells[0].starts_with('#') && !cells.iter().any(is_title)
 }
 
 /// A comma at the end begins no cell: spreadsheets write one behind the last column.
@@ -215,7 +222,7 @@ pub(super) fn parse_livox(
         }
         _ => LIVOX_COLUMNS,
     };
-    let (mut directions, mut window, mut samples) = (Vec::new(), window, 0_u64);
+    let mut samples: Vec<[f64; 3]> = Vec::new();
     let mut largest = [0.0_f64; 2];
     for (line, cells) in rows {
         let at = at_line(at, line);
@@ -225,14 +232,16 @@ pub(super) fn parse_livox(
         if !(0.0..=180.0).contains(&zenith) {
             return Err(bad(&at, zenith, "a zenith angle from 0 to 180 degrees"));
         }
-        samples += 1;
+        samples.push([time, across, zenith]);
         largest = [largest[0].max(across.abs()), largest[1].max(zenith)];
-        let [from, to] = *window.get_or_insert([time, time + FRAME]);
-        if (from..to).contains(&time) {
-            directions.push(direction(across, 90.0 - zenith));
-        }
     }
-    let [from, to] = window.unwrap_or_default();
+    // Rows may stand in any order of time.
+    let first = samples.iter().map(|sample| sample[0]).reduce(f64::min).unwrap_or_default();
+    let [from, to] = window.unwrap_or([first, first + FRAME]);
+    let inside = samples.iter().filter(|[time, ..]| (from..to).contains(time));
+    let directions: Vec<[f64; 3]> =
+        inside.map(|[_, across, zenith]| direction(*across, 90.0 - zenith)).collect();
+    let samples = samples.len() as u64;
     if directions.is_empty() || directions.len() as u64 > MAX_BEAMS {
         let found = format!("{} of {samples} samples from {from} to {to} s", directions.len());
         return Err(bad(at, found, format!("a frame of 1 to {MAX_BEAMS} beams; give a `window`")));
@@ -350,13 +359,12 @@ pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Checked<SensorPattern> {
     if ![4, 8].contains(&size) {
         return Err(bad(at, format!("an array of {}", header.dtype().descr()), wanted));
     }
-    // Cannot overflow: the header's numbers are bounded together.
-    if rows == 0 || rows * 2 * size != rest.len() as u64 {
+    if !(1..=MAX_BEAMS).contains(&rows) {
+        return Err(bad(at, format!("a list of {rows}"), format!("1 to {MAX_BEAMS} beams")));
+    }
+    if rows * 2 * size != rest.len() as u64 {
         let found = format!("{} bytes of data", rest.len());
         return Err(bad(at, found, format!("{rows} rows of {} bytes; write it again", 2 * size)));
-    }
-    if rows > MAX_BEAMS {
-        return Err(bad(at, format!("a list of {rows}"), format!("1 to {MAX_BEAMS} beams")));
     }
     let angles = match size {
         4 => angles::<f32>(at, header, rest)?,

@@ -105,6 +105,7 @@ pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
         }
     };
     pattern.notes.extend(two_rates(&at, &profile));
+    pattern.notes.extend(rounded_columns(&at, &profile, pattern.azimuth_steps));
     pattern.model = model;
     pattern.measures = measures(&at, &profile, &mut pattern.notes)?;
     pattern.notes.extend(top);
@@ -124,6 +125,19 @@ pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
         )));
     }
     Ok(pattern)
+}
+
+/// A note where the rates give no whole number of columns a turn, and it is rounded.
+fn rounded_columns(at: &Location, profile: &IsaacProfile, steps: Option<u32>) -> Option<Note> {
+    let rate = profile.report_rate_base_hz.or(profile.pattern_firing_rate_hz)?;
+    let turns = profile.scan_rate_base_hz?;
+    let columns = rate / turns;
+    (steps.is_some() && (columns - columns.round()).abs() > 1e-6).then(|| {
+        Note::fact(format!(
+            "{at}: {rate} columns a second in {turns} turns are {columns} a turn; {} are cast",
+            columns.round()
+        ))
+    })
 }
 
 /// Refuses lists of other lengths than each other and than the counts beside them.

@@ -5,7 +5,7 @@
 //! (ros-drivers/velodyne, rawdata.cc).
 
 use std::collections::BTreeSet;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -58,8 +58,9 @@ pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     let offsets = table.azimuth_offset_deg.unwrap_or_else(|| vec![0.0; elevations.len()]);
     let places = [&at.key("elevation_deg"), &at.key("azimuth_offset_deg")];
     let beams = channels_of(places, &elevations, &offsets, 1.0)?;
-    if let Some(count) = table.channels.as_ref().and_then(Value::as_u64)
-        && count != elevations.len() as u64
+    let number = |value: &Value| value.as_f64().or_else(|| value.as_str()?.trim().parse().ok());
+    if let Some(count) = table.channels.as_ref().and_then(number)
+        && count != elevations.len() as f64
     {
         let wanted =
             format!("the {} elevations that are listed; correct one of the two", elevations.len());
@@ -197,9 +198,13 @@ pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern
     let channels = lasers.iter().enumerate().map(|(i, laser)| {
         let at = list.item(i);
         let up = laser.vert_correction;
-        if (FRAC_PI_2..=90.0).contains(&up.abs()) {
+        if up.abs() >= FRAC_PI_2 {
             let wanted = "an elevation in radians from -1.5708 to 1.5708: is it in degrees?";
             return Err(bad(&at.key("vert_correction"), up, wanted));
+        }
+        if laser.rot_correction.abs() > TAU {
+            let wanted = "an azimuth in radians from -6.2832 to 6.2832: is it in degrees?";
+            return Err(bad(&at.key("rot_correction"), laser.rot_correction, wanted));
         }
         let elevation = (&at.key("vert_correction"), up.to_degrees());
         channel(elevation, (&at.key("rot_correction"), laser.rot_correction.to_degrees()))
@@ -207,11 +212,19 @@ pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
     let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();
     notes.extend(pattern::unknown(at, &document.read::<Rest>()?, VELODYNE_PASSED));
-    let lasers = document.read::<UnreadKeys>()?.lasers.into_iter().enumerate();
-    let unknown =
-        |(i, keys): (usize, Rest)| pattern::unknown(&list.item(i), &keys, VELODYNE_PASSED);
-    notes.extend(lasers.filter_map(unknown).take(1));
+    let lasers = document.read::<UnreadKeys>()?.lasers;
+    let keys = || lasers.iter().enumerate().map(|(i, keys)| (list.item(i), keys));
+    keys().try_for_each(|(at, keys)| refuse_numbers(&at, keys))?;
+    let unknown = |(at, keys): (Location, &Rest)| pattern::unknown(&at, keys, VELODYNE_PASSED);
+    notes.extend(keys().filter_map(unknown).take(1));
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Velodyne, beams) })
+}
+
+/// Refuses a number among keys: a comma ends `0,2` behind the 0, and the 2 is a key then.
+fn refuse_numbers(at: &Location, keys: &Rest) -> Checked<()> {
+    let number = keys.keys().map(AsRef::as_ref).find(|key: &&str| key.parse::<f64>().is_ok());
+    let wanted = "the name of one; write decimals with a point, as 0.2";
+    number.map_or(Ok(()), |key| Err(bad(at, format!("the key `{key}`"), wanted)))
 }
 
 /// Quantity under a key of a laser.

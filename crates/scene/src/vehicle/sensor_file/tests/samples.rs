@@ -92,7 +92,8 @@ fn hesai_in_all_its_forms() {
         "channel,azimuth(deg),elevation(deg)\n1,-1.25,14.5\n2,0,-3\n",
     ];
     let checksum = format!("{}{},,\r\n", texts[0], "0123456789abcdef".repeat(4));
-    for text in texts.into_iter().chain([checksum.as_str()]) {
+    let comment = format!("# made by x, y\n{}", texts[0]);
+    for text in texts.into_iter().chain([checksum.as_str(), &comment]) {
         let pattern = read(text).unwrap();
         assert_eq!(pattern.format, SensorFormat::Hesai, "{text}");
         assert_eq!(channels(&pattern), [[14.5, 1.25], [-3.0, 0.0]], "{text}");
@@ -160,6 +161,9 @@ fn livox_cuts_a_window() {
         message("Time,Azimuth,Zenith\n0,0,181\n").starts_with("f: line 2: 181 is not a zenith")
     );
     assert!(message("Time,Azimuth,Zenith\n").contains("0 of 0 samples"));
+    // The window begins with the least time, whatever the order of rows.
+    let mixed = read("0.05,90,60\n0.15,270,180\n0,0,90\n").unwrap();
+    assert_near(directions(&mixed), &[[0.0, root, half], [1.0, 0.0, 0.0]]);
     for title in ["Time/us", "time (ms)", "Time_ns"] {
         let said = message(format!("{title},Azimuth/deg,Zenith/deg\n0,0,90\n10,1,85\n"));
         assert!(said.contains("a column of seconds; convert it"), "{title}: {said}");
@@ -250,6 +254,7 @@ fn numpy_arrays() {
     let large = message(array("<f8", "(1152921504606846976, 2)", &double));
     assert!(large.contains("promises more elements than any file holds"), "{large}");
     assert!(message(array("<f4", "(2, 2)", &double)).contains("write it again"));
+    assert!(message(array("<f4", "(0, 2)", &[])).contains("a list of 0 is not 1 to"));
     assert!(message(b"\x93NUMPY").contains("a header where it ends inside the header"));
 }
 

@@ -1,0 +1,214 @@
+//! Values that a careless reader loses without a word: behind comments, under keys of another place, in repeated keys.
+
+use super::read;
+use crate::rig::{ImportSettings, ImportedRig, Models, Mounting, RigFormat, export};
+
+/// Doubts of a rig, one after the other.
+fn doubts(rig: &ImportedRig) -> String {
+    let doubts = rig.notes.iter().filter(|note| note.is_doubt());
+    doubts.map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+fn error(text: &str) -> String {
+    read(text).unwrap_err().to_string()
+}
+
+/// Values of the only LiDAR's pose.
+fn values(text: &str) -> [f64; 6] {
+    read(text).unwrap().rig.lidars[0].pose.values()
+}
+
+#[test]
+fn a_comment_in_a_text_of_xml_hides_nothing() {
+    let sdf = |link: &str, sensor: &str| {
+        format!(
+            "<sdf version='1.9'><model name='m'><link name='base_link'/><link name='k'><pose>1 0 0 0 0 0</pose></link>\
+             <joint name='j' type='fixed'><parent>base_link</parent><child><!-- the k -->k</child></joint>\
+             <link name='l'>{link}<sensor name='s' type='gpu_lidar'>{sensor}</sensor></link></model></sdf>"
+        )
+    };
+    for (link, sensor, wanted) in [
+        ("<pose><!-- old 1 1 1 0 0 0 -->.6 0 1.8 0 0 0</pose>", "", [0.6, 0.0, 1.8]),
+        ("<pose>.6 0 <!-- z -->1.8 0 0 0</pose>", "", [0.6, 0.0, 1.8]),
+        ("<pose>0 0 1 0 0 0</pose>", "<pose><!-- up -->0 0 1 0 0 0</pose>", [0.0, 0.0, 2.0]),
+        ("<pose relative_to='j'/>", "", [1.0, 0.0, 0.0]),
+    ] {
+        assert_eq!(values(&sdf(link, sensor))[..3], wanted, "{link}");
+    }
+}
+
+#[test]
+fn attributes_of_a_pose_are_read_as_xml_has_them() {
+    let yaw = |attributes: &str, text: &str| {
+        let text = format!(
+            "<sdf version='1.9'><model name='m'><link name='base_link'/><link name='lidar'>\
+             <pose {attributes}>{text}</pose></link></model></sdf>"
+        );
+        read(&text).map(|read| read.rig.lidars[0].pose.yaw.to_degrees()).map_err(|e| e.to_string())
+    };
+    assert_eq!(yaw("rotation_format='quat_xyzw'", ""), Ok(0.0));
+    for word in ["True", " true ", "1"] {
+        let turned = yaw(&format!("degrees='{word}'"), "0 0 1 0 0 90").unwrap();
+        assert!((turned - 90.0).abs() < 1e-12, "{word}: {turned}");
+    }
+    assert!(yaw("degrees='yes'", "0 0 1 0 0 90").unwrap_err().contains("true or false"));
+}
+
+/// An `objects.json` with one LiDAR of these keys, and one more object.
+fn objects(keys: &str, object: &str) -> String {
+    format!(
+        r#"{{"objects": [{object}{{"type": "vehicle.a", "id": "ego", "sensors": [
+        {{"type": "sensor.lidar.ray_cast", "id": "L", {keys}}}]}}]}}"#
+    )
+}
+
+#[test]
+fn keys_of_a_pose_that_carla_would_not_read_are_refused() {
+    let good = r#""spawn_point": {"x": 0.6, "y": 0, "z": 2, "yaw": 90}"#;
+    let yaw = values(&objects(good, ""))[5].to_degrees();
+    assert!((yaw - 90.0).abs() < 1e-12, "{yaw}");
+    for key in ["Yaw", "yaw_deg", "pitchh", "qx"] {
+        let told = error(&objects(&good.replace("yaw", key), ""));
+        assert!(told.contains(&format!("sensors[0].spawn_point: unknown key `{key}`")), "{told}");
+    }
+    let told = error(&objects(&format!("\"yaw\": 90, {good}"), ""));
+    assert!(told.contains("yaw: stands beside a `spawn_point`, which is not read; move"), "{told}");
+    let radians = read(&objects(&good.replace("90", "1.5708"), "")).unwrap();
+    assert!(doubts(&radians).contains("spawn_point: an angle is 1.5708°; radians?"));
+    let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "L", "x": 0, "y": 0, "z": 2, "spawn_point": {"x": 1}}]"#;
+    let list = serde_json::from_str(list).unwrap();
+    let told = crate::rig::from_carla_sensors(&list, &ImportSettings::default()).unwrap_err();
+    assert!(told.to_string().contains("spawn_point: stands in a list of `sensors()`"), "{told}");
+}
+
+#[test]
+fn a_lidar_in_the_world_is_no_lidar_of_the_vehicle() {
+    let pose = r#""spawn_point": {"x": 0, "y": 0, "z": 2}"#;
+    let world = format!(r#"{{"type": "sensor.lidar.ray_cast", "id": "W", {pose}}}, "#);
+    let read = read(&objects(pose, &world)).unwrap();
+    assert_eq!((read.rig.lidars.len(), &read.left_out[..]), (1, &["W".to_owned()][..]));
+    assert!(doubts(&read).contains("objects[0]: a LiDAR beside the vehicles stands in the world"));
+}
+
+#[test]
+fn a_key_of_json_that_comes_twice_is_refused() {
+    let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "L", "x": 0, "y": 0, "z": 2, "x": 3}]"#;
+    assert!(error(list).contains("this key comes twice: `x`; leave one out (line 1,"));
+    let objects = objects(r#""spawn_point": {"x": 0, "y": 0, "z": 2, "z": 3}"#, "");
+    assert!(error(&objects).contains("this key comes twice: `z`; leave one out (line 2,"));
+}
+
+/// A robot with the links `front_lidar` and `rear_lidar`, and elements beside them.
+fn two_links(more: &str) -> String {
+    let joint = |name: &str, x: f64| {
+        format!(
+            "<joint name='{name}_j' type='fixed'><parent link='base_link'/><child link='{name}'/>\
+             <origin xyz='{x} 0 2'/></joint>"
+        )
+    };
+    format!(
+        "<robot name='r'>{}{}{more}</robot>",
+        joint("front_lidar", 1.0),
+        joint("rear_lidar", -1.0)
+    )
+}
+
+fn with(link: &str, kind: &str) -> String {
+    format!("<gazebo reference='{link}'><sensor name='s' type='{kind}'/></gazebo>")
+}
+
+#[test]
+fn an_imu_in_a_lidar_takes_nothing_from_it() {
+    let read = |more: &str| read(&two_links(more)).unwrap();
+    assert_eq!(read(&with("front_lidar", "imu")).rig.lidars.len(), 2);
+    let both = [with("front_lidar", "imu"), with("front_lidar", "ray")].concat();
+    let one = read(&both);
+    assert_eq!((one.rig.lidars.len(), &one.rig.lidars[0].frame[..]), (1, "front_lidar"));
+    assert!(doubts(&one).contains("`rear_lidar` has the name of a LiDAR and is left out"));
+    // A bracket below a LiDAR, and a frame on it, are parts of it.
+    let typed = with("front_lidar", "ray") + &with("rear_lidar", "ray");
+    let link = "<joint name='k' type='fixed'><parent link='rear_lidar'/><child link='lidar_lens'/></joint>";
+    assert_eq!(doubts(&read(&(typed + link))), "");
+}
+
+#[test]
+fn a_publisher_may_be_a_command() {
+    let node = "<node exec='static_transform_publisher' args='1 0 2 0 0 0 base_link lidar'/>";
+    let with = |command: &str| {
+        let text =
+            format!("<launch><executable cmd=\"{command}\" output='screen'/>{node}</launch>");
+        read(&text).map(|read| read.rig.lidars.iter().map(|l| l.pose.x).collect::<Vec<_>>())
+    };
+    for program in
+        ["ros2 run tf2_ros static_transform_publisher", "/opt/static_transform_publisher"]
+    {
+        let positional = with(&format!("{program} 5 0 2 0 0 0 base_link 'lidar_b'"));
+        assert_eq!(positional.unwrap(), [5.0, 1.0]);
+        let flags = with(&format!("{program} --x 6 --frame-id base_link --child-frame-id lidar_b"));
+        assert_eq!(flags.unwrap(), [6.0, 1.0]);
+    }
+    assert_eq!(with("ros2 bag play a").unwrap(), [1.0]);
+    let told = with("ros2 run tf2_ros static_transform_publisher 5 0").unwrap_err().to_string();
+    assert!(told.contains("<executable>[0]: `5 0` stands where a list of flags"), "{told}");
+}
+
+#[test]
+fn groups_in_groups_give_their_values_back() {
+    let z = |inside: &str| {
+        let text = format!(
+            "<launch><arg name='z' default='1'/>{inside}<node exec='static_transform_publisher' \
+             args='--z $(var z) --frame-id base_link --child-frame-id lidar'/></launch>"
+        );
+        read(&text).map(|read| read.rig.lidars[0].pose.z)
+    };
+    let set = |z: u8| format!("<let name='z' value='{z}'/>");
+    let nested = format!("<group>{}<group>{}{}</group></group>", set(2), set(3), set(4));
+    assert_eq!(z(&nested).unwrap(), 1.0);
+    let open = format!("<group scoped='0'>{}<group>{}</group></group>", set(2), set(3));
+    assert_eq!(z(&open).unwrap(), 2.0);
+    // A name that a group brings is gone behind it.
+    let gone = "<group><let name='y' value='5'/></group><let name='z' value='$(var y)'/>";
+    assert_eq!(z(gone).unwrap(), 1.0);
+    // A copy of all values for each group would take minutes.
+    let names: String = (0..6000).map(|k| format!("<arg name='a{k}' default='1'/>")).collect();
+    assert_eq!(z(&(names + &"<group/>".repeat(40_000))).unwrap(), 1.0);
+}
+
+#[test]
+fn a_frame_without_a_parent_is_doubted() {
+    let frame = "{x: 1, y: 0, z: 2, roll: 0, pitch: 0, yaw: 0}";
+    let read = read(&format!("base_link:\n  lidar: {frame}\nlidar_rear: {frame}\n")).unwrap();
+    let wanted = "file: lidar_rear: stands under no parent frame and is not read; write it under `base_link`";
+    assert_eq!((read.rig.lidars.len(), &doubts(&read)[..]), (1, wanted));
+}
+
+#[test]
+fn a_height_of_an_unknown_name_is_found() {
+    let rig = read(&two_links("")).unwrap().rig;
+    let unused = |name: &str| {
+        let optical_heights = [("rear_lidar".to_owned(), 0.1), (name.to_owned(), 0.1)].into();
+        let mounting = Mounting { optical_heights, ..Default::default() };
+        mounting.unused(&rig).map(str::to_owned)
+    };
+    assert_eq!(unused("front_lidar"), None);
+    assert_eq!(unused("vlp 16"), Some("vlp 16".to_owned()));
+}
+
+#[test]
+fn names_that_readers_replace_by_values_are_not_written() {
+    let rig = read(&two_links("")).unwrap().rig;
+    let export = |rig: &_, format| export(rig, format, &Mounting::default(), &Models::default());
+    for odd in ["a$(b)", "a${b}"] {
+        let (mut named, mut model, mut frame) = (rig.clone(), rig.clone(), rig.clone());
+        named.name = odd.to_owned();
+        model.lidars[0].sensor = Some(odd.to_owned());
+        frame.lidars[0].frame = odd.to_owned();
+        for odd_rig in [&named, &model, &frame] {
+            let told = export(odd_rig, RigFormat::Urdf).unwrap_err().to_string();
+            assert!(told.contains(&format!("the name `{odd}` holds `$(` or `${{`")), "{told}");
+            assert!(export(odd_rig, RigFormat::Sdf).is_ok());
+        }
+        assert!(export(&frame, RigFormat::Ros2Launch).is_err());
+        assert!(export(&named, RigFormat::Ros2Launch).is_ok());
+    }
+}

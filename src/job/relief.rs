@@ -1,0 +1,29 @@
+//! Scenes whose ground is not level, in words.
+
+use super::{Job, JobError};
+use crate::targets::{GroundBelow, Relief};
+
+impl Job {
+    /// Sentence on the first scene whose ground leaves z = 0 by more than 0.2 m where targets of requirements and of the range
+    /// card stand: these stand on level ground. `None` where there is none, and with coverage `through`.
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn relief_in_words(&self) -> Result<Option<String>, JobError> {
+        if self.target_site()?.is_none() {
+            return Ok(None);
+        }
+        for scene in &self.scenes {
+            let problem = scene.problem()?;
+            let Some(relief) = Relief::of(&problem, &GroundBelow::new(scene.scene())) else {
+                continue;
+            };
+            let name = scene.scene().name();
+            return Ok(Some(format!(
+                "targets of requirements and range card stand on level ground, and the ground of {name} {relief}; `study \
+                 targets` with this scene looks at targets on it"
+            )));
+        }
+        Ok(None)
+    }
+}

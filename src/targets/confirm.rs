@@ -1,0 +1,196 @@
+//! Places of a rule on targets, and the closer look at a rule that is met at all of them.
+
+use rayon::prelude::*;
+
+use super::beams::{PlacedTarget, TargetSite};
+use super::card::position;
+use super::missing::Missing;
+use crate::maths;
+use crate::score::Seen;
+use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
+
+/// Degrees between bearings of a rule at most, and metres between its distances at most.
+const RULE_DEGREES: f64 = 7.5;
+const RULE_METRES: f64 = 2.5;
+/// Degrees between bearings of a closer look at least.
+const LEAST_DEGREES: f64 = 1.0;
+
+/// Places of a rule: bearings and distances spread evenly with both ends among them, as few as are at most 7.5° and
+/// 2.5 m apart. The middle bearing is one of them; all round the last bearing is the first.
+pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
+    spread(rule, 1)
+}
+
+/// Like [`places_of`], with bearings closer together by a whole factor.
+fn spread(rule: &TargetRule, closer: usize) -> Vec<[f64; 3]> {
+    let [from, to] = rule.bearings;
+    let is_round = to - from >= 360.0;
+    // Even, so that a sector ahead or behind looks straight ahead or behind.
+    let turns = closer * (2 * ((to - from) / (2.0 * RULE_DEGREES)).ceil() as usize).max(1);
+    let count = if to > from { turns + usize::from(!is_round) } else { 1 };
+    let bearings = (0..count).map(|k| from + (to - from) * k as f64 / turns as f64);
+    let steps = (((rule.within - rule.from) / RULE_METRES).ceil() as usize).max(1);
+    let distances = |k: usize| rule.from + (rule.within - rule.from) * k as f64 / steps as f64;
+    let count = steps + usize::from(rule.within > rule.from);
+    bearings.flat_map(|b| (0..count).map(move |k| position(distances(k), b))).collect()
+}
+
+/// Factor by which bearings of a rule come closer together until the target at the farthest distance is as wide as they are
+/// apart, or they are 1° apart.
+fn factor(rule: &TargetRule) -> usize {
+    let width = rule.target.size[0].min(rule.target.size[1]);
+    let angle = maths::atan2(width, rule.within).to_degrees().max(LEAST_DEGREES);
+    (RULE_DEGREES / angle).ceil().max(1.0) as usize
+}
+
+/// Beams of each LiDAR at close places of a rule.
+struct CloseLook<'a> {
+    rule: &'a TargetRule,
+    places: Vec<[f64; 3]>,
+    /// `[lidars][places]`.
+    beams: Vec<Vec<u32>>,
+}
+
+impl<'a> CloseLook<'a> {
+    fn new(
+        site: &TargetSite,
+        rule: &'a TargetRule,
+        lidars: &[SensorPose],
+    ) -> Result<Self, UnknownSensor> {
+        let target = &*rule.target;
+        let mut places = spread(rule, factor(rule));
+        places.retain(|&at| site.has_room(target, at));
+        let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
+        let beams = lidars.par_iter().map(|lidar| site.beams(lidar, &standing, rule.beams));
+        let beams = beams.collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { rule, places, beams })
+    }
+
+    /// Whether the target is met at each place, without a LiDAR.
+    fn met(&self, lost: Option<usize>) -> impl Iterator<Item = bool> {
+        (0..self.places.len()).map(move |place| {
+            let left = self.beams.iter().enumerate().filter(|(lidar, _)| Some(*lidar) != lost);
+            left.map(|(_, beams)| beams[place]).sum::<u32>() >= self.rule.beams
+        })
+    }
+
+    fn share(&self, lost: Option<usize>) -> f64 {
+        let met = self.met(lost).filter(|is_met| *is_met).count();
+        if self.places.is_empty() { 1.0 } else { met as f64 / self.places.len() as f64 }
+    }
+
+    /// Places that are not met, in words.
+    fn missing(&self, lost: Option<usize>) -> Option<String> {
+        let places = self.places.iter().copied().zip(self.met(lost));
+        Missing::new(self.rule, places).map(|missing| missing.to_string())
+    }
+}
+
+/// Looks again at each rule on a target that is met at all its places, at bearings as close together as the target is wide at
+/// the farthest distance. Narrow things on the own body hide a target between the places of a search. A share that is lower
+/// there, and the places missed, take the place of the 100 %.
+///
+/// # Errors
+/// A model that the vehicle does not have.
+pub(crate) fn confirm(
+    site: &TargetSite,
+    rules: &[TargetRule],
+    (lidars, mounts): (&[SensorPose], &[Option<&str>]),
+    required: &mut [Seen],
+) -> Result<(), UnknownSensor> {
+    let is_whole = |seen: &Seen| seen.lost.as_ref().map_or(seen.share, |lost| lost.intact) >= 1.0;
+    for seen in required.iter_mut().filter(|seen| is_whole(seen)) {
+        let Some(rule) = rules.iter().find(|rule| rule.name == seen.name) else { continue };
+        let look = CloseLook::new(site, rule, lidars)?;
+        let is_lost_whole = seen.share >= 1.0;
+        let Some(lost) = &mut seen.lost else {
+            (seen.share, seen.missing) = (look.share(None), look.missing(None));
+            continue;
+        };
+        lost.intact = look.share(None);
+        let each: Vec<f64> = (0..lidars.len()).map(|lidar| look.share(Some(lidar))).collect();
+        let worst = (0..each.len()).min_by(|&a, &b| each[a].total_cmp(&each[b]));
+        let Some(worst) = worst.filter(|&worst| is_lost_whole && each[worst] < 1.0) else {
+            continue;
+        };
+        // Where every loss leaves as much, none is the worst.
+        if each.len() == 1 || each.iter().any(|share| *share > each[worst]) {
+            lost.worst = Some(worst);
+            lost.mount = mounts.get(worst).copied().flatten().map(str::to_owned);
+        }
+        seen.share = each[worst];
+        let is_met = seen.is_met();
+        seen.missing = look.missing(Some(worst)).map(|words| match is_met {
+            true => format!("{words} (without LiDAR {worst})"),
+            false => words,
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::scene::Target;
+    use crate::score::Lost;
+    use crate::targets::tests::{directions, site, wall};
+
+    /// A rule on a car at all places from 10 to 50 m, all round.
+    fn rule(without_any_one: bool) -> TargetRule {
+        TargetRule {
+            name: "car".to_owned(),
+            target: Arc::new(Target::named("car").unwrap()),
+            from: 10.0,
+            within: 50.0,
+            bearings: [-180.0, 180.0],
+            beams: 5,
+            share: 1.0,
+            without_any_one,
+        }
+    }
+
+    /// The share of a rule on some LiDARs, found as 100 % before.
+    fn confirmed(site: &TargetSite, rule: TargetRule, lidars: &[SensorPose]) -> Seen {
+        let lost = Lost { intact: 1.0, worst: None, mount: None };
+        let lost = rule.without_any_one.then_some(lost);
+        let mut seen = [Seen { lost, ..Seen::of("car", 1.0) }];
+        confirm(site, &[rule], (lidars, &[]), &mut seen).unwrap();
+        let [seen] = seen;
+        seen
+    }
+
+    #[test]
+    fn a_mast_between_two_bearings_takes_the_hundred_per_cent() {
+        let elevations: Vec<f64> = (0..48).map(|k| (-0.3 * f64::from(k)).to_radians()).collect();
+        let beams = directions(&elevations, 1800);
+        // A mast 9 cm wide 1 m ahead, at a bearing of 3.75°.
+        let mut mast = wall(0.998);
+        let low = 0.065 - 0.045;
+        mast.vertices.iter_mut().for_each(|at| at[1] = low + 0.09 * f32::from(at[1] > 0.0));
+        let [free, hidden] = [wall(-90.0), mast].map(|body| site(&beams, 100.0, &body));
+        let lidar = SensorPose::at(0.0, 0.0, 2.0);
+        let places = places_of(&rule(false));
+        assert_eq!((places.len(), spread(&rule(false), 4).len()), (48 * 17, 192 * 17));
+        assert!(places.iter().all(|at| {
+            let near = |other: &[f64; 3]| (0..3).all(|k| (at[k] - other[k]).abs() < 1e-9);
+            spread(&rule(false), 4).iter().any(near)
+        }));
+        // At its own places the rule is met.
+        let car = rule(false).target;
+        let target = &*car;
+        let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
+        assert!(hidden.met(&[lidar], &standing, 5).unwrap().iter().all(|is_met| *is_met));
+        let seen = confirmed(&hidden, rule(false), &[lidar]);
+        assert!(seen.share > 0.98 && seen.share < 1.0, "{seen:?}");
+        assert!(seen.missing.as_ref().unwrap().contains(" of 192 bearings, "), "{seen:?}");
+        assert_eq!(confirmed(&free, rule(false), &[lidar]).share, 1.0);
+        // A second LiDAR beside it looks past the mast, until it is lost.
+        let beside = SensorPose::at(0.0, 0.5, 2.0);
+        let both = confirmed(&hidden, rule(true), &[lidar, beside]);
+        let lost = both.lost.as_ref().unwrap();
+        assert_eq!((lost.intact, both.share < 1.0), (1.0, true), "{both:?}");
+        assert!(lost.worst.is_some() && both.missing.is_some(), "{both:?}");
+    }
+}

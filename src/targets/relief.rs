@@ -1,0 +1,66 @@
+//! Ground of a scene that is not as level as targets of requirements and range cards take it to be.
+
+use super::card::{SECTOR_RANGE, card_targets, position};
+use super::places::GroundBelow;
+use crate::problem::{Problem, spread};
+
+/// Metres by which ground may lie above or below z = 0.
+const LEVEL: f64 = 0.2;
+/// Frames that are looked at, spread evenly.
+const FRAMES: u32 = 4;
+/// Bearings that are looked at, and metres between distances.
+const BEARINGS: usize = 24;
+const STEP: f64 = 5.0;
+
+/// The place at which ground lies farthest from z = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Relief {
+    /// Height of the ground, metres.
+    height: f64,
+    /// Metres from the ego origin.
+    distance: f64,
+    /// Degrees counter-clockwise from straight ahead, from −180 to 180.
+    bearing: f64,
+    /// Frame of the scene, from 0.
+    frame: usize,
+}
+
+impl Relief {
+    /// The place of a problem's scene, as far as its rules on targets reach, 50 m at least; `None` where the ground is level
+    /// to 0.2 m, or there is none.
+    pub fn of(problem: &Problem, ground: &GroundBelow) -> Option<Self> {
+        let rules = problem.target_rules().iter().map(|rule| rule.within);
+        let farthest = rules.fold(SECTOR_RANGE[1], f64::max);
+        let target = card_targets().last()?;
+        let mut found: Option<Self> = None;
+        for frame in spread(problem.geometry_frame_count(), Some(FRAMES)) {
+            let Some(geometry) = problem.geometry(frame) else { continue };
+            let wheels = ground.wheels(geometry);
+            for place in 0..BEARINGS * (farthest / STEP) as usize {
+                let bearing = (place % BEARINGS) as f64 * 360.0 / BEARINGS as f64;
+                let distance = (place / BEARINGS + 1) as f64 * STEP;
+                let [x, y, _] = position(distance, bearing);
+                let height = ground.height(problem, (frame, &wheels), target, [x, y]);
+                let most = found.map_or(LEVEL, |found| found.height.abs());
+                // Whole centimetres: a road 0.2 m down is level to 0.2 m.
+                if let Some(height) = height.map(|height| (100.0 * height).round() / 100.0)
+                    && height.abs() > most
+                {
+                    let bearing = if bearing > 180.0 { bearing - 360.0 } else { bearing };
+                    let frame = problem.number_of(frame);
+                    found = Some(Self { height, distance, bearing, frame });
+                }
+            }
+        }
+        found
+    }
+}
+
+impl std::fmt::Display for Relief {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { height, distance, bearing, frame } = self;
+        let how = if *height > 0.0 { "rises" } else { "falls" };
+        let height = height.abs();
+        write!(f, "{how} {height:.1} m to {distance} m at {bearing}° in frame {frame}")
+    }
+}
