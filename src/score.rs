@@ -302,6 +302,21 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
 }
 
 impl Scores {
+    /// Scores of tasks alone.
+    fn of_tasks(tasks: Tasks) -> Self {
+        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } = tasks;
+        Self {
+            segmentation,
+            detection,
+            s_mig,
+            near_gain,
+            near_gain_2,
+            near_gain_3,
+            entropy_sum: segmentation.information_gain,
+            ..Self::default()
+        }
+    }
+
     /// Scores from a placement's tally over `frames` frames.
     ///
     /// `reference` is the tally of the reference layout with as many LiDARs, which the guards compare
@@ -315,18 +330,10 @@ impl Scores {
         reference: Option<&Tally>,
     ) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
-        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } =
-            Tasks::new(tally, content, frames);
         let gained = Entropy::Classes.of(&tally.entropy);
         let unique = tally.unique.iter();
         Self {
             name: name.to_owned(),
-            segmentation,
-            s_mig,
-            near_gain,
-            near_gain_2,
-            near_gain_3,
-            entropy_sum: segmentation.information_gain,
             covered: mean(tally.covered),
             covered_nonzero: mean(tally.covered_nonzero),
             covered_by_class: content
@@ -337,13 +344,12 @@ impl Scores {
                 .collect(),
             beams: tally.beams / frames as u64,
             hit_share: has_hits.then(|| tally.hits as f64 / tally.beams as f64),
-            detection,
             unique_share: unique
                 .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
                 .collect(),
             required: required(tally, content, frames),
             guards: guards_of(tally, content, has_hits, frames, reference),
-            ..Self::default()
+            ..Self::of_tasks(Tasks::new(tally, content, frames))
         }
     }
 

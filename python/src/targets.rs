@@ -145,7 +145,7 @@ impl Built {
     }
 
     /// Doubt about distances beyond the range of every LiDAR of a placement; `None` where there are none.
-    pub fn beyond(
+    pub(crate) fn beyond(
         &self,
         question: &TargetQuestion,
         placement: &Placement,

@@ -82,8 +82,7 @@ impl Scores {
             return (*first).clone();
         }
         let tasks = |&(_, scores, totals): &(&str, &Scores, [f64; 2])| (Tasks::of(scores), totals);
-        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } =
-            Tasks::over_scenes(&scenes.iter().map(tasks).collect::<Vec<_>>());
+        let tasks = Tasks::over_scenes(&scenes.iter().map(tasks).collect::<Vec<_>>());
         let count = scenes.len() as f64;
         let plain = |of: fn(&Scores) -> f64| scenes.iter().map(|s| of(s.1)).sum::<f64>() / count;
         let unique = |lidar: usize| {
@@ -91,23 +90,16 @@ impl Scores {
         };
         Self {
             name: first.name.clone(),
-            segmentation,
-            s_mig,
-            near_gain,
-            near_gain_2,
-            near_gain_3,
-            entropy_sum: segmentation.information_gain,
             covered: plain(|scores| scores.covered),
             covered_nonzero: plain(|scores| scores.covered_nonzero),
             covered_by_class: by_class(scenes),
             beams: scenes.iter().map(|s| s.1.beams).sum::<u64>() / scenes.len() as u64,
             hit_share: mean(scenes.iter().map(|s| s.1.hit_share)),
-            detection,
             unique_share: (0..first.unique_share.len()).map(unique).collect(),
             required: required(scenes),
             guards: guards(scenes),
             broken_rules: first.broken_rules.clone(),
-            ..Self::default()
+            ..Self::of_tasks(tasks)
         }
     }
 }
