@@ -9,7 +9,7 @@ use sightline::targets::TargetQuestion;
 
 use crate::arguments;
 use crate::arrays::shaped;
-use crate::counted::counted;
+use crate::engine::counted;
 use crate::errors::{bad, raised, warn_of};
 use crate::progress::Progress;
 use crate::scenes::PyScene;

@@ -11,8 +11,7 @@ use sightline::{Note, Placement};
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, shape_in_words};
-use crate::counted::counted;
-use crate::engine::Built;
+use crate::engine::{Built, counted};
 use crate::errors::{bad, raised};
 use crate::progress::WorkMessages;
 
