@@ -5,11 +5,12 @@ mod trial;
 
 use serde::Serialize;
 
+use crate::engine::BackendError;
 use crate::job::{Job, JobError};
 use crate::scene::Scene;
 use crate::score::{Objective, Scores, kendall_tau, mean_height, spearman};
 use crate::search::Evaluator;
-use crate::vehicle::{Placement, UnknownSensor};
+use crate::vehicle::Placement;
 use trial::{changed_worlds, gaming_placements, jittered};
 
 pub use trial::{Trial, TrialResult};
@@ -24,7 +25,7 @@ const TOLERANCE: (f64, f64) = (1e-3, 0.1 * std::f64::consts::PI / 180.0);
 const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
 
 /// Frames that an audit averages over by default.
-pub const AUDIT_FRAMES: u32 = 2;
+pub(crate) const AUDIT_FRAMES: u32 = 2;
 
 /// Result of an audit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -56,8 +57,7 @@ pub enum AuditEvent<'a> {
     PartDone,
 }
 
-/// Parts of an audit.
-pub const AUDIT_PARTS: u64 = 4;
+pub(crate) const AUDIT_PARTS: u64 = 4;
 
 /// Tries to fool the scores of a job in one scene, and ranks `honest` placements by its objective under changes of
 /// the model.
@@ -70,15 +70,15 @@ pub fn audit(
     job: &Job,
     honest: &[Placement],
     tell: &dyn Fn(AuditEvent),
-) -> Result<Audit, AuditError> {
+) -> Result<Audit, JobError> {
     let [scene] = job.scenes() else {
-        return Err(AuditError::OneScene { given: job.scenes().len() });
+        return Err(JobError::SeveralToAudit { given: job.scenes().len() });
     };
     let objective = &job.settings().objective;
     let (mut own, notes) = job.evaluator(|_| {})?;
     notes.iter().for_each(|note| tell(AuditEvent::Note(note)));
     let scores = own.scores(honest)?;
-    let ranking = Ranking::new(honest, &scores, objective).ok_or(AuditError::NoPlacement)?;
+    let ranking = Ranking::new(honest, &scores, objective).ok_or(JobError::NothingToAudit)?;
     tell(AuditEvent::PartDone);
     let mut base = scores[ranking.base].clone();
     job.add_range_cards([(&honest[ranking.base], &mut base)])?;
@@ -94,7 +94,7 @@ pub fn audit(
     let sensors = scene.models()?;
     if sensors.turns() && !sensors.has_free_phase() {
         let unlocked = without_phases(honest);
-        let free = |draw| -> Result<_, AuditError> {
+        let free = |draw| -> Result<_, JobError> {
             let freed = job.clone().sensors(&sensors.with_free_phases().with_seed(draw));
             Ok(freed.evaluator(|_| {})?.0.scores(&unlocked)?)
         };
@@ -123,14 +123,14 @@ fn without_phases(placements: &[Placement]) -> Vec<Placement> {
     freed
 }
 
-/// Attempts to look better than the base, and the base in fog.
 fn trials(
     job: &Job,
     evaluator: &mut Evaluator,
     base: &Placement,
     scores: &Scores,
-) -> Result<Vec<Trial>, AuditError> {
-    let attempts = gaming_placements(base, evaluator.problem().sensors())?;
+) -> Result<Vec<Trial>, JobError> {
+    let attempts =
+        gaming_placements(base, evaluator.problem().sensors()).map_err(BackendError::from)?;
     let (names, placements): (Vec<_>, Vec<_>) = attempts.into_iter().unzip();
     let mut attempts = evaluator.scores(&placements)?;
     job.add_range_cards(placements.iter().zip(&mut attempts))?;
@@ -148,7 +148,7 @@ fn mounted(
     evaluator: &mut Evaluator,
     ranking: &Ranking,
     scene: &Scene,
-) -> Result<Vec<Stability>, AuditError> {
+) -> Result<Vec<Stability>, JobError> {
     let (sensors, lidars) = (scene.sensors()?, scene.lidars());
     let mut draws = Vec::new();
     for seed in FIRST_MOUNTING..FIRST_MOUNTING + MOUNTINGS {
@@ -159,41 +159,14 @@ fn mounted(
     let mut turned = ranking.honest.to_vec();
     for pose in turned.iter_mut().flat_map(|placement| &mut placement.lidars) {
         // Half an azimuth step; listed directions have a mean step of 360° / their number.
-        pose.yaw += 0.5 * lidars[sensors.number(pose)?].azimuth_step().to_radians();
+        let model = sensors.number(pose).map_err(BackendError::from)?;
+        pose.yaw += 0.5 * lidars[model].azimuth_step().to_radians();
     }
     let phase = evaluator.scores(&turned)?;
     Ok(vec![
         ranking.under("mounted within 1 mm and 0.1°", &draws),
         ranking.under("azimuth phase by half a step", &[phase]),
     ])
-}
-
-/// Why a scene could not be audited.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs, reason = "the message tells the fields")]
-pub enum AuditError {
-    /// No placement was given.
-    #[error("there are no placements to audit; name at least one")]
-    NoPlacement,
-    /// A job in several scenes.
-    #[error("an audit is of one scene, not of {given}; audit them one by one")]
-    OneScene { given: usize },
-    /// A job, or one of its changes, that cannot be posed or scored.
-    #[error(transparent)]
-    Job(JobError),
-    /// A LiDAR of a model that the vehicle does not have.
-    #[error(transparent)]
-    UnknownSensor(#[from] UnknownSensor),
-}
-
-impl<E> From<E> for AuditError
-where
-    JobError: From<E>,
-{
-    fn from(error: E) -> Self {
-        Self::Job(error.into())
-    }
 }
 
 /// The honest placements under one change that should matter little.

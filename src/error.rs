@@ -1,6 +1,5 @@
 //! One error for callers that use several modules.
 
-use crate::audit::AuditError;
 use crate::chart::ChartError;
 use crate::datasets::DatasetError;
 use crate::export::ExportError;
@@ -33,7 +32,6 @@ pub enum Error {
     Objective(#[from] ObjectiveError),
     Chart(#[from] ChartError),
     NearField(#[from] NearFieldError),
-    Audit(#[from] AuditError),
     World(#[from] WorldError),
     Study(#[from] StudyError),
 }

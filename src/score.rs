@@ -150,15 +150,15 @@ fn held_in_words(share: f64) -> String {
 }
 
 /// Share of the copies that meet all requirements, in words.
-pub fn all_held_in_words(share: f64) -> String {
+pub(crate) fn all_held_in_words(share: f64) -> String {
     format!("all requirements: {}", held_in_words(share))
 }
 
 /// Least share of copies within the mounting tolerance that must meet a requirement; below, it is met on paper only.
-pub const HOLDS: f64 = 0.95;
+pub(crate) const HOLDS: f64 = 0.95;
 
 /// The word for a share of voxels, places or ground.
-pub const SEEN: &str = "seen";
+pub(crate) const SEEN: &str = "seen";
 
 /// A requirement: a share of something that must be seen, or be shared by LiDARs.
 ///
@@ -210,7 +210,7 @@ pub(crate) fn lidar_name(lidar: usize, mount: Option<&str>) -> String {
 
 impl Seen {
     /// True if enough is seen.
-    pub fn is_met(&self) -> bool {
+    pub(crate) fn is_met(&self) -> bool {
         self.share >= self.least
     }
 
@@ -313,6 +313,21 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
 }
 
 impl Scores {
+    /// Scores of tasks alone.
+    fn of_tasks(tasks: Tasks) -> Self {
+        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } = tasks;
+        Self {
+            segmentation,
+            detection,
+            s_mig,
+            near_gain,
+            near_gain_2,
+            near_gain_3,
+            entropy_sum: segmentation.information_gain,
+            ..Self::default()
+        }
+    }
+
     /// Scores from a placement's tally over `frames` frames.
     ///
     /// `reference` is the tally of the reference layout with as many LiDARs, which the guards compare
@@ -326,18 +341,10 @@ impl Scores {
         reference: Option<&Tally>,
     ) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
-        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } =
-            Tasks::new(tally, content, frames);
         let gained = Entropy::Classes.of(&tally.entropy);
         let unique = tally.unique.iter();
         Self {
             name: name.to_owned(),
-            segmentation,
-            s_mig,
-            near_gain,
-            near_gain_2,
-            near_gain_3,
-            entropy_sum: segmentation.information_gain,
             covered: mean(tally.covered),
             covered_nonzero: mean(tally.covered_nonzero),
             covered_by_class: content
@@ -348,37 +355,36 @@ impl Scores {
                 .collect(),
             beams: tally.beams / frames as u64,
             hit_share: has_hits.then(|| tally.hits as f64 / tally.beams as f64),
-            detection,
             unique_share: unique
                 .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
                 .collect(),
             required: required(tally, content, frames),
             guards: guards_of(tally, content, has_hits, frames, reference),
-            ..Self::default()
+            ..Self::of_tasks(Tasks::new(tally, content, frames))
         }
     }
 
     /// Penalty of a search for a car that is not seen all round; 0 where it does not look.
-    pub fn blindness(&self) -> f64 {
+    pub(crate) fn blindness(&self) -> f64 {
         CAR_WEIGHT * self.car_missing.unwrap_or(0.0)
     }
 
     /// Sentence on the share of copies within the mounting tolerance that meet all of several requirements. `None` for
     /// a single requirement, where one is not met anyway, or where no copies were looked at.
-    pub fn holds_in_words(&self) -> Option<String> {
+    pub(crate) fn holds_in_words(&self) -> Option<String> {
         let is_met = self.required.len() > 1 && self.required.iter().all(Seen::is_met);
         self.requirements_hold_in.filter(|_| is_met).map(all_held_in_words)
     }
 
     /// Share of copies within the mounting tolerance that meet all requirements, where the placement does and fewer than
     /// [`HOLDS`] of its copies do; `None` elsewhere.
-    pub fn holds_on_paper(&self) -> Option<f64> {
+    pub(crate) fn holds_on_paper(&self) -> Option<f64> {
         let [met, of] = self.met();
         self.requirements_hold_in.filter(|&share| met == of && share < HOLDS)
     }
 
     /// Number of requirements that are met, and of all.
-    pub fn met(&self) -> [usize; 2] {
+    pub(crate) fn met(&self) -> [usize; 2] {
         [self.required.iter().filter(|seen| seen.is_met()).count(), self.required.len()]
     }
 

@@ -3,7 +3,6 @@
 
 pub(crate) mod oracle;
 
-use std::ops::AddAssign;
 use std::sync::Arc;
 
 use rand::{RngExt, SeedableRng};
@@ -128,25 +127,9 @@ impl Differences {
     }
 }
 
-impl AddAssign for Differences {
-    fn add_assign(&mut self, other: Self) {
-        self.beams += other.beams;
-        self.triangles += other.triangles;
-        self.distances += other.distances;
-        self.largest_distance = self.largest_distance.max(other.largest_distance);
-        self.voxels += other.voxels;
-        self.differing_voxels += other.differing_voxels;
-        self.scores += other.scores;
-        self.differing_scores += other.differing_scores;
-    }
-}
-
 /// Compares hits, covered voxels and sums of every placement in every frame of a problem.
 ///
 /// `done` is called after each placement and frame.
-///
-/// # Errors
-/// An engine failed.
 fn compare_engines(
     problem: &Problem,
     ours: &mut dyn Backend,

@@ -128,7 +128,11 @@ fn numbers_below_0_reach_the_options() {
         assert!(message.contains(option) && message.contains(words), "{message}");
     }
     let message = fails(dir.path(), &["chart", "scene.json", "--regret", "-1"]);
-    assert!(message.contains("give 0 to 1"), "{message}");
+    assert!(message.contains("give 0 to 1, as 0.01"), "{message}");
+    for other in ["0", "fine"] {
+        let message = fails(dir.path(), &["chart", "scene.json", "--finest", other]);
+        assert!(message.contains("give metres above 0, as 0.1"), "{message}");
+    }
 }
 
 #[test]

@@ -30,8 +30,7 @@ const FEW_BYTES: u128 = 1 << 20;
 /// Converters of whole numbers: converter, argument, type, least and most.
 macro_rules! whole_numbers {
     ($($name:ident = $what:literal: $kind:ty, $least:expr, $most:expr;)*) => {$(
-        #[doc = concat!("The argument `", $what, "`.")]
-        pub fn $name(given: &Bound<'_, PyAny>) -> PyResult<$kind> {
+        pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<$kind> {
             whole($what, given, $least as i128..=$most as i128)
         }
     )*};
@@ -39,13 +38,27 @@ macro_rules! whole_numbers {
 
 /// Converters of whole numbers that may be `None`.
 macro_rules! maybe_whole_numbers {
-    ($($name:ident = $what:literal: $kind:ty, $least:expr, $most:expr;)*) => {$(
-        #[doc = concat!("The argument `", $what, "`, which may be `None`.")]
-        pub fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<$kind>> {
-            if given.is_none() {
-                return Ok(None);
-            }
-            whole($what, given, $least as i128..=$most as i128).map(Some)
+    ($($name:ident: $kind:ty, $least:expr, $most:expr;)*) => {$(
+        pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<$kind>> {
+            maybe(given, |given| whole(stringify!($name), given, $least as i128..=$most as i128))
+        }
+    )*};
+}
+
+/// Converters of finite numbers that may be `None`: converter, wanted value in words, and its rule.
+macro_rules! maybe_reals {
+    ($($name:ident: $wanted:literal, $is_allowed:expr;)*) => {$(
+        pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+            maybe(given, |given| real(stringify!($name), given, $wanted, $is_allowed))
+        }
+    )*};
+}
+
+/// Converters of lists of texts that may be `None`: converter and argument.
+macro_rules! maybe_texts {
+    ($($name:ident = $what:literal;)*) => {$(
+        pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+            maybe(given, |given| texts($what, given))
         }
     )*};
 }
@@ -70,50 +83,45 @@ whole_numbers! {
 }
 
 maybe_whole_numbers! {
-    azimuth_steps = "azimuth_steps": u32, 1, 100_000;
-    frames = "frames": u32, 1, u32::MAX;
-    memory = "memory": u64, 1, u64::MAX;
-    of_frames = "of_frames": u32, 1, u32::MAX;
-    population = "population": usize, 4, 10_000;
-    window = "window": u32, 0, u32::MAX;
+    azimuth_steps: u32, 1, 100_000;
+    frames: u32, 1, u32::MAX;
+    memory: u64, 1, u64::MAX;
+    of_frames: u32, 1, u32::MAX;
+    population: usize, 4, 10_000;
+    window: u32, 0, u32::MAX;
+}
+
+maybe_reals! {
+    bound: "per cent, 0 or more, or None", |percent| percent >= 0.0;
+    budget: "a price from 0 to 1e12, or None", |price| (0.0..=1e12).contains(&price);
+    range: "metres, more than 0, or None", |metres| metres > 0.0;
+    reach: "metres, 0 or more, or None", |metres| metres >= 0.0;
+    seconds: "more than 0 and less than 10⁹, or None", |seconds| seconds > 0.0 && seconds < 1e9;
+    target: "a finite number or None", |_| true;
+}
+
+maybe_texts! {
+    conditions = "conditions";
+    frame_names = "frames";
+    moving = "moving";
+    sensors = "sensors";
+}
+
+fn maybe<T>(
+    given: &Bound<'_, PyAny>,
+    read: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
+) -> PyResult<Option<T>> {
+    if given.is_none() { Ok(None) } else { read(given).map(Some) }
 }
 
 /// The argument of `set_threads`: at most [`THREADS_A_CORE`] for each core, and [`THREADS_ANYWHERE`] on any machine.
-pub fn threads(given: &Bound<'_, PyAny>) -> PyResult<usize> {
+pub(crate) fn threads(given: &Bound<'_, PyAny>) -> PyResult<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     whole("count", given, 1..=(THREADS_A_CORE * cores as i128).max(THREADS_ANYWHERE))
 }
 
-/// The argument `range` of sensors.
-pub fn range(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("range", given, "metres, more than 0, or None", |metres| metres > 0.0)
-}
-
-/// The argument `reach` of ray casters.
-pub fn reach(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("reach", given, "metres, 0 or more, or None", |metres| metres >= 0.0)
-}
-
-/// The argument `target`.
-pub fn target(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("target", given, "a finite number or None", |_| true)
-}
-
-/// The argument `seconds`.
-pub fn seconds(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    let wanted = "more than 0 and less than 10⁹, or None";
-    maybe_real("seconds", given, wanted, |seconds| seconds > 0.0 && seconds < 1e9)
-}
-
-/// The argument `budget`.
-pub fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
-    maybe_real("budget", given, "a price from 0 to 1e12, or None", |price| {
-        (0.0..=1e12).contains(&price)
-    })
-}
-
 /// The argument `objective` of calls that take no function.
-pub fn objective_in_words<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+pub(crate) fn objective_in_words<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
     let text = given.cast::<PyString>().map_err(|_| {
         let found = shown(given);
         bad(format!(
@@ -124,48 +132,25 @@ pub fn objective_in_words<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> 
 }
 
 /// Objective of a search.
-pub enum Aim {
+pub(crate) enum Aim {
     /// The name of a score, or a weighted sum of scores.
     Text(String),
-    /// A function of `Scores`.
     Function(Py<PyAny>),
 }
 
-/// The argument `objective`.
-pub fn objective(given: &Bound<'_, PyAny>) -> PyResult<Aim> {
+pub(crate) fn objective(given: &Bound<'_, PyAny>) -> PyResult<Aim> {
     if given.is_callable() {
         return Ok(Aim::Function(given.clone().unbind()));
     }
     objective_in_words(given).map(|text| Aim::Text(text.to_owned()))
 }
 
-/// The argument `conditions`, which may be `None`.
-pub fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("conditions", given).map(Some) }
-}
-
-/// The argument `classes`.
-pub fn classes(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+pub(crate) fn classes(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     texts("classes", given)
 }
 
-/// The argument `frames` of rigs, which may be `None`.
-pub fn frame_names(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("frames", given).map(Some) }
-}
-
-/// The argument `moving`, which may be `None`.
-pub fn moving(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("moving", given).map(Some) }
-}
-
-/// The argument `sensors`, which may be `None`.
-pub fn sensors(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
-    if given.is_none() { Ok(None) } else { texts("sensors", given).map(Some) }
-}
-
 /// Objects of the module in a list; `None` where it does not begin with one.
-pub fn listed<'py, T: PyClass>(
+pub(crate) fn listed<'py, T: PyClass>(
     what: &str,
     given: &Bound<'py, PyAny>,
     wanted: &str,
@@ -184,7 +169,7 @@ pub fn listed<'py, T: PyClass>(
 
 /// Numbers of frames of a scene that has `count`: all for `None`, so many spread evenly from the first on for a number,
 /// those that a list names.
-pub fn which_frames(given: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<usize>> {
+pub(crate) fn which_frames(given: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<usize>> {
     let Some(given) = given else { return Ok((0..count).collect()) };
     if given.len().is_ok() {
         return Ok(wholes("frames", given, "numbers of frames", 0..=count as i128 - 1)?.0);
@@ -192,8 +177,7 @@ pub fn which_frames(given: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<
     Ok(spread(count, Some(whole("frames", given, 1..=u32::MAX as i128)?)))
 }
 
-/// A list of texts.
-pub fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+pub(crate) fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     // A text is a list of letters in Python.
     let letters = given.is_instance_of::<PyString>();
     let length = given.len().ok().filter(|_| !letters);
@@ -215,7 +199,7 @@ pub fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 }
 
 /// Entries of a list, as many as it says it has.
-pub fn entries<'py>(
+pub(crate) fn entries<'py>(
     what: &str,
     given: &Bound<'py, PyAny>,
     wanted: &str,
@@ -231,7 +215,7 @@ pub fn entries<'py>(
 }
 
 /// A whole number in `allowed`: an `int`, or a float without a fraction; no `bool`.
-pub fn whole<T: TryFrom<i128>>(
+pub(crate) fn whole<T: TryFrom<i128>>(
     what: &str,
     given: &Bound<'_, PyAny>,
     allowed: RangeInclusive<i128>,
@@ -243,8 +227,7 @@ pub fn whole<T: TryFrom<i128>>(
     })
 }
 
-/// Words for a whole number in `allowed`.
-pub fn whole_in_words(allowed: &RangeInclusive<i128>) -> String {
+pub(crate) fn whole_in_words(allowed: &RangeInclusive<i128>) -> String {
     let (least, most) = (*allowed.start(), *allowed.end());
     if most == i128::MAX {
         return "a whole number".to_owned();
@@ -253,7 +236,7 @@ pub fn whole_in_words(allowed: &RangeInclusive<i128>) -> String {
 }
 
 /// The whole number that a float is.
-pub fn whole_of_float(value: f64) -> Option<i128> {
+pub(crate) fn whole_of_float(value: f64) -> Option<i128> {
     // 2¹²⁷ in size: all that `i128` holds.
     (value.fract() == 0.0 && value.abs() < 1.7e38).then_some(value as i128)
 }
@@ -301,7 +284,7 @@ fn exact(given: &Bound<'_, PyAny>) -> PyResult<Option<i128>> {
 }
 
 /// A finite number that `is_allowed`.
-pub fn real(
+fn real(
     what: &str,
     given: &Bound<'_, PyAny>,
     wanted: &str,
@@ -316,20 +299,8 @@ pub fn real(
         .ok_or_else(|| bad(format!("{what}: is {}; give {wanted}", shown(given))))
 }
 
-fn maybe_real(
-    what: &str,
-    given: &Bound<'_, PyAny>,
-    wanted: &str,
-    is_allowed: fn(f64) -> bool,
-) -> PyResult<Option<f64>> {
-    if given.is_none() {
-        return Ok(None);
-    }
-    real(what, given, wanted, is_allowed).map(Some)
-}
-
 /// Raises an error that does not depend on the argument's value, such as Ctrl-C or a lack of memory.
-pub fn or_raised(py: Python<'_>, error: PyErr) -> PyResult<()> {
+pub(crate) fn or_raised(py: Python<'_>, error: PyErr) -> PyResult<()> {
     let of_value = error.is_instance_of::<PyTypeError>(py)
         || error.is_instance_of::<PyValueError>(py)
         || error.is_instance_of::<PyArithmeticError>(py)
@@ -342,7 +313,7 @@ pub fn or_raised(py: Python<'_>, error: PyErr) -> PyResult<()> {
 }
 
 /// A value as Python writes it, cut where it is long.
-pub fn shown(given: &Bound<'_, PyAny>) -> String {
+pub(crate) fn shown(given: &Bound<'_, PyAny>) -> String {
     let Ok(text) = given.repr() else {
         // Python refuses to write whole numbers of thousands of digits.
         let kind = given.get_type();
@@ -356,7 +327,7 @@ pub fn shown(given: &Bound<'_, PyAny>) -> String {
 }
 
 /// Raises `MemoryError` where `count` elements of `each` bytes do not fit into memory that is left.
-pub fn room_for(what: &'static str, count: usize, each: usize) -> PyResult<()> {
+pub(crate) fn room_for(what: &'static str, count: usize, each: usize) -> PyResult<()> {
     let bytes = count as u128 * each as u128;
     if bytes < FEW_BYTES {
         return Ok(());

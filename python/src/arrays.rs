@@ -18,14 +18,14 @@ use crate::errors::bad;
 /// Bytes that an element of a Python list takes, at least: a pointer, a number, and its copy in an array.
 const LISTED_BYTES: usize = 40;
 /// Bytes of the largest number that is taken.
-pub const MOST_BYTES: usize = 8;
+pub(crate) const MOST_BYTES: usize = 8;
 /// Axes that an array may have: those of NumPy before 2.
 const MOST_AXES: usize = 32;
 
 /// An array of numbers of any real type as one of `T`; `wanted` describes the required shape in words.
 ///
 /// Aligned arrays of that type come without a copy, however they are strided; others are converted.
-pub fn numbers<'py, T: Element>(
+pub(crate) fn numbers<'py, T: Element>(
     what: &str,
     given: &Bound<'py, PyAny>,
     wanted: &str,
@@ -34,7 +34,7 @@ pub fn numbers<'py, T: Element>(
 }
 
 /// An array of whole numbers in `allowed`, of any real type, as values of `T` in C order, and its shape.
-pub fn wholes<T: Element + TryFrom<i128>>(
+pub(crate) fn wholes<T: Element + TryFrom<i128>>(
     what: &str,
     given: &Bound<'_, PyAny>,
     wanted: &str,
@@ -71,7 +71,7 @@ pub fn wholes<T: Element + TryFrom<i128>>(
 }
 
 /// Index in an array of the element of number `n` in C order.
-pub fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
+pub(crate) fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
     let mut place = vec![0; shape.len()];
     for (at, &length) in place.iter_mut().zip(shape).rev() {
         *at = n % length.max(1);
@@ -139,12 +139,12 @@ fn converted<'py, T: Element>(
 }
 
 /// A shape in words, as `[3, 4, 6]`.
-pub fn shape_in_words(shape: &[usize]) -> String {
+pub(crate) fn shape_in_words(shape: &[usize]) -> String {
     format!("{shape:?}")
 }
 
 /// Rows of `width` numbers, `[N, width]`.
-pub fn rows<'a, T: Element>(
+pub(crate) fn rows<'a, T: Element>(
     what: &str,
     array: &'a PyReadonlyArrayDyn<'_, T>,
     width: usize,
@@ -158,13 +158,12 @@ pub fn rows<'a, T: Element>(
     }
 }
 
-/// A column of values.
-pub fn column<T: Element>(py: Python<'_>, values: Vec<T>) -> Bound<'_, PyArray1<T>> {
+pub(crate) fn column<T: Element>(py: Python<'_>, values: Vec<T>) -> Bound<'_, PyArray1<T>> {
     PyArray1::from_vec(py, values)
 }
 
 /// Values in rows of `width`, moved.
-pub fn matrix<T: Element>(
+pub(crate) fn matrix<T: Element>(
     py: Python<'_>,
     values: Vec<T>,
     width: usize,
@@ -174,7 +173,10 @@ pub fn matrix<T: Element>(
 }
 
 /// `N` numbers, as the corner of a box.
-pub fn few_numbers<const N: usize>(what: &str, given: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+pub(crate) fn few_numbers<const N: usize>(
+    what: &str,
+    given: &Bound<'_, PyAny>,
+) -> PyResult<[f64; N]> {
     let wanted = format!("{N} numbers");
     let array = numbers::<f64>(what, given, &wanted)?;
     let values: Vec<f64> = array.as_array().iter().copied().collect();
@@ -186,7 +188,7 @@ pub fn few_numbers<const N: usize>(what: &str, given: &Bound<'_, PyAny>) -> PyRe
 }
 
 /// Values of any shape, moved.
-pub fn shaped<'py, T: Element>(
+pub(crate) fn shaped<'py, T: Element>(
     py: Python<'py>,
     values: Vec<T>,
     shape: &[usize],
@@ -196,7 +198,10 @@ pub fn shaped<'py, T: Element>(
 }
 
 /// A pose as a 4 × 4 matrix that takes column vectors of the inner frame to the outer one.
-pub fn homogeneous<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyArray2<f64>>> {
+pub(crate) fn homogeneous<'py>(
+    py: Python<'py>,
+    pose: &Pose,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (r, t) = (pose.rotation.transpose().to_cols_array_2d(), pose.translation.to_array());
     let mut values = Vec::with_capacity(16);
     for k in 0..3 {
@@ -208,13 +213,16 @@ pub fn homogeneous<'py>(py: Python<'py>, pose: &Pose) -> PyResult<Bound<'py, PyA
 }
 
 /// A record as `dict`s, `list`s and numbers.
-pub fn to_python<'py>(py: Python<'py>, record: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn to_python<'py>(
+    py: Python<'py>,
+    record: &impl Serialize,
+) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(record).map_err(|error| bad(error.to_string()))?;
     py.import("json")?.call_method1("loads", (text,))
 }
 
 /// A Python object as JSON text; `what` names it in errors.
-pub fn to_text(what: &str, given: &Bound<'_, PyAny>) -> PyResult<String> {
+pub(crate) fn to_text(what: &str, given: &Bound<'_, PyAny>) -> PyResult<String> {
     let options = PyDict::new(given.py());
     options.set_item("allow_nan", false)?;
     let dumps = given.py().import("json")?.getattr("dumps")?;

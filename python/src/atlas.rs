@@ -27,7 +27,7 @@ const MOST_POSES: usize = 20_000;
 
 /// Coverage of M sensor poses in the frames that a scene is scored over; made by `Scene.atlas`.
 #[pyclass(name = "Atlas", module = "sightline", frozen)]
-pub struct PyAtlas {
+pub(crate) struct PyAtlas {
     atlas: Arc<Atlas>,
     /// Number in the atlas of each pose that was given.
     numbers: Vec<u32>,
@@ -36,7 +36,7 @@ pub struct PyAtlas {
 
 impl PyAtlas {
     /// Casts poses `[M, 6]`, of one model or of one each.
-    pub fn new(
+    pub(crate) fn new(
         py: Python<'_>,
         built: Arc<Built>,
         poses: &Bound<'_, PyAny>,

@@ -25,7 +25,7 @@ const BARREN: usize = 1000;
 /// equal placements. `population` is the number of placements of a generation, unless given by the number of variables.
 /// Raises `ValueError` for a space in which nothing may vary.
 #[pyclass(name = "Search", module = "sightline", frozen)]
-pub struct PySearch {
+pub(crate) struct PySearch {
     rules: Constraints,
     state: Mutex<GenerationState>,
 }

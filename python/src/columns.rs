@@ -16,7 +16,6 @@ use crate::wait::watched;
 /// Gets a score of a task.
 type OfTask = fn(&TaskScores) -> Option<f64>;
 
-/// Scores of a task by name.
 const TASK: [(&str, OfTask); 6] = [
     ("m_sog", |task| task.m_sog),
     ("m_sog_scaled", |task| task.m_sog_scaled),
@@ -32,7 +31,7 @@ fn values_of<S: Borrow<Scores>>(scores: &[S], of: &dyn Fn(&Scores) -> Option<f64
 }
 
 /// Columns that depend on sums over covered voxels alone, by name.
-pub fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
+pub(crate) fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
     let mut columns = Vec::new();
     let mut add = |name: &str, of: &dyn Fn(&Scores) -> Option<f64>| {
         columns.push((name.to_owned(), values_of(scores, of)));
@@ -55,7 +54,7 @@ pub fn summed<S: Borrow<Scores>>(scores: &[S]) -> Vec<(String, Vec<f64>)> {
 }
 
 /// The `Scores` object of the package, with a column for everything that is known about placements of a vehicle.
-pub fn scores_object<'a, 'py>(
+pub(crate) fn scores_object<'a, 'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     scored: impl IntoIterator<Item = (&'a Placement, &'a Scores)>,
@@ -92,8 +91,9 @@ pub fn scores_object<'a, 'py>(
         let share = maybe(&|s| s.required.get(k).map(|seen| seen.share));
         columns.set_item(format!("seen.{}", area.name), share)?;
     }
-    let rules = Rules::new(vehicle);
-    let feasible = placements.iter().zip(&scores).map(|(one, scores)| rules.are_met(one, scores));
+    let rules = vehicle.rules();
+    let scored = placements.iter().copied().zip(scores.iter().copied());
+    let feasible = scored.map(|one| is_feasible(vehicle, &rules, one));
     columns.set_item("feasible", column(py, feasible.collect()))?;
     let required = scores.first().map(|s| &s.required[..]).unwrap_or_default();
     let least = PyDict::new(py);
@@ -109,7 +109,7 @@ pub fn scores_object<'a, 'py>(
 }
 
 /// The `Scores` object of placements that `work` scores beside the interpreter. No placements have the columns of one.
-pub fn scored_object<'py>(
+pub(crate) fn scored_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     mut placements: Vec<Placement>,
@@ -129,31 +129,22 @@ pub fn scored_object<'py>(
     if are_none { all.getattr("rows")?.get_item(PySlice::new(py, 0, 0, 1)) } else { Ok(all) }
 }
 
-/// Rules of a vehicle, whatever of its equipment a placement has.
-struct Rules<'a> {
-    vehicle: &'a Vehicle,
-    rules: Constraints,
-}
-
-impl<'a> Rules<'a> {
-    fn new(vehicle: &'a Vehicle) -> Self {
-        Self { vehicle, rules: vehicle.rules() }
-    }
-
-    /// True if a placement keeps every rule of the mounts, meets all requirements, and no guard doubts its scores.
-    fn are_met(&self, placement: &Placement, scores: &Scores) -> bool {
-        scores.doubts() == 0 && scores.missing() == 0.0 && self.are_kept(placement)
-    }
-
-    /// True if a placement keeps every rule of the mounts, with as many LiDARs on each as it holds.
-    fn are_kept(&self, placement: &Placement) -> bool {
-        let mounts = self.rules.mounts_of(&placement.lidars);
-        let are_counted = self.vehicle.mounts.iter().all(|mount| {
-            let on = |region: &&Region| **region == *mount.region;
-            let count = mounts.iter().flatten().filter(|region| on(region)).count();
-            (mount.count[0]..=mount.count[1]).contains(&count)
-        });
-        let have_mounts = mounts.iter().all(Option::is_some);
-        have_mounts && are_counted && self.rules.violations(placement).is_empty()
-    }
+/// True if a placement keeps every rule of the mounts, with as many LiDARs on each as it holds, meets all requirements,
+/// and no guard doubts its scores.
+fn is_feasible(
+    vehicle: &Vehicle,
+    rules: &Constraints,
+    (placement, scores): (&Placement, &Scores),
+) -> bool {
+    let mounts = rules.mounts_of(&placement.lidars);
+    let are_counted = vehicle.mounts.iter().all(|mount| {
+        let on = |region: &&Region| **region == *mount.region;
+        let count = mounts.iter().flatten().filter(|region| on(region)).count();
+        (mount.count[0]..=mount.count[1]).contains(&count)
+    });
+    let is_sound = scores.doubts() == 0 && scores.missing() == 0.0;
+    is_sound
+        && are_counted
+        && mounts.iter().all(Option::is_some)
+        && rules.violations(placement).is_empty()
 }

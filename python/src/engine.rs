@@ -1,22 +1,24 @@
-//! A scene and all that is built from it once: P-SOG, problem, engine.
+//! A scene and all that is built from it once: P-SOG, problem, engine; and an engine that tells a waiting call how many
+//! casts into frames are done.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
+use lidar_cast::cover::BitOrder;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sightline::engine::{EngineChoice, EngineKind};
+use sightline::engine::{Backend, BackendError, EngineChoice, EngineKind, Hit, TakeBitmap};
 use sightline::near_field::{FEW_PLACEMENTS, NearSite};
-use sightline::problem::spread;
+use sightline::problem::{StageTimes, Tally, spread};
 use sightline::scan::conditions::Condition;
 use sightline::scan::{ScanError, Stage};
-use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores};
+use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores, SensorPose};
 
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
-use crate::progress::{Urgency, WorkMessages, log};
+use crate::progress::{WorkMessages, log};
 use crate::psogs::PyPsog;
 use crate::rays::RayTarget;
 use crate::wait::{is_forked, pooled};
@@ -30,7 +32,7 @@ const FRAMES_KEPT: usize = 4;
 
 /// Settings for scoring a scene.
 #[derive(Clone, Default)]
-pub struct Options {
+pub(crate) struct Options {
     /// P-SOG in place of the scene's own.
     pub psog: Option<Arc<Psog>>,
     /// Number of frames, spread evenly; all if `None`.
@@ -42,8 +44,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// From arguments in Python.
-    pub fn new(
+    pub(crate) fn new(
         psog: Option<&Bound<'_, PyPsog>>,
         frames: Option<u32>,
         conditions: Option<Vec<String>>,
@@ -62,7 +63,7 @@ impl Options {
     }
 
     /// Puts the Python arguments that these come from into `words`.
-    pub fn put(&self, words: &Bound<'_, PyDict>) -> PyResult<()> {
+    pub(crate) fn put(&self, words: &Bound<'_, PyDict>) -> PyResult<()> {
         let conditions: Vec<String> = self.conditions.iter().map(Condition::to_string).collect();
         let backend = BACKENDS.iter().find(|(_, kind)| *kind == self.engine.kind);
         words.set_item("psog", self.psog.clone().map(PyPsog))?;
@@ -81,7 +82,7 @@ const FORKED: &str = "; start processes before, or with multiprocessing's start 
 
 /// Value that one thread uses at a time, in the process that made it or in a fork of that process.
 #[derive(Default)]
-pub struct Alone<T> {
+pub(crate) struct Alone<T> {
     held: Mutex<T>,
     /// Process that worked with it last; 0 for none.
     process: AtomicU32,
@@ -98,7 +99,7 @@ impl<T> Alone<T> {
     ///
     /// # Errors
     /// `RuntimeError` in a process that was forked while its parent worked with it: in the fork no thread ever ends that work.
-    pub fn lock(&self) -> PyResult<MutexGuard<'_, T>> {
+    pub(crate) fn lock(&self) -> PyResult<MutexGuard<'_, T>> {
         let is_of_parent = self.is_of_parent();
         if !is_of_parent {
             // A fork may come as soon as the lock is taken.
@@ -119,7 +120,7 @@ impl<T> Alone<T> {
 
 /// An evaluator that is opened when it is first needed.
 #[derive(Default)]
-pub struct Kept(Alone<Option<Evaluator>>);
+pub(crate) struct Kept(Alone<Option<Evaluator>>);
 
 impl Kept {
     /// The evaluator, once nobody else works with it. A device does not survive a fork, which is an error.
@@ -134,8 +135,7 @@ impl Kept {
         Ok(kept)
     }
 
-    /// Works with the evaluator, alone.
-    pub fn with<T>(
+    pub(crate) fn with<T>(
         &self,
         open: impl FnOnce() -> PyResult<Evaluator>,
         work: impl FnOnce(&mut Evaluator) -> PyResult<T>,
@@ -149,14 +149,14 @@ impl Kept {
 
 /// One frame to cast into, for sensors and for single rays.
 #[derive(Clone)]
-pub struct Posed {
+pub(crate) struct Posed {
     frame: usize,
     pub problem: Arc<Problem>,
     pub rays: Arc<RayTarget>,
 }
 
 /// Job over one scene, with the problem and engine that it builds on first use.
-pub struct Built {
+pub(crate) struct Built {
     pub scene: Arc<Scene>,
     pub options: Options,
     pub job: Job,
@@ -167,7 +167,7 @@ pub struct Built {
 }
 
 impl Built {
-    pub fn new(scene: Scene, options: Options) -> Self {
+    pub(crate) fn new(scene: Scene, options: Options) -> Self {
         let scene = Arc::new(scene);
         let job = Job::new(scene.clone());
         let job = match options.psog.clone() {
@@ -181,12 +181,12 @@ impl Built {
     }
 
     /// Numbers of the frames that scores are means over.
-    pub fn scored_frames(&self) -> Vec<usize> {
+    pub(crate) fn scored_frames(&self) -> Vec<usize> {
         spread(self.scene.frame_count(), self.options.frames)
     }
 
     /// The trees that scans share.
-    pub fn stage(&self) -> Result<Arc<Stage>, ScanError> {
+    pub(crate) fn stage(&self) -> Result<Arc<Stage>, ScanError> {
         if let Some(stage) = self.stage.get() {
             return Ok(stage.clone());
         }
@@ -195,14 +195,14 @@ impl Built {
     }
 
     /// The P-SOG: given, read, or built from virtual scans, until the watch is stopped.
-    pub fn psog(&self, watch: &WorkMessages) -> PyResult<Arc<Psog>> {
+    pub(crate) fn psog(&self, watch: &WorkMessages) -> PyResult<Arc<Psog>> {
         let frames = self.scene.frame_count();
         let reach = |done| watch.reach(SCANNED, done, frames);
         self.job.scenes()[0].psog(reach).map_err(raised)
     }
 
     /// Works with the engine, which is opened first if it was not.
-    pub fn evaluate<T>(
+    pub(crate) fn evaluate<T>(
         &self,
         watch: &WorkMessages,
         work: impl FnOnce(&mut Evaluator) -> PyResult<T>,
@@ -215,14 +215,13 @@ impl Built {
     }
 
     /// The number of a frame, which the scene must have.
-    pub fn check_frame(&self, frame: i128) -> PyResult<usize> {
+    pub(crate) fn check_frame(&self, frame: i128) -> PyResult<usize> {
         let frames = self.scene.frame_count();
         let number = usize::try_from(frame).ok().filter(|number| *number < frames);
         number.ok_or_else(|| bad(format!("frame: is {frame}; give 0 to {}", frames - 1)))
     }
 
-    /// One frame to cast into.
-    pub fn frame(&self, frame: usize) -> PyResult<Posed> {
+    pub(crate) fn frame(&self, frame: usize) -> PyResult<Posed> {
         if !self.scene.has_geometry() {
             return Err(bad(
                 "the scene has no geometry to cast into; add static shapes, actors or an ego body",
@@ -243,15 +242,14 @@ impl Built {
 }
 
 /// An evaluator of a job, whose sentences on the engine go to the log.
-pub fn opened(job: &Job) -> PyResult<Evaluator> {
-    let (evaluator, notes) =
-        job.evaluator(|sentence| log(Urgency::Warning, sentence)).map_err(raised)?;
-    notes.iter().for_each(|sentence| log(Urgency::Info, sentence));
+pub(crate) fn opened(job: &Job) -> PyResult<Evaluator> {
+    let (evaluator, notes) = job.evaluator(|sentence| log("warning", sentence)).map_err(raised)?;
+    notes.iter().for_each(|sentence| log("info", sentence));
     Ok(evaluator)
 }
 
 /// Job over several scenes, each with its own frames and weather, on the engine of the first.
-pub fn job_of(scenes: &[Arc<Built>]) -> PyResult<Job> {
+pub(crate) fn job_of(scenes: &[Arc<Built>]) -> PyResult<Job> {
     // Copies share the problems that are posed already.
     pooled(|| scenes.iter().try_for_each(|built| built.job.problem().map(drop))).map_err(raised)?;
     Job::join(scenes.iter().map(|built| built.job.clone())).map_err(raised)
@@ -270,7 +268,7 @@ const SCORED: &str = "placements";
 const CHUNK_SECONDS: f64 = 0.25;
 
 /// Scores placements chunk by chunk until the watch is stopped; chunks change no bit.
-pub fn score(
+pub(crate) fn score(
     evaluator: &mut Evaluator,
     placements: &[Placement],
     watch: &WorkMessages,
@@ -292,7 +290,7 @@ pub fn score(
 
 /// Adds the guard `self_hit` to the scores of placements of a job: if `asked` says so, else for up to
 /// [`FEW_PLACEMENTS`].
-pub fn guard(
+pub(crate) fn guard(
     job: &Job,
     evaluator: &mut Evaluator,
     placements: &[Placement],
@@ -307,7 +305,7 @@ pub fn guard(
 }
 
 /// Adds the near field to the scores of placements in a scene.
-pub fn add_near_fields(
+pub(crate) fn add_near_fields(
     scene: &Scene,
     evaluator: &mut Evaluator,
     placements: &[Placement],
@@ -315,4 +313,92 @@ pub fn add_near_fields(
 ) -> PyResult<()> {
     let site = NearSite::new(scene, &evaluator.shared_problem()).map_err(raised)?;
     site.score(evaluator.backend_mut(), placements.iter().zip(scores)).map_err(raised)
+}
+
+/// Steps in words: a cast of all LiDARs of a placement into a frame.
+const CAST: &str = "frames cast";
+
+/// An engine whose casts are steps of a call.
+struct CountedEngine<'a> {
+    engine: &'a mut dyn Backend,
+    watch: &'a WorkMessages,
+    done: usize,
+    total: usize,
+}
+
+/// Runs `work` with an engine; each of its `total` casts is told to the watch, which may stop it.
+///
+/// # Errors
+/// The errors of `work`, and of a cast after the watch was stopped.
+pub(crate) fn counted<T, E>(
+    engine: &mut dyn Backend,
+    watch: &WorkMessages,
+    total: usize,
+    work: impl FnOnce(&mut dyn Backend) -> Result<T, E>,
+) -> Result<T, E> {
+    let found = work(&mut CountedEngine { engine, watch, done: 0, total })?;
+    watch.reach(CAST, total, total);
+    Ok(found)
+}
+
+impl CountedEngine<'_> {
+    /// Tells of the casts so far; an error where nobody waits for more.
+    fn step(&mut self) -> Result<(), BackendError> {
+        let goes_on = self.watch.reach(CAST, self.done.min(self.total), self.total);
+        self.done += 1;
+        if goes_on {
+            return Ok(());
+        }
+        // Nobody reads it: the caller has left.
+        Err(BackendError::Device {
+            adapter: self.adapter().to_owned(),
+            stage: "casting",
+            message: "the call was stopped".to_owned(),
+        })
+    }
+}
+
+impl Backend for CountedEngine<'_> {
+    fn name(&self) -> &'static str {
+        self.engine.name()
+    }
+
+    fn adapter(&self) -> &str {
+        self.engine.adapter()
+    }
+
+    fn tally(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Tally>, BackendError> {
+        self.engine.tally(placements, range)
+    }
+
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+        self.step()?;
+        self.engine.hits(poses, frame)
+    }
+
+    fn order(&self) -> BitOrder {
+        self.engine.order()
+    }
+
+    fn each_bitmap(
+        &mut self,
+        poses: &[SensorPose],
+        frame: usize,
+        take: &TakeBitmap<'_>,
+    ) -> Result<(), BackendError> {
+        self.step()?;
+        self.engine.each_bitmap(poses, frame, take)
+    }
+
+    fn times(&self) -> StageTimes {
+        self.engine.times()
+    }
+
+    fn changes(&self) -> &[String] {
+        self.engine.changes()
+    }
 }

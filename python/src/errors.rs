@@ -16,7 +16,7 @@ use sightline::scan::ScanError;
 use sightline::{Error, Note};
 
 /// The exception for an error of the library, with the library's sentence.
-pub fn raised(error: impl Into<Error>) -> PyErr {
+pub(crate) fn raised(error: impl Into<Error>) -> PyErr {
     let error = error.into();
     let sentence = error.to_string();
     if lacks_memory(&error) {
@@ -34,7 +34,7 @@ pub fn raised(error: impl Into<Error>) -> PyErr {
 }
 
 /// A `ValueError` with a sentence of the module's own.
-pub fn bad(sentence: impl Into<String>) -> PyErr {
+pub(crate) fn bad(sentence: impl Into<String>) -> PyErr {
     PyValueError::new_err(sentence.into())
 }
 
@@ -49,12 +49,15 @@ create_exception!(
 const MOST_WARNINGS: usize = 3;
 
 /// Warns the caller's line in Python of the first placements that are likely mistakes.
-pub fn warn_of_placements(py: Python<'_>, doubts: impl Iterator<Item = String>) -> PyResult<()> {
+pub(crate) fn warn_of_placements(
+    py: Python<'_>,
+    doubts: impl Iterator<Item = String>,
+) -> PyResult<()> {
     doubts.take(MOST_WARNINGS).try_for_each(|doubt| warn(py, &Note::doubt(doubt)))
 }
 
 /// Warns the caller's line in Python of every sentence on a file: a `UserWarning` each, doubts a [`DoubtWarning`].
-pub fn warn_of(py: Python<'_>, notes: &[Note]) -> PyResult<()> {
+pub(crate) fn warn_of(py: Python<'_>, notes: &[Note]) -> PyResult<()> {
     notes.iter().try_for_each(|note| warn(py, note))
 }
 

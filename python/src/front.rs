@@ -29,8 +29,7 @@ use crate::search::{beside, scenes_of, signalled};
 #[pyfunction(name = "front")]
 #[pyo3(signature = (scenes, objectives, *, evaluations = 40, seed = 1, seconds = None, mirror = false, budget = None,
     tolerance = "5mm,0.5deg", callback = None, progress = None))]
-#[allow(clippy::too_many_arguments)]
-pub fn front<'py>(
+pub(crate) fn front<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
     objectives: Vec<String>,

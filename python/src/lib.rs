@@ -8,8 +8,7 @@
 //! | `wait` | long work without the GIL, with Ctrl-C |
 //! | `progress` | how far it is, as bars, records of `logging`, or for a function |
 //! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | objects of the user |
-//! | `engine` | P-SOG, problem and engine of a scene, built once |
-//! | `counted` | an engine that tells how many casts are done |
+//! | `engine` | P-SOG, problem and engine of a scene, built once; an engine that tells how many casts are done |
 //! | `columns` | scores as arrays, by the rules of a vehicle |
 //! | `space` | variables, bounds and rules for optimizers of others |
 //! | `atlas` | sensor poses cast once, placements of them without a cast |
@@ -22,12 +21,13 @@
 //! | `front` | the front of objectives |
 //! | `studies` | studies that take many runs |
 
+#![allow(clippy::too_many_arguments, reason = "keywords of Python")]
+
 mod arguments;
 mod arrays;
 mod atlas;
 mod by_hand;
 mod columns;
-mod counted;
 mod engine;
 mod errors;
 mod front;

@@ -12,7 +12,6 @@ use crate::arguments::{self, listed, room_for};
 use crate::arrays::{column, matrix, numbers, shape_in_words, to_python};
 use crate::errors::{bad, raised, warn_of_placements};
 
-/// Bytes that the name of a placement takes.
 const NAME_BYTES: usize = 32;
 
 /// Required shape of an array of poses, in words.
@@ -26,7 +25,7 @@ const WANTED: &str =
 /// `NaN` for one that is as its model says. Raises `ValueError` for another shape and for numbers that are not finite.
 #[pyclass(name = "Placement", module = "sightline", frozen, eq)]
 #[derive(Clone, PartialEq)]
-pub struct PyPlacement(pub Placement);
+pub(crate) struct PyPlacement(pub Placement);
 
 #[pymethods]
 impl PyPlacement {
@@ -106,7 +105,7 @@ impl PyPlacement {
 }
 
 /// Sensor names of each LiDAR; empty where none is named.
-pub fn sensors_of(names: Option<Vec<String>>) -> PyResult<Vec<SensorName>> {
+pub(crate) fn sensors_of(names: Option<Vec<String>>) -> PyResult<Vec<SensorName>> {
     let name = |name: &String| match name.as_str() {
         "" => Ok(SensorName::NONE),
         name => SensorName::new(name).map_err(bad),
@@ -116,7 +115,7 @@ pub fn sensors_of(names: Option<Vec<String>>) -> PyResult<Vec<SensorName>> {
 
 /// Placements from a `Placement`, a list of them, or an array `[N, L, 6]` or `[L, 6]`, of models that the scene's vehicle
 /// has; warns of units that are most likely not meant.
-pub fn placements_in(
+pub(crate) fn placements_in(
     scene: &Scene,
     given: &Bound<'_, PyAny>,
     sensors: Option<Vec<String>>,
@@ -132,7 +131,7 @@ pub fn placements_in(
 }
 
 /// Placements as they were given, whatever models there are.
-pub fn parsed(
+pub(crate) fn parsed(
     given: &Bound<'_, PyAny>,
     sensors: Option<Vec<String>>,
     phases: Option<&Bound<'_, PyAny>>,
@@ -158,8 +157,7 @@ pub fn parsed(
     Ok(all)
 }
 
-/// Bytes of a placement in memory.
-pub fn placement_bytes(lidars: usize) -> usize {
+pub(crate) fn placement_bytes(lidars: usize) -> usize {
     size_of::<Placement>() + NAME_BYTES + lidars * size_of::<SensorPose>()
 }
 
@@ -223,12 +221,12 @@ fn from_array(
 ///
 /// Raises `OSError` for a file that cannot be read, `ValueError` that names a wrong placement.
 #[pyfunction(name = "read_placements")]
-pub fn read(path: PathBuf) -> PyResult<Vec<PyPlacement>> {
+pub(crate) fn read(path: PathBuf) -> PyResult<Vec<PyPlacement>> {
     Ok(read_placements(&path).map_err(raised)?.into_iter().map(PyPlacement).collect())
 }
 
 /// The eleven placements of Table 7 of Place3D, four LiDARs each.
 #[pyfunction]
-pub fn published() -> Vec<PyPlacement> {
+pub(crate) fn published() -> Vec<PyPlacement> {
     table_7().into_iter().map(PyPlacement).collect()
 }

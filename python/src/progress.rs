@@ -23,24 +23,23 @@ struct Reached {
 
 /// Messages between a thread that works and the one that waits for it.
 #[derive(Default)]
-pub struct WorkMessages {
+pub(crate) struct WorkMessages {
     stop: AtomicBool,
     reached: Mutex<Reached>,
 }
 
 impl WorkMessages {
     /// False once the caller no longer waits for the result.
-    pub fn goes_on(&self) -> bool {
+    pub(crate) fn goes_on(&self) -> bool {
         !self.stop.load(Ordering::SeqCst)
     }
 
-    /// Asks the work to end.
-    pub fn stop(&self) {
+    pub(crate) fn stop(&self) {
         self.stop.store(true, Ordering::SeqCst);
     }
 
     /// Notes how far the work is; returns whether to go on. `work` names its steps, as `placements`.
-    pub fn reach(&self, work: &str, done: usize, total: usize) -> bool {
+    pub(crate) fn reach(&self, work: &str, done: usize, total: usize) -> bool {
         let mut reached = self.reached.lock().unwrap_or_else(PoisonError::into_inner);
         if reached.work != work {
             work.clone_into(&mut reached.work);
@@ -56,7 +55,7 @@ impl WorkMessages {
 
 /// The argument `progress`: `None`, `True`, `False` or a function.
 #[derive(Default)]
-pub struct Progress(pub Option<Py<PyAny>>);
+pub(crate) struct Progress(pub Option<Py<PyAny>>);
 
 impl FromPyObject<'_, '_> for Progress {
     type Error = PyErr;
@@ -71,7 +70,7 @@ impl FromPyObject<'_, '_> for Progress {
 }
 
 /// Shows how far work is while it is waited for.
-pub struct Shown {
+pub(crate) struct Shown {
     progress: Progress,
     watch: Arc<WorkMessages>,
     begun: Instant,
@@ -82,7 +81,7 @@ pub struct Shown {
 }
 
 impl Shown {
-    pub fn new(progress: Progress, watch: Arc<WorkMessages>) -> Self {
+    pub(crate) fn new(progress: Progress, watch: Arc<WorkMessages>) -> Self {
         let now = Instant::now();
         let told = Reached::default();
         Self { progress, watch, begun: now, looked: now, reporter: None, told }
@@ -92,7 +91,7 @@ impl Shown {
     ///
     /// # Errors
     /// An exception of the caller's function, which is not called again.
-    pub fn look(&mut self, py: Python<'_>) -> PyResult<()> {
+    pub(crate) fn look(&mut self, py: Python<'_>) -> PyResult<()> {
         if self.looked.elapsed() < LOOK {
             return Ok(());
         }
@@ -130,10 +129,7 @@ impl Shown {
     }
 
     /// Tells of the last step where the work `is_done`, and takes a bar away.
-    ///
-    /// # Errors
-    /// Like [`Self::look`].
-    pub fn end(mut self, py: Python<'_>, is_done: bool) -> PyResult<()> {
+    pub(crate) fn end(mut self, py: Python<'_>, is_done: bool) -> PyResult<()> {
         let asked = self.progress.0.as_ref().is_some_and(|given| given.bind(py).is_callable());
         let is_told = is_done && (asked || self.reporter.is_some());
         let told = if is_told { self.tell(py) } else { Ok(()) };
@@ -144,29 +140,11 @@ impl Shown {
     }
 }
 
-/// Hands a sentence of the library to the logger `sightline`, from any thread.
-pub fn log(level: Urgency, sentence: &str) {
+/// Hands a sentence of the library to the logger `sightline`, from any thread; `level` is `info` or `warning`.
+pub(crate) fn log(level: &str, sentence: &str) {
     // A thread that outlives the interpreter has nobody to tell.
     let _ = Python::try_attach(|py| -> PyResult<()> {
         let logger = py.import("sightline._progress")?.getattr("logger")?;
-        logger.call_method1(level.method(), ("%s", sentence)).map(drop)
+        logger.call_method1(level, ("%s", sentence)).map(drop)
     });
-}
-
-/// How urgent a sentence is.
-#[derive(Clone, Copy)]
-pub enum Urgency {
-    /// Facts on how work is done, such as the engine taken.
-    Info,
-    /// Something went wrong, and the work goes on in another way.
-    Warning,
-}
-
-impl Urgency {
-    fn method(self) -> &'static str {
-        match self {
-            Self::Info => "info",
-            Self::Warning => "warning",
-        }
-    }
 }

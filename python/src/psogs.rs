@@ -36,13 +36,12 @@ const POINT_BYTES: usize = 64;
 /// are none of a P-SOG.
 #[pyclass(name = "Psog", module = "sightline", frozen)]
 #[derive(Clone)]
-pub struct PyPsog(pub Arc<Psog>);
+pub(crate) struct PyPsog(pub Arc<Psog>);
 
 #[pymethods]
 impl PyPsog {
     #[new]
     #[pyo3(signature = (*, index, counts, frames, classes, roi_min, voxel, shape))]
-    #[allow(clippy::too_many_arguments)]
     fn new(
         index: &Bound<'_, PyAny>,
         counts: &Bound<'_, PyAny>,
@@ -102,7 +101,6 @@ impl PyPsog {
     /// points of classes in `moving` count in their own frame only.
     #[staticmethod]
     #[pyo3(signature = (points, labels, poses, *, classes, roi, voxel, window = None, moving = None))]
-    #[allow(clippy::too_many_arguments)]
     fn from_scans(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
@@ -282,7 +280,6 @@ fn labelled(
     Ok(LabelledScan { points, labels })
 }
 
-/// The lower and the upper corner of a box.
 fn corners_of(corners: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[[f64; 3]; 2]> {
     let view = rows("roi", corners, 3)?;
     let shape = || shape_in_words(corners.shape());

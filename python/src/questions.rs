@@ -9,7 +9,7 @@ use sightline::targets::TargetQuestion;
 
 use crate::arguments;
 use crate::arrays::shaped;
-use crate::counted::counted;
+use crate::engine::counted;
 use crate::errors::{bad, raised, warn_of};
 use crate::progress::Progress;
 use crate::scenes::PyScene;
@@ -48,7 +48,6 @@ impl PyScene {
     /// the ego origin to the middle of the target, `bearings` degrees counter-clockwise from straight ahead. Raises
     /// `ValueError` for an unknown target and with coverage `through`. Distances beyond the range of all LiDARs are warned of.
     #[pyo3(signature = (poses, targets, distances, bearings, *, sensors = None, phases = None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn beams_on<'py>(
         &self,
         py: Python<'py>,
@@ -131,7 +130,6 @@ impl PyScene {
     /// are looked at.
     #[pyo3(signature = (poses, targets, distances, bearings, *, beams = 5, of_frames = None, level = false, sensors = None,
         phases = None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn detections<'py>(
         &self,
         py: Python<'py>,
@@ -218,7 +216,6 @@ impl PyScene {
     /// degrees of an angle (positive pitch looks down). Raises `ValueError` for an unknown LiDAR or field and for values
     /// that a placement may not have. `progress` as for `optimize`.
     #[pyo3(signature = (poses, of, values, *, sensors = None, phases = None, progress = None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn sweep<'py>(
         &self,
         py: Python<'py>,
@@ -269,7 +266,6 @@ impl PyScene {
         poses, *, most_mm = 100.0, most_deg = 5.0, most_tilt_deg = 3.0, tilt_about = None, steps = 10,
         sensors = None, phases = None, progress = None
     ))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn tolerance<'py>(
         &self,
         py: Python<'py>,

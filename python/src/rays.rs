@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use lidar_cast::bvh::Bvh;
-use numpy::{PyArrayDyn, PyUntypedArrayMethods};
+use numpy::{Element, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ const AT_ONCE: usize = 1 << 20;
 const WANTED: &str = "[..., 6]: origin and direction in the ego frame, metres";
 
 /// Trees and triangles that rays are cast into.
-pub struct RayTarget {
+pub(crate) struct RayTarget {
     rays: RayScene,
     triangles: Triangles,
     /// Class of each triangle; none where nobody has said.
@@ -46,7 +46,7 @@ enum Triangles {
 
 impl RayTarget {
     /// A frame of a scene, from the problem of that frame alone.
-    pub fn of_frame(scene: &Arc<Scene>, frame: usize, problem: &Problem) -> PyResult<Self> {
+    pub(crate) fn of_frame(scene: &Arc<Scene>, frame: usize, problem: &Problem) -> PyResult<Self> {
         let geometry = problem.geometry(0).ok_or_else(|| bad("the frame has no geometry"))?;
         let classes = scene.face_classes(EgoBody::Include);
         let (scene, soup) = (scene.clone(), OnceLock::new());
@@ -65,7 +65,6 @@ impl RayTarget {
 }
 
 /// Columns of closest hits; a column that nobody asked for is empty.
-#[derive(Default)]
 struct HitColumns {
     t: Vec<f32>,
     triangle: Vec<i64>,
@@ -74,70 +73,35 @@ struct HitColumns {
     uv: Vec<[f32; 2]>,
 }
 
-/// The columns of some rays in a row.
-#[derive(Default)]
-struct ColumnsPart<'a> {
-    t: &'a mut [f32],
-    triangle: &'a mut [i64],
-    class: &'a mut [i64],
-    normal: &'a mut [[f32; 3]],
-    uv: &'a mut [[f32; 2]],
-}
-
 /// Number as PyTorch takes it: −1 for none.
-pub fn signed<T: Into<i64>>(number: Option<T>) -> i64 {
+pub(crate) fn signed<T: Into<i64>>(number: Option<T>) -> i64 {
     number.map_or(-1, Into::into)
 }
 
 impl HitColumns {
-    fn new(rays: usize, target: &RayTarget, asked: &HitOptions) -> Self {
+    fn with_room(rays: usize, target: &RayTarget, asked: HitOptions) -> Self {
         let of = |is_asked: bool| if is_asked { rays } else { 0 };
         Self {
-            t: vec![0.0; rays],
-            triangle: vec![0; rays],
-            class: vec![0; of(!target.classes.is_empty())],
-            normal: vec![[0.0; 3]; of(asked.normals)],
-            uv: vec![[0.0; 2]; of(asked.uvs)],
+            t: Vec::with_capacity(rays),
+            triangle: Vec::with_capacity(rays),
+            class: Vec::with_capacity(of(!target.classes.is_empty())),
+            normal: Vec::with_capacity(of(asked.normals)),
+            uv: Vec::with_capacity(of(asked.uvs)),
         }
     }
 
-    /// Fills the columns for all rays, until it is told to stop.
-    fn fill(&mut self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32, watch: &WorkMessages) {
-        let (mut t, mut triangle) = (self.t.chunks_mut(AT_ONCE), self.triangle.chunks_mut(AT_ONCE));
-        let (mut normal, mut uv) = (self.normal.chunks_mut(AT_ONCE), self.uv.chunks_mut(AT_ONCE));
-        let mut class = self.class.chunks_mut(AT_ONCE);
-        let (mut done, all) = (0, rays.len());
-        for rays in rays.chunks(AT_ONCE) {
-            if !watch.reach("rays", done, all) {
-                return;
-            }
-            done += rays.len();
-            let columns = ColumnsPart {
-                t: t.next().unwrap_or_default(),
-                triangle: triangle.next().unwrap_or_default(),
-                class: class.next().unwrap_or_default(),
-                normal: normal.next().unwrap_or_default(),
-                uv: uv.next().unwrap_or_default(),
-            };
-            columns.fill(target, rays, t_max);
-        }
-        watch.reach("rays", all, all);
-    }
-}
-
-impl ColumnsPart<'_> {
-    fn fill(self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32) {
-        let Self { t, triangle, class, normal, uv } = self;
+    /// Adds the closest hits of more rays.
+    fn add(&mut self, target: &RayTarget, rays: &[[f32; 6]], t_max: f32, asked: HitOptions) {
         let hits = target.rays.closest_hits(rays, RANGE, t_max);
         let met = |hit: &Hit| hit.is_hit().then_some(hit.prim);
-        t.par_iter_mut().zip(&hits).for_each(|(t, hit)| {
-            *t = if hit.is_hit() { hit.t } else { f32::INFINITY };
-        });
-        triangle.par_iter_mut().zip(&hits).for_each(|(triangle, hit)| *triangle = signed(met(hit)));
-        class.par_iter_mut().zip(&hits).for_each(|(class, hit)| {
-            *class = signed(met(hit).and_then(|prim| target.classes.get(prim as usize).copied()));
-        });
-        if normal.is_empty() && uv.is_empty() {
+        let t = |hit: &Hit| if hit.is_hit() { hit.t } else { f32::INFINITY };
+        self.t.par_extend(hits.par_iter().map(t));
+        self.triangle.par_extend(hits.par_iter().map(|hit| signed(met(hit))));
+        if !target.classes.is_empty() {
+            let class = |prim: u32| target.classes.get(prim as usize).copied();
+            self.class.par_extend(hits.par_iter().map(|hit| signed(met(hit).and_then(class))));
+        }
+        if !(asked.normals || asked.uvs) {
             return;
         }
         let soup = target.soup();
@@ -146,8 +110,12 @@ impl ColumnsPart<'_> {
             met(hit).map_or(none, |prim| normal_and_uv(soup.corners(prim), ray))
         };
         let shapes = rays.par_iter().zip(&hits).map(shape);
-        normal.par_iter_mut().zip(shapes.clone()).for_each(|(normal, shape)| *normal = shape.0);
-        uv.par_iter_mut().zip(shapes).for_each(|(uv, shape)| *uv = shape.1);
+        if asked.normals {
+            self.normal.par_extend(shapes.clone().map(|shape| shape.0));
+        }
+        if asked.uvs {
+            self.uv.par_extend(shapes.map(|shape| shape.1));
+        }
     }
 }
 
@@ -200,14 +168,14 @@ impl RayArray {
         self.numbers.as_chunks().0
     }
 
-    /// Answers to all rays, a part at a time, without the GIL.
-    fn answers<T: Default + Send + 'static>(
+    /// Answers to all rays behind those in `all`, a part at a time, without the GIL.
+    fn answers<T: Send + 'static>(
         self,
         py: Python<'_>,
+        mut all: T,
         add: impl Fn(&mut T, &[[f32; 6]]) + Send + 'static,
     ) -> PyResult<T> {
         interruptible(py, move |watch| {
-            let mut all = T::default();
             let mut done = 0;
             for some in self.rays().chunks(AT_ONCE) {
                 if !watch.reach("rays", done, self.rays().len()) {
@@ -223,7 +191,8 @@ impl RayArray {
 }
 
 /// Options of a call beside its rays.
-pub struct HitOptions {
+#[derive(Clone, Copy)]
+pub(crate) struct HitOptions {
     pub t_max: Option<f64>,
     pub normals: bool,
     pub uvs: bool,
@@ -243,20 +212,18 @@ impl HitOptions {
 }
 
 /// Closest hits as a dict of arrays.
-pub fn hits_object<'py>(
+pub(crate) fn hits_object<'py>(
     py: Python<'py>,
     target: Arc<RayTarget>,
     rays: &Bound<'py, PyAny>,
-    asked: &HitOptions,
+    asked: HitOptions,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (t_max, given) = (asked.t_max()?, RayArray::new(rays)?);
     let shape = given.shape.clone();
     let has_classes = !target.classes.is_empty();
-    let mut found = HitColumns::new(given.rays().len(), &target, asked);
-    let found = interruptible(py, move |watch| {
-        found.fill(&target, given.rays(), t_max, watch);
-        found
-    })?;
+    let found = HitColumns::with_room(given.rays().len(), &target, asked);
+    let add = move |all: &mut HitColumns, some: &[[f32; 6]]| all.add(&target, some, t_max, asked);
+    let found = given.answers(py, found, add)?;
     let columns = PyDict::new(py);
     columns.set_item("t_hit", shaped(py, found.t, &shape)?)?;
     columns.set_item("primitive_ids", shaped(py, found.triangle, &shape)?)?;
@@ -278,13 +245,27 @@ pub fn hits_object<'py>(
     Ok(columns)
 }
 
+/// The answer `of` the trees to each ray within `t_max` lengths of its direction, in the shape of the rays.
+fn each_ray<'py, T: Element + 'static>(
+    target: &Arc<RayTarget>,
+    rays: &Bound<'py, PyAny>,
+    t_max: Option<f64>,
+    of: fn(&RayScene, &[[f32; 6]], f32) -> Vec<T>,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let t_max = HitOptions { t_max, normals: false, uvs: false }.t_max()?;
+    let (py, target, given) = (rays.py(), target.clone(), RayArray::new(rays)?);
+    let shape = given.shape.clone();
+    let add = move |all: &mut Vec<T>, some: &[[f32; 6]]| all.extend(of(&target.rays, some, t_max));
+    shaped(py, given.answers(py, Vec::new(), add)?, &shape)
+}
+
 /// A mesh that rays are cast into: triangles `faces` `[F, 3]` of corners `vertices` `[V, 3]`, in metres.
 ///
 /// `class_ids` `[F]` gives each triangle a class. `reach` is how far away rays begin, in metres: from farther, rounding
 /// may let a ray slip through an edge; four times the largest coordinate unless given. `Scene.raycaster(frame)` is one over
 /// a frame of a scene. Raises `ValueError` for a face of corners that are not there and for corners that are not finite.
 #[pyclass(name = "Raycaster", module = "sightline", frozen)]
-pub struct PyRaycaster(pub Arc<RayTarget>);
+pub(crate) struct PyRaycaster(pub Arc<RayTarget>);
 
 #[pymethods]
 impl PyRaycaster {
@@ -348,7 +329,7 @@ impl PyRaycaster {
         normals: bool,
         uvs: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        hits_object(rays.py(), self.0.clone(), rays, &HitOptions { t_max, normals, uvs })
+        hits_object(rays.py(), self.0.clone(), rays, HitOptions { t_max, normals, uvs })
     }
 
     /// bool `[...]`: whether each of `rays` `[..., 6]` hits anything within `t_max` lengths of its direction. Raises
@@ -359,13 +340,7 @@ impl PyRaycaster {
         rays: &Bound<'py, PyAny>,
         t_max: Option<f64>,
     ) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
-        let t_max = HitOptions { t_max, normals: false, uvs: false }.t_max()?;
-        let (target, given) = (self.0.clone(), RayArray::new(rays)?);
-        let shape = given.shape.clone();
-        let add = move |all: &mut Vec<bool>, some: &[[f32; 6]]| {
-            all.extend(target.rays.occluded(some, RANGE, t_max));
-        };
-        shaped(rays.py(), given.answers(rays.py(), add)?, &shape)
+        each_ray(&self.0, rays, t_max, |scene, some, t_max| scene.occluded(some, RANGE, t_max))
     }
 
     /// int64 `[...]`: triangles that each of `rays` `[..., 6]` hits within `t_max` lengths of its direction; a ray through an
@@ -376,13 +351,9 @@ impl PyRaycaster {
         rays: &Bound<'py, PyAny>,
         t_max: Option<f64>,
     ) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
-        let t_max = HitOptions { t_max, normals: false, uvs: false }.t_max()?;
-        let (target, given) = (self.0.clone(), RayArray::new(rays)?);
-        let shape = given.shape.clone();
-        let add = move |all: &mut Vec<i64>, some: &[[f32; 6]]| {
-            all.extend(target.rays.counts(some, RANGE, t_max).into_iter().map(i64::from));
-        };
-        shaped(rays.py(), given.answers(rays.py(), add)?, &shape)
+        each_ray(&self.0, rays, t_max, |scene, some, t_max| {
+            scene.counts(some, RANGE, t_max).into_iter().map(i64::from).collect()
+        })
     }
 
     /// Number of triangles.
@@ -416,7 +387,6 @@ impl PyScene {
     /// `normals` also `normals`, with `uvs` also `uvs`. Faces are numbered as in `mesh(frame)`. Raises `ValueError` as
     /// `raycaster(frame).cast_rays(rays)`.
     #[pyo3(signature = (rays, *, frame = 0, t_max = None, normals = false, uvs = false))]
-    #[allow(clippy::too_many_arguments)]
     fn cast_rays<'py>(
         &self,
         py: Python<'py>,
@@ -427,6 +397,6 @@ impl PyScene {
         uvs: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let target = self.raycaster(py, frame)?.0;
-        hits_object(py, target, rays, &HitOptions { t_max, normals, uvs })
+        hits_object(py, target, rays, HitOptions { t_max, normals, uvs })
     }
 }

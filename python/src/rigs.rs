@@ -32,7 +32,7 @@ const MODELS: &str = "a dict of texts: the frame of a LiDAR and its model";
 /// the model of each where it is known. `left_out` names sensors that are no LiDAR, `notes` says which values were read
 /// otherwise than written.
 #[pyclass(name = "Rig", module = "sightline", frozen)]
-pub struct PyRig {
+pub(crate) struct PyRig {
     rig: Rig,
     left_out: Vec<String>,
     notes: Vec<String>,

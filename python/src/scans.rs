@@ -19,14 +19,14 @@ use crate::wait::{start, wait};
 
 /// Scans of a scene, frame after frame.
 #[pyclass(name = "ScanIterator", module = "sightline", frozen)]
-pub struct ScanIterator {
+pub(crate) struct ScanIterator {
     scans: Mutex<Receiver<Result<Scan, Error>>>,
     misses: bool,
 }
 
 impl ScanIterator {
     /// Checks everything, then begins to scan.
-    pub fn begin(
+    pub(crate) fn begin(
         built: Arc<Built>,
         placement: Placement,
         conditions: &[String],

@@ -39,7 +39,7 @@ enum Source {
 }
 
 /// Frames of scenes in words, and how many of them scores are means over where these are fewer.
-pub fn frames_in_words(scenes: &[Arc<Built>]) -> String {
+pub(crate) fn frames_in_words(scenes: &[Arc<Built>]) -> String {
     let all: usize = scenes.iter().map(|built| built.scene.frame_count()).sum();
     let scored: usize = scenes.iter().map(|built| built.scored_frames().len()).sum();
     let of = if scored < all { format!(", scores over {scored}") } else { String::new() };
@@ -52,7 +52,7 @@ pub fn frames_in_words(scenes: &[Arc<Built>]) -> String {
 /// `sensors` names the model of each LiDAR of an array. `phases` `[L]` or `[N, L]` locks them at angles in radians
 /// (`NaN`: as the model says).
 #[pyclass(name = "Scene", module = "sightline", frozen)]
-pub struct PyScene {
+pub(crate) struct PyScene {
     pub built: Arc<Built>,
     source: Source,
     /// Current folder when it was read: that of relative paths.
@@ -68,7 +68,7 @@ impl PyScene {
     }
 
     /// The one placement that was given, and the scene that it is looked at in.
-    pub fn one(
+    pub(crate) fn one(
         &self,
         poses: &Bound<'_, PyAny>,
         sensors: Option<Vec<String>>,
@@ -96,7 +96,6 @@ impl PyScene {
     #[staticmethod]
     #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = None,
         backend = "auto", adapter = None, memory = None))]
-    #[allow(clippy::too_many_arguments)]
     fn load(
         py: Python<'_>,
         path: PathBuf,
@@ -119,7 +118,6 @@ impl PyScene {
     #[staticmethod]
     #[pyo3(signature = (scene, *, folder = None, psog = None, frames = None,
         conditions = None, backend = "auto", adapter = None, memory = None))]
-    #[allow(clippy::too_many_arguments)]
     fn from_dict(
         scene: &Bound<'_, PyAny>,
         folder: Option<PathBuf>,
@@ -239,7 +237,6 @@ impl PyScene {
     ///
     /// `progress` as for `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false, progress = None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn score<'py>(
         &self,
         py: Python<'py>,
@@ -344,7 +341,6 @@ impl PyScene {
     /// geometry.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = None, ideal = false, seed = 1,
         frames = None, misses = false))]
-    #[allow(clippy::too_many_arguments)]
     fn scan(
         &self,
         poses: &Bound<'_, PyAny>,
@@ -367,7 +363,6 @@ impl PyScene {
     /// `progress` as for `optimize`.
     #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1, progress = None))]
-    #[allow(clippy::too_many_arguments)]
     fn verify<'py>(
         &self,
         py: Python<'py>,

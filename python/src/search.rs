@@ -21,13 +21,13 @@ use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, guard, job_of, opened, score};
 use crate::errors::{bad, raised, warn_of};
 use crate::placements::{PyPlacement, placements_in};
-use crate::progress::{Progress, Shown, Urgency, WorkMessages, log};
+use crate::progress::{Progress, Shown, WorkMessages, log};
 use crate::scenes::{PyScene, frames_in_words};
 use crate::wait::{start, wait};
 
 /// Several scenes that share LiDARs and mount; each counts the same. Raises `ValueError` for none, and where they differ.
 #[pyclass(name = "Suite", module = "sightline", frozen)]
-pub struct PySuite {
+pub(crate) struct PySuite {
     given: Vec<Py<PyScene>>,
     scenes: Vec<Arc<Built>>,
     evaluator: Arc<Kept>,
@@ -95,12 +95,6 @@ impl PySuite {
     }
 }
 
-/// A job, and the limit of wall time that begins with its search.
-struct Asked {
-    job: Job,
-    seconds: Option<f64>,
-}
-
 /// A search at its end, near ground that its result sees, and weather and faults of the scenes as they are written.
 struct Ended {
     found: Found,
@@ -108,41 +102,37 @@ struct Ended {
     conditions: Vec<String>,
 }
 
-impl Asked {
-    /// Runs to the outcome, with the weather and faults of the scenes as they are written; `None` where the observer
-    /// stops the choice of sensors.
-    fn run(self, observe: &mut dyn FnMut(&Event) -> bool) -> PyResult<Option<Ended>> {
-        let length = self.seconds.map(Duration::from_secs_f64);
-        let job = self.job.within(length.map(TimeLimit::from_now));
-        let mut observe = |event: &Event| observe(event);
-        let Some(found) = job.optimize(&mut observe).map_err(raised)? else { return Ok(None) };
+/// Searches on a thread of its own, for `seconds` of wall time at most, and gives the result as Python has it; see
+/// [`beside`].
+fn optimized<'py>(
+    py: Python<'py>,
+    (job, seconds): (Job, Option<f64>),
+    vehicle: &Vehicle,
+    callback: Option<Py<PyAny>>,
+    progress: Option<Progress>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Option<Ended>> {
+        let length = seconds.map(Duration::from_secs_f64);
+        let job = job.within(length.map(TimeLimit::from_now));
+        let found = job.optimize(&mut |event: &Event| observe(event)).map_err(raised)?;
+        let Some(found) = found else { return Ok(None) };
         let best = found.outcome.best.as_ref();
         let near = best.map(|best| near_record(&job, &best.placement)).transpose();
         let near = near.map_err(raised)?.flatten();
         Ok(Some(Ended { found, near, conditions: job.conditions_in_words() }))
-    }
-
-    /// Runs on a thread of its own, and gives the result as Python has it; see [`beside`].
-    fn answer<'py>(
-        self,
-        py: Python<'py>,
-        vehicle: &Vehicle,
-        callback: Option<Py<PyAny>>,
-        progress: Option<Progress>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let (ended, signal) = beside(py, |observe| self.run(observe), callback, progress)?;
-        let result = match ended {
-            Some(ended) => {
-                let equipped = ended.found.equipped.iter();
-                let beyond = equipped.flat_map(|equipped| &equipped.out_of_reach);
-                let beyond = beyond.map(|words| Note::doubt(format!("OUT OF REACH: {words}")));
-                warn_of(py, &beyond.collect::<Vec<_>>())?;
-                result_object(py, vehicle, &ended)?
-            }
-            None => py.None().into_bound(py),
-        };
-        signalled(py, signal, result)
-    }
+    };
+    let (ended, signal) = beside(py, search, callback, progress)?;
+    let result = match ended {
+        Some(ended) => {
+            let equipped = ended.found.equipped.iter();
+            let beyond = equipped.flat_map(|equipped| &equipped.out_of_reach);
+            let beyond = beyond.map(|words| Note::doubt(format!("OUT OF REACH: {words}")));
+            warn_of(py, &beyond.collect::<Vec<_>>())?;
+            result_object(py, vehicle, &ended)?
+        }
+        None => py.None().into_bound(py),
+    };
+    signalled(py, signal, result)
 }
 
 /// Tells a callback of an event; `Ok(false)` where it asks for the end by `StopIteration`, as SciPy has it.
@@ -217,6 +207,8 @@ fn own_placements(
 /// - `budget`: most that the vehicle's sensors may cost; `fewest`: as few as meet all requirements, and as cheap
 /// - `tolerance`: a length and an angle as text, or `None`: each requirement is looked at in 200 copies mounted within
 ///   it
+/// - `bound`: the bound is worked on until no placement on its grid is better than the best one there by more than this
+///   percentage, whatever time that takes
 ///
 /// A function takes `Scores` and gives f64 `[N]`, the larger the better. It is searched with CMA-ES alone, over the
 /// frames that the scenes are scored over. Beside it only `evaluations`, `seed`, `population`, `baselines` (none unless
@@ -236,12 +228,11 @@ fn own_placements(
 #[pyo3(signature = (scenes, *, objective = Aim::Text("near_gain".into()), evaluations = 180, seed = 1,
     method = "both", frames = None, population = None, baselines = None, starts = None,
     target = None, seconds = None, mirror = false, budget = None, fewest = false,
-    tolerance = Some(TOLERANCE), callback = None, progress = None),
+    tolerance = Some(TOLERANCE), bound = None, callback = None, progress = None),
     text_signature = "(scenes, *, objective='near_gain', evaluations=180, seed=1, method='both', frames=None, \
     population=None, baselines=None, starts=None, target=None, seconds=None, mirror=False, budget=None, fewest=False, \
-    tolerance='5mm,0.5deg', callback=None, progress=None)")]
-#[allow(clippy::too_many_arguments)]
-pub fn search<'py>(
+    tolerance='5mm,0.5deg', bound=None, callback=None, progress=None)")]
+pub(crate) fn search<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
     #[pyo3(from_py_with = arguments::objective)] objective: Aim,
@@ -258,6 +249,7 @@ pub fn search<'py>(
     #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
     fewest: bool,
     tolerance: Option<&str>,
+    #[pyo3(from_py_with = arguments::bound)] bound: Option<f64>,
     callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -272,6 +264,7 @@ pub fn search<'py>(
                 ("mirror", mirror),
                 ("budget", budget.is_some()),
                 ("fewest", fewest),
+                ("bound", bound.is_some()),
                 ("tolerance", tolerance.is_none_or(|text| text != TOLERANCE)),
             ])?;
             let baselines = own_placements(&given[0], baselines)?;
@@ -289,6 +282,7 @@ pub fn search<'py>(
         seed,
         frames: frames_of(frames)?,
         starts: layouts(&scenes[0].scene, starts)?,
+        gap: bound.map(|percent| percent / 100.0),
         target,
         engine: scenes[0].options.engine.clone(),
         ..Settings::default()
@@ -299,11 +293,11 @@ pub fn search<'py>(
     if baselines.is_some() {
         job = job.baselines(layouts(&scenes[0].scene, baselines)?);
     }
-    Asked { job, seconds }.answer(py, scenes[0].scene.vehicle(), callback, progress)
+    optimized(py, (job, seconds), scenes[0].scene.vehicle(), callback, progress)
 }
 
 /// A result, or the signal that ended its search, with the result as its attribute.
-pub fn signalled<'py>(
+pub(crate) fn signalled<'py>(
     py: Python<'py>,
     signal: Option<PyErr>,
     result: Bound<'py, PyAny>,
@@ -314,7 +308,7 @@ pub fn signalled<'py>(
 }
 
 /// The built scenes of a `Scene`, or of a list of at least one.
-pub fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
+pub(crate) fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
     Ok(given_scenes(given)?.iter().map(|scene| scene.get().built.clone()).collect())
 }
 
@@ -335,7 +329,7 @@ type SearchEnd<T> = (T, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search ends its generation and
 /// confirms its best so far; after a second one it is left alone.
-pub fn beside<T: Send + 'static>(
+pub(crate) fn beside<T: Send + 'static>(
     py: Python<'_>,
     search: impl FnOnce(&mut dyn FnMut(&Event) -> bool) -> PyResult<T> + Send + 'static,
     callback: Option<Py<PyAny>>,
@@ -349,7 +343,7 @@ pub fn beside<T: Send + 'static>(
     start(move || {
         let mut observe = |event: &Event| {
             match event {
-                Event::Note(sentence) => log(Urgency::Info, sentence),
+                Event::Note(sentence) => log("info", sentence),
                 Event::Progress { work, done, total } => {
                     told.reach(&work.to_string(), *done as usize, *total as usize);
                 }

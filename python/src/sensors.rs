@@ -15,13 +15,13 @@ use crate::errors::{bad, raised, warn_of};
 
 /// A LiDAR model: its beams in its own frame.
 #[pyclass(name = "Sensor", module = "sightline", frozen)]
-pub struct PySensor {
+pub(crate) struct PySensor {
     lidar: Lidar,
     table: BeamTable,
 }
 
 impl PySensor {
-    pub fn of(lidar: &Lidar) -> PyResult<Self> {
+    pub(crate) fn of(lidar: &Lidar) -> PyResult<Self> {
         Ok(Self { table: lidar.table().map_err(raised)?, lidar: lidar.clone() })
     }
 
@@ -128,8 +128,10 @@ impl PySensor {
     }
 }
 
-/// Models of a vehicle by name.
-pub fn sensors_object<'py>(py: Python<'py>, vehicle: &Vehicle) -> PyResult<Bound<'py, PyDict>> {
+pub(crate) fn sensors_object<'py>(
+    py: Python<'py>,
+    vehicle: &Vehicle,
+) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for model in &vehicle.sensors {
         all.set_item(model.name.as_str(), PySensor::of(&model.lidar)?)?;
@@ -139,7 +141,7 @@ pub fn sensors_object<'py>(py: Python<'py>, vehicle: &Vehicle) -> PyResult<Bound
 
 /// A vehicle file: the models that it may carry, its mounts and rules.
 #[pyclass(name = "Vehicle", module = "sightline", frozen)]
-pub struct PyVehicle {
+pub(crate) struct PyVehicle {
     pub path: PathBuf,
     /// Current folder when it was read: that of a relative path.
     root: PathBuf,

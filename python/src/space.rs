@@ -28,7 +28,7 @@ const RULES: [&str; 6] =
 /// LiDARs come mount after mount, each mount's models in the order of the vehicle file. Ties (`equal_height`, `symmetric`) are
 /// kept by having fewer variables; `min_distance` and `keep_out` are not, see `violations`.
 #[pyclass(name = "Space", module = "sightline", frozen)]
-pub struct PySpace {
+pub(crate) struct PySpace {
     scene: Py<PyScene>,
     equipment: Equipment,
     rules: Constraints,
@@ -39,7 +39,10 @@ pub struct PySpace {
 
 impl PySpace {
     /// The space of some equipment, or of the fullest.
-    pub fn new(scene: &Bound<'_, PyScene>, equipment: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    pub(crate) fn new(
+        scene: &Bound<'_, PyScene>,
+        equipment: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let vehicle = scene.get().built.scene.vehicle();
         let is_given = equipment.is_some();
         let equipment = match equipment {
@@ -53,7 +56,7 @@ impl PySpace {
     }
 
     /// Rules of the mounts for its LiDARs.
-    pub fn constraints(&self) -> &Constraints {
+    pub(crate) fn constraints(&self) -> &Constraints {
         &self.rules
     }
 
@@ -254,7 +257,7 @@ impl PySpace {
 
 impl PySpace {
     /// Poses of `count` draws, `[count, L, 6]`.
-    pub fn drawn<'py>(
+    pub(crate) fn drawn<'py>(
         &self,
         py: Python<'py>,
         count: usize,
@@ -284,7 +287,7 @@ impl PySpace {
 }
 
 /// Poses of placements, f64 in an array of a shape.
-pub fn poses_of<'py>(
+pub(crate) fn poses_of<'py>(
     py: Python<'py>,
     placements: &[Placement],
     shape: &[usize],

@@ -63,8 +63,7 @@ const OF_SCENE: [(&str, &str); 6] = [
 #[pyo3(signature = (kind, scenes, poses = None, *, sensors = None, phases = None, objective = "near_gain",
     evaluations = 120, random = 200, seed = 1, budget = None, conditions = None, regions = None, sensor_files = None,
     voxel = 0.1, progress = None))]
-#[allow(clippy::too_many_arguments)]
-pub fn study_table<'py>(
+pub(crate) fn study_table<'py>(
     py: Python<'py>,
     kind: &str,
     scenes: &Bound<'py, PyAny>,
@@ -163,7 +162,6 @@ fn frames_of(kind: Kind, has_rigs: bool, scenes: &[Arc<Built>]) -> Option<u32> {
     scenes[0].options.frames.or(all.filter(|_| kind == Kind::Loss && has_rigs))
 }
 
-/// Further regions by name.
 fn boxes(given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Subregion>> {
     let region = |(name, corners): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
         let name: String = name.extract()?;

@@ -11,8 +11,7 @@ use sightline::{Note, Placement};
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, shape_in_words};
-use crate::counted::counted;
-use crate::engine::Built;
+use crate::engine::{Built, counted};
 use crate::errors::{bad, raised};
 use crate::progress::WorkMessages;
 
@@ -20,7 +19,7 @@ use crate::progress::WorkMessages;
 const ROW_BYTES: usize = size_of::<TargetRow>() + 128;
 
 /// Targets by preset or file, at distances in metres and bearings in degrees.
-pub fn target_question(
+pub(crate) fn target_question(
     targets: &Bound<'_, PyAny>,
     distances: &Bound<'_, PyAny>,
     bearings: &Bound<'_, PyAny>,
@@ -42,7 +41,7 @@ fn named(names: &[String]) -> PyResult<Vec<Target>> {
 }
 
 /// Targets whose redundancy is counted; the usual presets for `None`.
-pub fn redundancy_targets(targets: Option<&Bound<'_, PyAny>>) -> PyResult<TargetQuestion> {
+pub(crate) fn redundancy_targets(targets: Option<&Bound<'_, PyAny>>) -> PyResult<TargetQuestion> {
     let names = match targets {
         Some(targets) => arguments::texts("targets", targets)?,
         None => REDUNDANCY_TARGETS.map(str::to_owned).to_vec(),
@@ -51,7 +50,7 @@ pub fn redundancy_targets(targets: Option<&Bound<'_, PyAny>>) -> PyResult<Target
 }
 
 /// Numbers in a row that `is_allowed`.
-pub fn row(
+pub(crate) fn row(
     what: &str,
     given: &Bound<'_, PyAny>,
     allowed: &str,
@@ -76,14 +75,14 @@ fn ends_at_nothing() -> PyErr {
 
 impl Built {
     /// Range card of a placement; `None` with coverage `through`.
-    pub fn range_card(&self, placement: &Placement) -> PyResult<Option<RangeCard>> {
+    pub(crate) fn range_card(&self, placement: &Placement) -> PyResult<Option<RangeCard>> {
         let site = self.job.target_site().map_err(raised)?;
         let card = site.map(|site| RangeCard::new(site, &placement.lidars)).transpose();
         card.map_err(|unknown| bad(unknown.to_string()))
     }
 
     /// Voxels, ground and targets by the number of LiDARs of a placement that see them.
-    pub fn redundancy(
+    pub(crate) fn redundancy(
         &self,
         question: &TargetQuestion,
         placement: &Placement,
@@ -103,7 +102,7 @@ impl Built {
     }
 
     /// Surfaces and directions that pairs of LiDARs of a placement share.
-    pub fn overlap(
+    pub(crate) fn overlap(
         &self,
         least_shared: u64,
         placement: &Placement,
@@ -122,7 +121,7 @@ impl Built {
 
     /// Beams of a placement on each target at its places, and distances of detection; in the scored frames, or on `level`
     /// ground.
-    pub fn detections(
+    pub(crate) fn detections(
         &self,
         question: &TargetQuestion,
         placement: &Placement,
@@ -145,7 +144,7 @@ impl Built {
     }
 
     /// Doubt about distances beyond the range of every LiDAR of a placement; `None` where there are none.
-    pub fn beyond(
+    pub(crate) fn beyond(
         &self,
         question: &TargetQuestion,
         placement: &Placement,
@@ -163,7 +162,11 @@ impl Built {
     }
 
     /// Beams of a placement on each target at each bearing and distance on level ground, by LiDAR, in that order.
-    pub fn beams_on(&self, question: &TargetQuestion, placement: &Placement) -> PyResult<Vec<u32>> {
+    pub(crate) fn beams_on(
+        &self,
+        question: &TargetQuestion,
+        placement: &Placement,
+    ) -> PyResult<Vec<u32>> {
         let site = self.job.target_site().map_err(raised)?;
         let site = site.ok_or_else(ends_at_nothing)?;
         let table = question.on_level_ground(site, placement);

@@ -15,17 +15,17 @@ use crate::progress::{Progress, Shown, WorkMessages};
 static HOME: OnceLock<u32> = OnceLock::new();
 
 /// Remembers this process as the one whose threads are shared; called when the module is imported.
-pub fn remember_home() {
+pub(crate) fn remember_home() {
     HOME.get_or_init(std::process::id);
 }
 
 /// True in a copy of the process, which a fork has made: threads do not survive a fork.
-pub fn is_forked() -> bool {
+pub(crate) fn is_forked() -> bool {
     HOME.get().is_some_and(|home| *home != std::process::id())
 }
 
 /// Runs work that may use the shared threads; in a forked process on threads of its own, as many as the parent has.
-pub fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+pub(crate) fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if !is_forked() {
         return work();
     }
@@ -43,7 +43,7 @@ pub fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 ///
 /// # Errors
 /// `OSError`: the system refuses another thread.
-pub fn start(work: impl FnOnce() + Send + 'static) -> PyResult<()> {
+pub(crate) fn start(work: impl FnOnce() + Send + 'static) -> PyResult<()> {
     let named = std::thread::Builder::new().name("sightline".into());
     let started = named.spawn(|| pooled(work));
     started.map(drop).map_err(|error| {
@@ -61,7 +61,7 @@ const LOOK: Duration = Duration::from_millis(20);
 ///
 /// # Errors
 /// A signal whose handler raises, as Ctrl-C does; an exception of the function that is told of progress.
-pub fn wait<T: Send>(
+pub(crate) fn wait<T: Send>(
     py: Python<'_>,
     receiver: &Mutex<Receiver<T>>,
     mut shown: Option<&mut Shown>,
@@ -81,10 +81,7 @@ pub fn wait<T: Send>(
 
 /// Runs `work` on a thread of its own and waits for it, showing how far it is as calls do that are not told how. A signal
 /// that raises stops the watch that `work` gets; `work` goes on in the background until it looks there.
-///
-/// # Errors
-/// Like [`wait`]; a panic of `work`.
-pub fn interruptible<T: Send + 'static>(
+pub(crate) fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&WorkMessages) -> T + Send + 'static,
 ) -> PyResult<T> {
@@ -92,10 +89,7 @@ pub fn interruptible<T: Send + 'static>(
 }
 
 /// Like [`interruptible`], and shows how far the work is as `progress` says.
-///
-/// # Errors
-/// Like [`wait`]; a panic of `work`.
-pub fn watched<T: Send + 'static>(
+pub(crate) fn watched<T: Send + 'static>(
     py: Python<'_>,
     progress: Progress,
     work: impl FnOnce(&WorkMessages) -> T + Send + 'static,
@@ -117,10 +111,7 @@ pub fn watched<T: Send + 'static>(
 }
 
 /// The record that `work` makes, as `dict`s, `list`s and numbers; see [`watched`].
-///
-/// # Errors
-/// Like [`watched`]; the errors of `work`.
-pub fn answer<'py, T: Serialize + Send + 'static>(
+pub(crate) fn answer<'py, T: Serialize + Send + 'static>(
     py: Python<'py>,
     progress: Option<Progress>,
     work: impl FnOnce(&WorkMessages) -> PyResult<T> + Send + 'static,

@@ -8,9 +8,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::AuditError;
 use crate::geom::Pose;
-use crate::job::JobScene;
+use crate::job::{JobError, JobScene};
 use crate::psog::{Psog, PsogError, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
@@ -72,7 +71,9 @@ impl Trial {
         let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
         let harmless = gain(&scores) >= (1.0 - HARMLESS) * gain(base);
         let is_fooled = fooled.iter().any(|name| *name != LIKES_LOSS);
-        let is_clear = scores.guards.iter().all(|guard| is_of_base(guard, &base.guards));
+        let is_of_base =
+            |guard: &Guard| base.guards.iter().any(|known| tells_no_more(guard, known));
+        let is_clear = scores.guards.iter().all(is_of_base);
         let verdict = match (is_fooled, is_clear) {
             (false, _) => TrialResult::NotFooled,
             (true, false) => TrialResult::Caught,
@@ -81,11 +82,6 @@ impl Trial {
         };
         Self { name: name.to_owned(), scores, fooled, verdict }
     }
-}
-
-/// True if a guard of an attempt tells no more than one of the base.
-fn is_of_base(guard: &Guard, base: &[Guard]) -> bool {
-    base.iter().any(|known| tells_no_more(guard, known))
 }
 
 /// True for a guard of the kind of another one, on the same class, LiDAR and scene, that is no worse: a blind sector within
@@ -123,10 +119,7 @@ fn looks_down(table: &BeamTable) -> bool {
 }
 
 /// Layouts that see little, or no more than fewer LiDARs would, with the name of each attempt; `sensors` has the models.
-///
-/// # Errors
-/// A model that there is not.
-pub fn gaming_placements(
+pub(crate) fn gaming_placements(
     base: &Placement,
     sensors: &Sensors,
 ) -> Result<Vec<(&'static str, Placement)>, UnknownSensor> {
@@ -180,7 +173,7 @@ fn with_rotation(pose: SensorPose, turned: &Pose) -> SensorPose {
 
 /// The placement as a mechanic would mount it: each coordinate off by up to `metres`, each angle by up
 /// to `radians`, evenly.
-pub fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> Placement {
+pub(crate) fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> Placement {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut off = |by: f64| rng.random_range(-by..=by);
     let lidars = placement.lidars.iter().map(|pose| SensorPose {
@@ -203,7 +196,7 @@ pub(super) struct AlteredWorld {
 }
 
 /// Every change of the model that the scene allows.
-pub(super) fn changed_worlds(job: &JobScene) -> Result<Vec<AlteredWorld>, AuditError> {
+pub(super) fn changed_worlds(job: &JobScene) -> Result<Vec<AlteredWorld>, JobError> {
     let (scene, psog, all) = (job.scene(), job.psog(|_| true)?, job.frame_numbers().len() as u32);
     let mut worlds = Vec::new();
     if all > 1 {

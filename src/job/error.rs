@@ -74,6 +74,12 @@ pub enum JobError {
     /// Objectives of a front that cannot be read, or that the vehicle does not have.
     #[error(transparent)]
     Front(#[from] FrontError),
+    /// An audit without a placement.
+    #[error("there are no placements to audit; name at least one")]
+    NothingToAudit,
+    /// An audit of several scenes.
+    #[error("an audit is of one scene, not of {given}; audit them one by one")]
+    SeveralToAudit { given: usize },
     /// A saved search that was begun with another vehicle or other scenes.
     #[error("{why}")]
     OtherState { why: String },

@@ -43,13 +43,13 @@ pub use front::front_html;
 
 /// The page of a run: the result in a sentence and a picture, then all that is known of it. `tolerance` is
 /// [`Subject::tolerance`].
-pub fn report_html(run: &RunRecord, figures: &Figures, tolerance: &str) -> String {
+pub(crate) fn report_html(run: &RunRecord, figures: &Figures, tolerance: &str) -> String {
     let subject = Subject { tolerance: tolerance.to_owned(), ..Subject::of(run) };
     page(&subject, figures, Some(run)).into_string()
 }
 
 /// The page of a placement that was not searched for.
-pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
+pub(crate) fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
     page(subject, figures, None).into_string()
 }
 
@@ -57,7 +57,6 @@ pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 
-/// Head of every page.
 fn head(title: &str) -> Markup {
     html! {
         head {
@@ -139,7 +138,7 @@ fn unbroken(words: &str) -> Markup {
 
 /// Subject of a page, whether it was searched for or given.
 #[derive(Debug, Clone)]
-pub struct Subject<'a> {
+pub(crate) struct Subject<'a> {
     /// Name of the scene; all names where there are several.
     pub scene: &'a str,
     /// Each of several scenes.
@@ -161,8 +160,7 @@ pub struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    /// The subject of a run.
-    pub fn of(run: &'a RunRecord) -> Self {
+    pub(crate) fn of(run: &'a RunRecord) -> Self {
         Self {
             scene: &run.scene,
             scenes: &run.scenes,
@@ -177,7 +175,7 @@ impl<'a> Subject<'a> {
     }
 
     /// A placement that was given, by `objective` in clear air; `command` makes the page again.
-    pub fn given(
+    pub(crate) fn given(
         scene: &'a str,
         scenes: &'a [SceneRecord],
         result: &'a Scored,
@@ -202,7 +200,7 @@ impl<'a> Subject<'a> {
 
     /// The subject with weather and faults that it holds for.
     #[must_use]
-    pub fn under(self, conditions: &'a [String]) -> Self {
+    pub(crate) fn under(self, conditions: &'a [String]) -> Self {
         Self { conditions, ..self }
     }
 
@@ -220,14 +218,13 @@ const MOVING_FRAMES: u32 = 12;
 const MOST_LOST: usize = 512;
 
 /// Figures that are computed of a placement for its page, beyond its scores.
-pub struct Looks {
+pub(crate) struct Looks {
     /// Information that the placement gains, seen from above, by name of the scene.
     maps: Vec<(String, InformationMap)>,
     /// 3-D view of the placement in each scene.
     views: Vec<ViewData>,
     /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
     near: Result<Near, String>,
-    /// LiDARs of the placement against each other.
     several: Several,
     /// True if bodies of the vehicle move: some figures are of frame 0.
     has_moving_bodies: bool,
@@ -259,10 +256,7 @@ struct Near {
 impl Looks {
     /// Looks at a placement and its baselines in the scenes of a job, whose suite is over all frames, on the CPU
     /// within the memory of the job's engine. Losses of LiDARs are left out once `go_on`, which is asked often, says no.
-    ///
-    /// # Errors
-    /// Like [`open`] and the stages of the engine.
-    pub fn new(
+    pub(crate) fn new(
         job: &Job,
         suite: &Suite,
         placement: &Placement,
@@ -312,7 +306,7 @@ impl Looks {
     }
 
     /// Near field of the placement and of the best baseline; `None` where there is none to tell.
-    pub fn near_field(&self) -> Option<NearRecord> {
+    pub(crate) fn near_field(&self) -> Option<NearRecord> {
         let looked = self.near.as_ref().ok()?;
         let mut all = looked.all.iter().map(|(_, near)| near.clone());
         Some(NearRecord { frames: looked.frames, near: all.next()?, rival: all.next() })
@@ -375,7 +369,7 @@ fn near<'a>(
 
 /// The drawings of a page, as SVG, and the data of its 3-D view.
 #[derive(Debug, Clone)]
-pub struct Figures {
+pub(crate) struct Figures {
     /// Objective against evaluations; `None` without a search.
     pub convergence: Option<String>,
     /// The placement on the vehicle; `None` without a result.
@@ -402,7 +396,7 @@ pub struct Figures {
 
 impl Figures {
     /// Draws a placement; `body` holds the ego body's triangles in the ego frame.
-    pub fn new(
+    pub(crate) fn new(
         shown: Option<&Scored>,
         constraints: &Constraints,
         body: &[[[f32; 3]; 3]],
@@ -452,7 +446,7 @@ impl Figures {
     }
 
     /// Every drawing with a name of its own; `result` is the placement that they show.
-    pub fn files(&self, result: Option<&Scored>) -> Vec<(String, String)> {
+    pub(crate) fn files(&self, result: Option<&Scored>) -> Vec<(String, String)> {
         let mut all = Vec::new();
         let mut add = |name: &str, svg: &str| all.push((name.to_owned(), svg.to_owned()));
         self.placement.iter().for_each(|svg| add("placement", svg));
@@ -471,7 +465,7 @@ impl Figures {
     }
 
     /// Adds the convergence of a run.
-    pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
+    pub(crate) fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
         let best = run.best.as_ref();
         let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
         let svg = convergence_svg(history, &run.objective, &run.baselines, best, steps);

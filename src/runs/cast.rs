@@ -1,6 +1,5 @@
 //! `cast` and `view`: every beam's hit in one frame, and a page about a placement.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -206,7 +205,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, Ru
     let (page, figures, is_met) = page(request, &job, &mut evaluator, shown, &baselines)?;
     let wrote = outputs::wrote(request.figures.figures.as_deref(), figures.len(), Some(out));
     outputs::write_figures(request.figures.figures.as_deref(), figures)?;
-    write_whole(out, |file| file.write_all(page.as_bytes()).map_err(RunError::io(out)))?;
+    outputs::write_text(out, &page)?;
     wrote.iter().for_each(|wrote| computing.watcher.note(wrote));
     if !is_met {
         let name = &shown.name;

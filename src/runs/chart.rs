@@ -43,7 +43,7 @@ pub struct ChartRequest {
     pub random: u32,
     /// How much worse than the best placement that of a coarser setting may be, as a share of the score;
     /// pairs of placements farther apart than that must keep their order, 19 of 20 of them
-    #[cfg_attr(feature = "cli", arg(long = "regret", alias = "tolerance", value_name = "SHARE", default_value_t = 0.01, value_parser = super::parse::share))]
+    #[cfg_attr(feature = "cli", arg(long = "regret", alias = "tolerance", value_name = "SHARE", default_value_t = 0.01, value_parser = super::parse::number_that(|share| (0.0..=1.0).contains(&share), "0 to 1, as 0.01")))]
     pub tolerance: f64,
     /// Edge of the finest voxels in metres, which all other settings are compared with
     /// [default: half of the scene's, where that is 0.1 or more]

@@ -161,7 +161,6 @@ fn is_mask(name: &str) -> bool {
     is_number && !mount.is_empty()
 }
 
-/// The rig as it is drawn.
 fn drawn(rig: &HandoverRig) -> DrawnRig<'_> {
     let lidars = rig.placement.lidars.iter().enumerate().map(|(k, pose)| DrawnLidar {
         pose: *pose,

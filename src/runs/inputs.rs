@@ -23,7 +23,7 @@ const PLACEMENTS_ALONE: &str = "holds placements; give a scene to score them in 
 const MOST_LOOKED_AT: u64 = 1 << 28;
 
 /// Scenes in the order given, and the file of placements where there is one.
-pub struct Files {
+pub(crate) struct Files {
     /// Scene files.
     pub scenes: Vec<PathBuf>,
     /// Placements.
@@ -33,10 +33,7 @@ pub struct Files {
 impl Files {
     /// Sorts files by their content: placements are a `.jsonl` file, standard input, or a document
     /// `{"placements": [ … ]}`; all others are scenes.
-    ///
-    /// # Errors
-    /// Two files of placements, or placements without a scene.
-    pub fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, RunError> {
+    pub(crate) fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, RunError> {
         let sorted = Self::told_apart(files)?;
         if let ([], Some(only)) = (&sorted.scenes[..], &sorted.placements) {
             return Err(RunError::Usage(format!("{}: {PLACEMENTS_ALONE}", only.display())));
@@ -49,7 +46,7 @@ impl Files {
     ///
     /// # Errors
     /// Two files of placements; a file that cannot be read; a last file that is neither a scene nor placements.
-    pub fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
+    pub(crate) fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
         let (scenes, placements) = told_apart(files)?;
         if let [first, second, ..] = &placements[..] {
             return Err(RunError::Usage(format!(
@@ -62,7 +59,7 @@ impl Files {
     }
 
     /// Scenes, and one file of placements or several, for a command that needs both.
-    pub fn with_rigs(
+    pub(crate) fn with_rigs(
         files: &[PathBuf],
         watcher: &dyn Watcher,
     ) -> Result<(Vec<PathBuf>, Vec<PathBuf>), RunError> {
@@ -76,10 +73,7 @@ impl Files {
     }
 
     /// Scenes, and the file of placements, for a command that takes the vehicle's level ground where there is no scene.
-    ///
-    /// # Errors
-    /// See [`Self::told_apart`]; neither a scene nor a vehicle.
-    pub fn or_level_ground(
+    pub(crate) fn or_level_ground(
         files: &[PathBuf],
         computing: &Computing<'_>,
     ) -> Result<(Vec<PathBuf>, PathBuf), RunError> {
@@ -95,10 +89,7 @@ impl Files {
 
     /// Like [`Self::sort`], for a command that needs placements. If no file looks like placements, the last one is
     /// taken for them, so that its own fault is reported.
-    ///
-    /// # Errors
-    /// See [`Self::sort`]; a single file is an error, too.
-    pub fn with_placements(
+    pub(crate) fn with_placements(
         files: &[PathBuf],
         watcher: &dyn Watcher,
     ) -> Result<(Vec<PathBuf>, PathBuf), RunError> {
@@ -155,10 +146,7 @@ fn told_apart(files: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<PathBuf>), RunErro
 }
 
 /// Checks, before any work begins, that a file is there and may be read. Pipes are not touched.
-///
-/// # Errors
-/// The reason of the operating system.
-pub fn can_be_read(file: &Path) -> Result<(), RunError> {
+pub(crate) fn can_be_read(file: &Path) -> Result<(), RunError> {
     let file = file.to_str().map_or(file, |text| Path::new(file_and_name(text).0));
     let is_stream = file == Path::new("-") || (file.exists() && !file.is_file() && !file.is_dir());
     let opened = if is_stream { Ok(()) } else { files::open(file).map(drop) };
@@ -177,7 +165,7 @@ fn may_be_scene(file: &Path) -> bool {
 }
 
 /// The first scene whose file was given before, in words.
-pub fn repeated(scenes: &[PathBuf]) -> Option<String> {
+pub(crate) fn repeated(scenes: &[PathBuf]) -> Option<String> {
     let file = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
     scenes.iter().enumerate().find_map(|(k, scene)| {
         let first = scenes[..k].iter().find(|other| file(other) == file(scene))?;
@@ -190,7 +178,7 @@ pub fn repeated(scenes: &[PathBuf]) -> Option<String> {
 }
 
 /// Notes that a scene is given twice: a mean may weigh it so, but an interval over scenes is then too narrow.
-pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
+pub(crate) fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
     if let Some(what) = repeated(scenes) {
         watcher.note(&format!(
             "{what} and counts twice in means; intervals over scenes look narrower than they are, but for the interval \
@@ -200,17 +188,14 @@ pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
 }
 
 /// Files of a folder of `optimize`.
-pub const RESULT: &str = "result.json";
-pub const PLACEMENTS: &str = "placements.json";
+pub(crate) const RESULT: &str = "result.json";
+pub(crate) const PLACEMENTS: &str = "placements.json";
 /// Largest result that is read, in bytes.
-pub const MOST_OF_RESULT: u64 = 1 << 30;
+pub(crate) const MOST_OF_RESULT: u64 = 1 << 30;
 
 /// A file of placements, perhaps with `:NAME`. The folder of a run stands for the result in its file, the folder of a front
 /// for all points; `FOLDER:NAME` is any placement of its file.
-///
-/// # Errors
-/// A folder of placements whose result cannot be read.
-pub fn rig_file(text: &str) -> Result<String, RunError> {
+pub(crate) fn rig_file(text: &str) -> Result<String, RunError> {
     let (folder, name) = file_and_name(text);
     let folder = Path::new(folder);
     let file = folder.join(PLACEMENTS);
@@ -224,15 +209,12 @@ pub fn rig_file(text: &str) -> Result<String, RunError> {
 }
 
 /// [`rig_file`] of a path, with its errors.
-pub fn rig_path(path: &Path) -> Result<PathBuf, RunError> {
+pub(crate) fn rig_path(path: &Path) -> Result<PathBuf, RunError> {
     path.to_str().map_or_else(|| Ok(path.to_owned()), |text| rig_file(text).map(PathBuf::from))
 }
 
 /// The result that the folder of a run holds.
-///
-/// # Errors
-/// A folder without one, or one that cannot be read.
-pub fn result_of(folder: &Path) -> Result<Value, RunError> {
+pub(crate) fn result_of(folder: &Path) -> Result<Value, RunError> {
     let file = folder.join(RESULT);
     let wrong = |why: &str| {
         RunError::Usage(format!(
@@ -249,7 +231,7 @@ pub fn result_of(folder: &Path) -> Result<Value, RunError> {
 }
 
 /// Name of the placement that a search found; `None` of a front, and where none was found.
-pub fn best_of(result: &Value) -> Option<&str> {
+pub(crate) fn best_of(result: &Value) -> Option<&str> {
     result["best"]["placement"]["name"].as_str()
 }
 
@@ -263,7 +245,7 @@ fn vehicle_of_run(file: &Path) -> Option<String> {
 
 /// Notes sensors of a vehicle's mounts that have no price, which count as 0: where others have one, or where `is_priced`
 /// says that prices matter.
-pub fn note_unpriced(vehicle: &Vehicle, is_priced: bool, watcher: &dyn Watcher) {
+pub(crate) fn note_unpriced(vehicle: &Vehicle, is_priced: bool, watcher: &dyn Watcher) {
     let is_mounted = |name| vehicle.mounts.iter().any(|mount| mount.sensors.contains(&name));
     let mounted = vehicle.sensors.iter().filter(|sensor| is_mounted(sensor.name));
     let (free, priced): (Vec<_>, Vec<_>) = mounted.partition(|sensor| !sensor.has_price);
@@ -282,18 +264,14 @@ pub fn note_unpriced(vehicle: &Vehicle, is_priced: bool, watcher: &dyn Watcher) 
 }
 
 /// All placements of a file, or one by its name behind a colon; see [`rig_file`] for folders of runs.
-///
-/// # Errors
-/// A file that cannot be read, or has no placement of the name.
-pub fn named_placements(text: &str) -> Result<Vec<Placement>, RunError> {
+pub(crate) fn named_placements(text: &str) -> Result<Vec<Placement>, RunError> {
     Ok(read_placements(rig_file(text)?)?)
 }
 
 /// Most doubts that are noted: of a million placements in degrees the first few say enough.
 const MOST_TOLD: u64 = 3;
 
-/// Checks the placements of a file.
-pub struct Given<'a> {
+pub(crate) struct Given<'a> {
     file: PathBuf,
     sensors: Sensors,
     doubts: Doubts,
@@ -308,7 +286,7 @@ pub struct Given<'a> {
 
 impl<'a> Given<'a> {
     /// Checks placements against the sensors and mounts of a vehicle.
-    pub fn new(
+    pub(crate) fn new(
         file: &Path,
         sensors: &Sensors,
         constraints: &Constraints,
@@ -321,21 +299,18 @@ impl<'a> Given<'a> {
     }
 
     /// Checks placements against the sensors and mounts of a problem.
-    pub fn in_problem(file: &Path, problem: &Problem, computing: &Computing<'a>) -> Self {
+    pub(crate) fn in_problem(file: &Path, problem: &Problem, computing: &Computing<'a>) -> Self {
         Self::new(file, problem.sensors(), problem.rules(), computing)
     }
 
     /// Leaves out doubts about the mount's rules, which the search reports; units are still checked.
     #[must_use]
-    pub fn ruled(self) -> Self {
+    pub(crate) fn ruled(self) -> Self {
         Self { doubts: Doubts::of_units(), ..self }
     }
 
     /// Names LiDARs by `--sensor`, and checks some placements.
-    ///
-    /// # Errors
-    /// A sensor that the vehicle does not have, or none where it has several.
-    pub fn look<'p>(
+    pub(crate) fn look<'p>(
         &mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
     ) -> Result<(), RunError> {
@@ -380,10 +355,7 @@ impl<'a> Given<'a> {
     }
 
     /// Checks that each choice of `--sensor` meets a LiDAR of the placements looked at; notes choices that change nothing.
-    ///
-    /// # Errors
-    /// The index of a LiDAR that no placement has.
-    pub fn check_choices(&self) -> Result<(), RunError> {
+    pub(crate) fn check_choices(&self) -> Result<(), RunError> {
         let most = self.most_lidars;
         let beyond = |choice: &&SensorChoice| choice.lidar.is_some_and(|lidar| lidar >= most);
         if let Some(choice) = self.choices.iter().find(beyond).filter(|_| most > 0) {
@@ -402,10 +374,7 @@ impl<'a> Given<'a> {
     }
 
     /// Checks all placements of the command, and the choices of `--sensor`.
-    ///
-    /// # Errors
-    /// See [`Self::look`] and [`Self::check_choices`].
-    pub fn whole<'p>(
+    pub(crate) fn whole<'p>(
         self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
     ) -> Result<(), RunError> {
@@ -413,7 +382,7 @@ impl<'a> Given<'a> {
     }
 
     /// Notes how many more doubts there are than were noted.
-    pub fn finish(&self) {
+    pub(crate) fn finish(&self) {
         if self.found > MOST_TOLD {
             let (more, file) = (self.found - MOST_TOLD, self.file.display());
             let more = counted(more as usize, "more LiDAR");
@@ -421,8 +390,7 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// Checks all placements.
-    pub fn all<'p>(
+    pub(crate) fn all<'p>(
         mut self,
         placements: impl IntoIterator<Item = &'p mut Placement>,
     ) -> Result<Self, RunError> {
@@ -433,7 +401,7 @@ impl<'a> Given<'a> {
 }
 
 /// The layouts of Table 7 where a vehicle is the paper's car: one model, a mount that holds them; else none.
-pub fn held(
+pub(crate) fn held(
     vehicle: &Vehicle,
     sensors: &Sensors,
     computing: &Computing<'_>,
@@ -442,10 +410,7 @@ pub fn held(
 }
 
 /// Names the models of layouts of the paper: by `--sensor`, else the first of several models, which is noted.
-///
-/// # Errors
-/// A model of `--sensor` that the vehicle does not have.
-pub fn name_published(
+pub(crate) fn name_published(
     mut layouts: Vec<Placement>,
     sensors: &Sensors,
     computing: &Computing<'_>,

@@ -23,7 +23,7 @@ use sightline_files::json::counted;
 
 /// Seconds until scoring could begin.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct LoadTimes {
+pub(crate) struct LoadTimes {
     /// Reading files.
     pub load: f64,
     /// P-SOG, trees, device.
@@ -31,13 +31,17 @@ pub struct LoadTimes {
 }
 
 /// A job whose scenes are read and posed.
-pub struct Loaded {
+pub(crate) struct Loaded {
     pub job: Job,
     pub times: LoadTimes,
 }
 
 /// Reads a scene file for a job, and notes likely mistakes in it.
-pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, RunError> {
+pub(crate) fn read(
+    path: &Path,
+    vehicle: Option<&Path>,
+    watcher: &dyn Watcher,
+) -> Result<Scene, RunError> {
     no_run_folder(path)?;
     told(Scene::read_with(path, vehicle)?, watcher)
 }
@@ -64,7 +68,7 @@ pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, RunErr
 }
 
 /// [`job`] with a limit of time: an error where it ends before the P-SOGs are built.
-pub fn job_within(
+pub(crate) fn job_within(
     files: &JobFiles,
     time: Option<TimeLimit>,
     computing: &Computing<'_>,
@@ -120,7 +124,7 @@ pub fn psog(
 }
 
 /// The error of a scan for a P-SOG, with the reason for a stop.
-pub fn stopped(
+pub(crate) fn stopped(
     error: PsogError,
     place: &str,
     time: Option<TimeLimit>,
@@ -165,13 +169,13 @@ fn note_psog(psog: &Psog, scene: &Scene, watcher: &dyn Watcher) {
 
 impl Loaded {
     /// Files of all scenes with their digests.
-    pub fn inputs(&self) -> Result<Vec<Input>, RunError> {
+    pub(crate) fn inputs(&self) -> Result<Vec<Input>, RunError> {
         let each = self.job.scenes().iter().map(|scene| Input::of(scene.scene().files()));
         Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
     }
 
     /// Poses the job, and tells the size of its scenes as detail.
-    pub fn suite(&mut self, computing: &Computing<'_>) -> Result<Suite, RunError> {
+    pub(crate) fn suite(&mut self, computing: &Computing<'_>) -> Result<Suite, RunError> {
         let (start, watcher) = (Instant::now(), computing.watcher);
         let suite = self.job.suite()?;
         for member in suite.members().iter().filter(|member| !member.is_mirrored()) {
@@ -190,7 +194,7 @@ impl Loaded {
     }
 
     /// Poses the job and opens an engine for each scene; notes its device.
-    pub fn evaluator(&mut self, computing: &Computing<'_>) -> Result<Evaluator, RunError> {
+    pub(crate) fn evaluator(&mut self, computing: &Computing<'_>) -> Result<Evaluator, RunError> {
         self.suite(computing)?;
         let (start, watcher) = (Instant::now(), computing.watcher);
         let told = watcher.notes();
@@ -203,7 +207,11 @@ impl Loaded {
 
 /// Reads a scene for its geometry alone: its P-SOG is not needed and stays empty. `mend` names parts to add to a scene
 /// without geometry.
-pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Scene, RunError> {
+pub(crate) fn geometry(
+    path: &Path,
+    mend: &str,
+    computing: &Computing<'_>,
+) -> Result<Scene, RunError> {
     let scene = read(path, computing.vehicle.as_deref(), computing.watcher)?;
     if !scene.has_geometry() {
         return Err(RunError::Usage(format!(
@@ -215,7 +223,7 @@ pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Sc
 }
 
 /// Notes the meaning of scores under a condition that moves points alone.
-pub fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
+pub(crate) fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
     let conditions = conditions.iter().filter_map(|text| text.parse::<Condition>().ok());
     let (blur, others): (Vec<ConditionKind>, Vec<ConditionKind>) =
         conditions.map(|condition| condition.kind()).partition(|kind| *kind == ConditionKind::Blur);
@@ -235,7 +243,7 @@ pub fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
 }
 
 /// Notes that `--frames` is larger than the number of frames.
-pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
+pub(crate) fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     let count = scene.frame_count();
     if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
         watcher.note(&format!("--frames {wanted}: the scene has {count}; all of them are used"));
@@ -243,23 +251,17 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
 }
 
 /// Level ground around the vehicle of a file, with its notes.
-pub fn level_ground(
+pub(crate) fn level_ground(
     vehicle: &Path,
     frames: Option<u32>,
     watcher: &dyn Watcher,
 ) -> Result<Scene, RunError> {
-    let scene = Scene::level_ground(vehicle)?;
-    scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
-    note_frames_on_level_ground(frames, watcher);
-    Ok(scene)
-}
-
-/// Notes that `--frames` is more than the one frame of level ground.
-fn note_frames_on_level_ground(wanted: Option<u32>, watcher: &dyn Watcher) {
-    if let Some(wanted) = wanted.filter(|wanted| *wanted > 1) {
-        watcher
-            .note(&format!("--frames {wanted}: without a scene there is one frame, level ground"));
+    let scene = told(Scene::level_ground(vehicle)?, watcher)?;
+    if let Some(wanted) = frames.filter(|wanted| *wanted > 1) {
+        let words = "without a scene there is one frame, level ground";
+        watcher.note(&format!("--frames {wanted}: {words}"));
     }
+    Ok(scene)
 }
 
 /// Notes scenes with other classes than the first, which only the counts by class depend on.
@@ -288,10 +290,7 @@ fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
 }
 
 /// Notes mounts of a scene's vehicle that look into the own body, which ends beams in it.
-///
-/// # Errors
-/// A model without beams.
-pub fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), RunError> {
+pub(crate) fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), RunError> {
     if scene.scene().coverage() == Coverage::FirstHit {
         let told = mounts_into_body(scene.scene(), &scene.models()?).map_err(BackendError::from)?;
         told.iter().for_each(|words| watcher.note(words));

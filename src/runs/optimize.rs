@@ -7,6 +7,7 @@ mod request;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -100,7 +101,8 @@ pub fn optimize(
     };
     folder.check(&inputs)?;
     outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
-    let (earlier, times) = (read_spent(&folder, &request.start), loaded.times);
+    let is_new = matches!(request.start, Start::New(_));
+    let (earlier, times) = (earlier_times::<Spent>(folder.path(), is_new), loaded.times);
     let mut run = begin(&job, going_on.take(), &folder, computing.watcher)?;
     earlier.kept.iter().for_each(|kept| run.keep(kept.clone()));
     let mut sitting =
@@ -300,14 +302,14 @@ struct Spent {
     kept: Option<Placement>,
 }
 
-/// The times of earlier sittings; a run that was killed before it wrote its first times has none. A new run
-/// takes none: with --force its folder may hold the times of another run.
-fn read_spent(folder: &RunDir<RunCheckpoint>, start: &Start) -> Spent {
-    if matches!(start, Start::New(_)) {
-        return Spent::default();
+/// Times of earlier sittings; none where a run was killed before it wrote its first, and for a new one: with --force its
+/// folder may hold those of another run.
+fn earlier_times<T: DeserializeOwned + Default>(folder: &Path, is_new: bool) -> T {
+    if is_new {
+        return T::default();
     }
-    let text = read_own(&folder.path().join(TIMES), 1 << 20).ok();
-    text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+    let text = read_own(&folder.join(TIMES), 1 << 20).unwrap_or_default();
+    serde_json::from_slice(&text).unwrap_or_default()
 }
 
 impl RunSession<'_> {
@@ -465,11 +467,11 @@ struct Bars<'a> {
 }
 
 impl<'a> Bars<'a> {
-    pub fn new(watcher: &'a dyn Watcher) -> Self {
+    pub(crate) fn new(watcher: &'a dyn Watcher) -> Self {
         Self { shown: None, watcher }
     }
 
-    pub fn show(&mut self, event: &Event) {
+    pub(crate) fn show(&mut self, event: &Event) {
         match *event {
             Event::Asks => {}
             Event::Note(sentence) => self.watcher.note(sentence),
@@ -494,7 +496,7 @@ impl<'a> Bars<'a> {
         }
     }
 
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.shown = None;
     }
 }

@@ -10,19 +10,16 @@ use crate::files::{
 };
 
 /// A figure: its name without an ending, and the SVG.
-pub type Figure = (String, String);
+pub(crate) type Figure = (String, String);
 
 /// Checks, before long work, that a folder of figures could be written; true if one is wanted.
-pub fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
+pub(crate) fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
     folder.map(writable_folder).transpose()?;
     Ok(folder.is_some())
 }
 
 /// Refuses figures in the folder of a run, whose own files would be in their way.
-///
-/// # Errors
-/// Such a folder.
-pub fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), RunError> {
+pub(crate) fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), RunError> {
     let place = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     match figures.filter(|figures| place(figures) == place(run)) {
         None => Ok(()),
@@ -34,7 +31,7 @@ pub fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<(), Run
 }
 
 /// Writes each figure as `NAME.svg`.
-pub fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), RunError> {
+pub(crate) fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), RunError> {
     let Some(folder) = folder else { return Ok(()) };
     let names = safe_names(figures.iter().map(|(name, _)| &**name));
     let named = names.into_iter().zip(figures);
@@ -50,18 +47,18 @@ pub(super) struct Drawings<'a> {
 }
 
 impl<'a> Drawings<'a> {
-    pub fn new(file: &'a Option<PathBuf>, folder: &'a FiguresOut) -> Self {
+    pub(crate) fn new(file: &'a Option<PathBuf>, folder: &'a FiguresOut) -> Self {
         Self { file: file.as_deref(), folder: folder.figures.as_deref() }
     }
 
     /// Checks, before work begins, that they can be written.
-    pub fn check(self) -> Result<(), RunError> {
+    pub(crate) fn check(self) -> Result<(), RunError> {
         self.file.map_or(Ok(()), |file| check_file(file, "svg"))?;
         check_figures(self.folder).map(drop)
     }
 
     /// Writes the figures, and the drawing where there is one; returns the sentence that names them.
-    pub fn write(
+    pub(crate) fn write(
         self,
         figures: Vec<Figure>,
         drawing: impl FnOnce() -> Option<String>,
@@ -72,10 +69,15 @@ impl<'a> Drawings<'a> {
         if let Some(file) = self.file
             && let Some(svg) = drawing()
         {
-            write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(RunError::io(file)))?;
+            write_text(file, &svg)?;
         }
         Ok(wrote)
     }
+}
+
+/// Writes a file of text, whole at any time.
+pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RunError> {
+    write_whole(path, |file| file.write_all(text.as_bytes()).map_err(RunError::io(path)))
 }
 
 /// Sentence that names what a command wrote: figures in a folder, and a drawing; `None` where nothing.

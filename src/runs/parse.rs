@@ -10,13 +10,13 @@ use crate::study::{Kind, Subregion};
 use crate::vehicle::FARTHEST_ON_VEHICLE;
 
 /// A whole number, as of a seed.
-pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
+pub(crate) fn whole<T: FromStr>(text: &str) -> Result<T, String> {
     let most = u128::MAX >> (128 - 8 * size_of::<T>());
     text.parse().map_err(|_| format!("give a whole number from 0 to {most}"))
 }
 
 /// A count of something without which nothing is done.
-pub fn at_least_one(text: &str) -> Result<u64, String> {
+pub(crate) fn at_least_one(text: &str) -> Result<u64, String> {
     text.parse()
         .ok()
         .filter(|n| *n > 0)
@@ -24,7 +24,7 @@ pub fn at_least_one(text: &str) -> Result<u64, String> {
 }
 
 /// A number below, at or above 0; `example` is one that fits the option.
-pub fn number_as(example: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
+pub(crate) fn number_as(example: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| {
         let found = text.parse().ok().filter(|value: &f64| value.is_finite());
         found.ok_or_else(|| format!("give a number, as {example}"))
@@ -35,25 +35,18 @@ pub fn number_as(example: &'static str) -> impl Fn(&str) -> Result<f64, String> 
 const MOST_PRICE: f64 = 1e12;
 
 /// A price of at most 1e12.
-pub fn price(text: &str) -> Result<f64, String> {
+pub(crate) fn price(text: &str) -> Result<f64, String> {
     let found = number_as("12000")(text)?;
     if found <= MOST_PRICE { Ok(found) } else { Err("give a price up to 1e12, as 12000".into()) }
 }
 
-/// A share from 0 to 1.
-pub fn share(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.01".to_owned())?;
-    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err("give 0 to 1, as in 0.01".into()) }
-}
-
 /// Metres above 0.
-pub fn metres(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.1".to_owned())?;
-    if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
+pub(crate) fn metres(text: &str) -> Result<f64, String> {
+    number_that(|metres| metres > 0.0 && metres.is_finite(), "metres above 0, as 0.1")(text)
 }
 
 /// A number that `is_good`; `wanted` names them.
-pub fn number_that(
+pub(crate) fn number_that(
     is_good: fn(f64) -> bool,
     wanted: impl Display + Clone,
 ) -> impl Fn(&str) -> Result<f64, String> + Clone {
@@ -64,7 +57,7 @@ pub fn number_that(
 }
 
 /// Position of `base_link` in the ego frame, metres.
-pub fn base_link(text: &str) -> Result<[f64; 3], String> {
+pub(crate) fn base_link(text: &str) -> Result<[f64; 3], String> {
     let fault = || "give X or X,Y,Z in metres, as in -1.4,0,0".to_owned();
     let numbers =
         text.split(',').map(|word| word.trim().parse().ok().filter(|v: &f64| v.is_finite()));
@@ -81,13 +74,13 @@ pub fn base_link(text: &str) -> Result<[f64; 3], String> {
 }
 
 /// Kinds of study by name, with the question that each answers.
-pub fn kinds() -> impl TypedValueParser<Value = Kind> {
+pub(crate) fn kinds() -> impl TypedValueParser<Value = Kind> {
     let values = Kind::ALL.map(|(_, name, answers)| PossibleValue::new(name).help(answers));
     PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
 }
 
 /// A region: its name and two corners, metres.
-pub fn parse_box(text: &str) -> Result<Subregion, String> {
+pub(crate) fn parse_box(text: &str) -> Result<Subregion, String> {
     let wrong = || {
         format!("`{text}` is no box; write NAME:x0,y0,z0,x1,y1,z1 in metres, lower corner first")
     };
@@ -103,14 +96,8 @@ pub fn parse_box(text: &str) -> Result<Subregion, String> {
     Ok(Subregion::of_box(name, [x0, y0, z0], [x1, y1, z1]))
 }
 
-/// A length above 0, metres.
-pub fn parse_length(text: &str) -> Result<f64, String> {
-    let wrong = || format!("`{text}` is no length; write metres, as 0.1");
-    text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite()).ok_or_else(wrong)
-}
-
 /// Point of the ground about which a body tilts, metres of the ego frame.
-pub fn tilt_about(text: &str) -> Result<[f64; 2], String> {
+pub(crate) fn tilt_about(text: &str) -> Result<[f64; 2], String> {
     let metres = |text: &str| text.trim().parse::<f64>().ok().filter(|m| m.abs() <= MOST_ABOUT);
     let found = text.split_once(',').and_then(|(x, y)| Some([metres(x)?, metres(y)?]));
     found.ok_or(format!("give x,y in metres within ±{MOST_ABOUT}, as 1.5,0"))

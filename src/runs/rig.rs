@@ -1,14 +1,12 @@
 //! Rigs in the formats of other programs, as files: read, written and compared.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::inputs::{file_and_name, rig_file};
 use super::{RunError, Watcher, outputs};
-use crate::files::{
-    Session, safe_name, shared_folder, writable_file, writable_folder, write_whole,
-};
+use crate::files::{Session, safe_name, shared_folder, writable_file, writable_folder};
 use crate::rig::{
     Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
     Rig, RigError, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
@@ -144,14 +142,11 @@ fn vehicle_of(request: &ExportRequest) -> Result<Option<Vehicle>, RunError> {
 
 /// Writes one file to `out`, several into the folder `out`.
 fn write_files(exported: &Exported, out: &Path) -> Result<(), RunError> {
-    let write = |path: &Path, text: &str| {
-        write_whole(path, |file| file.write_all(text.as_bytes()).map_err(RunError::io(path)))
-    };
     match &exported.files[..] {
         [file] if !out.is_dir() => {
             let ending = Path::new(&file.name).extension().unwrap_or_default().to_string_lossy();
             outputs::check_file(out, &ending)?;
-            write(out, &file.text)
+            outputs::write_text(out, &file.text)
         }
         files => {
             writable_folder(out)?;
@@ -159,7 +154,7 @@ fn write_files(exported: &Exported, out: &Path) -> Result<(), RunError> {
             // Checks all files first, so that none is written unless all can be.
             let place = |file: &NamedText| out.join(safe_name(&file.name));
             files.iter().try_for_each(|file| writable_file(&place(file)))?;
-            files.iter().try_for_each(|file| write(&place(file), &file.text))
+            files.iter().try_for_each(|file| outputs::write_text(&place(file), &file.text))
         }
     }
 }
@@ -198,7 +193,7 @@ pub fn import_files(
     let text = format!("{:#}\n", rig_json(&[rig]));
     let Some(out) = out else { return Ok(Some(text)) };
     writable_file(out)?;
-    write_whole(out, |file| file.write_all(text.as_bytes()).map_err(RunError::io(out)))?;
+    outputs::write_text(out, &text)?;
     Ok(None)
 }
 

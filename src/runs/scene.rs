@@ -183,7 +183,7 @@ struct SceneOutput<'a> {
 
 impl<'a> SceneOutput<'a> {
     /// Checks that both files can be written, and that nothing is lost that nobody has named, where `inputs` are read.
-    pub fn new(out: &'a Path, inputs: Option<&Path>) -> Result<Self, RunError> {
+    pub(crate) fn new(out: &'a Path, inputs: Option<&Path>) -> Result<Self, RunError> {
         let mesh = out.with_extension("ply");
         if mesh == out {
             return Err(RunError::Usage(format!(
@@ -245,7 +245,7 @@ impl<'a> SceneOutput<'a> {
     }
 
     /// Name of the scene, taken from its file.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         self.out.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 
@@ -255,7 +255,7 @@ impl<'a> SceneOutput<'a> {
     }
 
     /// Writes both and says so.
-    pub fn write(
+    pub(crate) fn write(
         &self,
         soup: &TriangleSoup,
         scene: &Value,

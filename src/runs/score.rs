@@ -54,8 +54,12 @@ pub fn score(
     if request.resume && scenes.len() > 1 {
         return Err(RunError::Usage("--resume: takes one scene".to_owned()));
     }
-    if total > 0 && scenes.len() == 1 {
-        check_coverage_of(&placements, request)?;
+    if let ([_], Some(folder)) = (&scenes[..], &request.coverage_out)
+        && total > 0
+    {
+        let names = placements.reader()?.map(|placement| Ok(placement?.name));
+        let names = names.collect::<Result<Vec<String>, RunError>>()?;
+        check_coverage(std::slice::from_ref(folder), names.iter().map(|name| &**name), request)?;
     }
     let is_met = match &scenes[..] {
         [scene] => stream::score(request, computing, scene, &placements, total, start, out),
@@ -206,14 +210,6 @@ fn check_coverage<'a>(
 fn coverage_folders(evaluator: &Evaluator, folder: &Path) -> Vec<PathBuf> {
     let names = safe_names(evaluator.members().map(|(member, _)| member.name()));
     names.iter().map(|name| folder.join(name)).collect()
-}
-
-/// Like [`check_coverage`], for the placements of files in one scene.
-fn check_coverage_of(placements: &RigFiles, request: &ScoreRequest) -> Result<(), RunError> {
-    let Some(folder) = &request.coverage_out else { return Ok(()) };
-    let names = placements.reader()?.map(|placement| Ok(placement?.name));
-    let names = names.collect::<Result<Vec<String>, RunError>>()?;
-    check_coverage(std::slice::from_ref(folder), names.iter().map(|name| &**name), request)
 }
 
 /// Like [`check_coverage`], for placements in several scenes.

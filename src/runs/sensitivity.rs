@@ -391,7 +391,7 @@ pub(super) struct OpenJob {
 }
 
 impl OpenJob {
-    pub fn new(
+    pub(crate) fn new(
         request: &SharedRequest,
         scenes: &[PathBuf],
         file: &Path,
@@ -451,7 +451,7 @@ impl OpenJob {
         outputs::over(&each)
     }
 
-    pub fn finish(&self, computing: &Computing<'_>) {
+    pub(crate) fn finish(&self, computing: &Computing<'_>) {
         if !computing.watcher.goes_on() {
             computing.watcher.note_interrupted(None);
         }

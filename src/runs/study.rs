@@ -62,7 +62,7 @@ pub struct StudyRequest {
     #[cfg_attr(feature = "cli", arg(long = "box", value_name = "BOX", value_parser = super::parse::parse_box))]
     pub regions: Vec<Subregion>,
     /// Edge of a voxel in metres, for `published` [default: 0.1, as in the paper]
-    #[cfg_attr(feature = "cli", arg(long, value_name = "M", value_parser = super::parse::parse_length))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M", value_parser = super::parse::metres))]
     pub voxel: Option<f64>,
     /// Seed of all randomness
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = StudySettings::default().seed, value_parser = super::parse::whole::<u64>))]
@@ -228,7 +228,6 @@ struct Recorded {
     inputs: Vec<Input>,
 }
 
-/// The state of a study: an interrupted one goes on from it.
 #[derive(Serialize, Deserialize)]
 struct StudyCheckpoint {
     settings: Value,

@@ -24,7 +24,7 @@ const MOST_OUT_OF_RANGE: f64 = 0.01;
 const LEAST_UNIQUE: f64 = 0.01;
 
 /// Largest share of a LiDAR's beams that may end at the own vehicle; above it the guard `self_hit` is violated.
-pub const MOST_SELF_HITS: f64 = 0.25;
+pub(crate) const MOST_SELF_HITS: f64 = 0.25;
 
 /// Name of a blind sector in files; texts say `BLIND`.
 pub(crate) const BLIND_SECTOR: &str = "blind_sector";
@@ -95,11 +95,6 @@ pub enum Guard {
 }
 
 impl Guard {
-    /// True for a LiDAR that could be left out, in some scene.
-    pub fn is_of_redundancy(&self) -> bool {
-        self.redundant_lidar().is_some()
-    }
-
     /// The LiDAR that could be left out, in some scene; `None` of other guards.
     pub(crate) fn redundant_lidar(&self) -> Option<usize> {
         match self {
@@ -111,16 +106,14 @@ impl Guard {
 
     /// True for a reason not to believe the scores; false for a fact about the rig: a sector that it does not see, a LiDAR that
     /// could be left out.
-    pub fn is_doubt(&self) -> bool {
+    pub(crate) fn is_doubt(&self) -> bool {
         match self {
             Self::BlindSector(_) | Self::RedundantLidar { .. } => false,
             Self::InScene { guard, .. } => guard.is_doubt(),
             _ => true,
         }
     }
-}
 
-impl Guard {
     /// `name: sentence`, as files and other programs have it: a blind sector has the name `blind_sector`.
     pub fn keyed(&self) -> String {
         match self {
@@ -198,7 +191,7 @@ impl Serialize for Guard {
 ///
 /// One LiDAR sits in the middle of the mount's top; several stand level on the top's edge, evenly
 /// around it, the first one front left. `models` are those of the LiDARs.
-pub fn reference_layout(constraints: &Constraints, models: &[SensorName]) -> Placement {
+pub(crate) fn reference_layout(constraints: &Constraints, models: &[SensorName]) -> Placement {
     let nowhere = Arc::new(Region::default());
     let mut groups: Vec<(&Region, Vec<SensorName>)> = Vec::new();
     for (index, &model) in models.iter().enumerate() {
@@ -249,14 +242,14 @@ fn gained(tally: &Tally) -> u64 {
 
 /// The guard that a placement violates when its range hides information: `unlimited` is its tally
 /// with beams that reach every voxel.
-pub fn short_sight(tally: &Tally, unlimited: &Tally) -> Option<Guard> {
+pub(crate) fn short_sight(tally: &Tally, unlimited: &Tally) -> Option<Guard> {
     let lost = 1.0 - gained(tally) as f64 / gained(unlimited) as f64;
     (gained(unlimited) > 0 && tally.covered > 0 && lost > MOST_OUT_OF_RANGE)
         .then_some(Guard::ShortSight { lost })
 }
 
 /// Every guard that a tally over `frames` frames violates.
-pub fn guards_of(
+pub(crate) fn guards_of(
     tally: &Tally,
     content: &Content,
     has_hits: bool,

@@ -25,7 +25,6 @@ type Getter = fn(&Tasks, &TaskScores) -> Option<f64>;
 
 /// Near gains by the number of LiDARs that a voxel counts for at most.
 pub(crate) const NEAR_GAINS: [&str; 1 + REPEATS] = ["near_gain", "near_gain_2", "near_gain_3"];
-/// Name of the default objective.
 pub(crate) const NEAR_GAIN: &str = NEAR_GAINS[0];
 
 /// Every score that a search may maximize; all are "larger is better".
@@ -175,7 +174,7 @@ impl Objective {
 
     /// Like [`Self::value_of_tally`], over several scenes: of their scores together, see
     /// [`Scores::over_scenes`]. Each scene has the tally over its frames, its content and their number.
-    pub fn value_over_scenes<'a>(
+    pub(crate) fn value_over_scenes<'a>(
         &self,
         scenes: impl IntoIterator<Item = (Tally, &'a Content, usize)>,
     ) -> Option<f64> {
@@ -194,7 +193,7 @@ impl Objective {
     }
 
     /// A weighted sum of objectives.
-    pub fn mixed(parts: &[(f64, &Self)]) -> Self {
+    pub(crate) fn mixed(parts: &[(f64, &Self)]) -> Self {
         let term = |weight: f64| move |(own, metric): &(f64, Metric)| (weight * own, *metric);
         let terms: Vec<(f64, Metric)> =
             parts.iter().flat_map(|(weight, part)| part.terms.iter().map(term(*weight))).collect();
@@ -207,7 +206,7 @@ impl Objective {
     }
 
     /// True if a placement that covers every voxel has a value; if that one has none, no placement has one.
-    pub fn exists_in(&self, content: &Content) -> bool {
+    pub(crate) fn exists_in(&self, content: &Content) -> bool {
         let occupied = content.occupied().len() as u64;
         let all = Tally {
             covered: occupied.max(1),
@@ -223,20 +222,20 @@ impl Objective {
     ///
     /// A gain is a sum over voxels of a weight times a concave function of the number of LiDARs that cover the voxel.
     /// The function is the same for all voxels.
-    pub fn is_information_gain(&self) -> bool {
+    pub(crate) fn is_information_gain(&self) -> bool {
         const GAINS: [&str; 3] = ["information_gain", "information_gain_share", NEAR_GAIN];
         let gain = |metric: &Metric| GAINS.contains(&metric.name) || metric.is_repeated();
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
 
     /// True if the weight of a voxel depends on its position.
-    pub fn weighs_place(&self) -> bool {
+    pub(crate) fn weighs_place(&self) -> bool {
         self.near_most().is_some()
     }
 
     /// Lowest level of the near gains that the objective names: 1 for `near_gain`, 2 for `near_gain_2`, 3 for
     /// `near_gain_3`. `None` where it names none.
-    pub fn near_most(&self) -> Option<usize> {
+    pub(crate) fn near_most(&self) -> Option<usize> {
         let most = |metric: &Metric| NEAR_GAINS.iter().position(|name| *name == metric.name);
         self.terms.iter().filter_map(|(_, metric)| most(metric)).min().map(|place| place + 1)
     }
@@ -254,7 +253,6 @@ impl Objective {
         if self.is_share() { format!("{:.2} %", 100.0 * value) } else { spoken(value) }
     }
 
-    /// True if values are shares from 0 to 1.
     pub(crate) fn is_share(&self) -> bool {
         self.most() == Some(1.0)
     }
@@ -266,12 +264,11 @@ impl Objective {
 
     /// True if a guard is worth telling. An objective that wants voxels covered by several LiDARs, as `near_gain_2`, is
     /// not told of a LiDAR that gains little alone.
-    pub fn tells(&self, guard: &Guard) -> bool {
-        !(self.wants_redundancy() && guard.is_of_redundancy())
+    pub(crate) fn tells(&self, guard: &Guard) -> bool {
+        !(self.wants_redundancy() && guard.redundant_lidar().is_some())
     }
 
-    /// True if a detection target is needed.
-    pub fn needs_detection(&self) -> bool {
+    pub(crate) fn needs_detection(&self) -> bool {
         self.terms.iter().any(|(_, metric)| metric.detection)
     }
 }
@@ -289,7 +286,7 @@ pub(super) struct Tasks {
 
 impl Tasks {
     /// From sums over `frames` frames.
-    pub fn new(tally: &Tally, content: &Content, frames: usize) -> Self {
+    pub(crate) fn new(tally: &Tally, content: &Content, frames: usize) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
         let gain = |kind: Entropy| to_nats(kind.of(&tally.entropy)) / frames as f64;
         let task = |kind: Entropy| {
@@ -314,7 +311,7 @@ impl Tasks {
     }
 
     /// Tasks among the scores of a placement.
-    pub fn of(scores: &Scores) -> Self {
+    pub(crate) fn of(scores: &Scores) -> Self {
         let Scores { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3, .. } =
             *scores;
         Self { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 }

@@ -11,7 +11,7 @@ use crate::problem::Content;
 use crate::psog::to_nats;
 
 /// Σ H over all voxels of a scene in nats: of segmentation and of detection.
-pub fn totals(content: &Content) -> [f64; 2] {
+pub(crate) fn totals(content: &Content) -> [f64; 2] {
     let [segmentation, detection, ..] = content.entropy_total();
     [to_nats(segmentation), to_nats(detection)]
 }
@@ -76,14 +76,13 @@ impl Scores {
     /// means, and do not exist where one of them does not; gains and S-MIG, which are sums, are 0 in a scene
     /// in which nothing is covered. A class counts over the scenes that have it. Guards are those of any
     /// scene.
-    pub fn over_scenes(scenes: &[(&str, &Scores, [f64; 2])]) -> Self {
+    pub(crate) fn over_scenes(scenes: &[(&str, &Scores, [f64; 2])]) -> Self {
         let [(_, first, _), others @ ..] = scenes else { return Self::default() };
         if others.is_empty() {
             return (*first).clone();
         }
         let tasks = |&(_, scores, totals): &(&str, &Scores, [f64; 2])| (Tasks::of(scores), totals);
-        let Tasks { segmentation, detection, s_mig, near_gain, near_gain_2, near_gain_3 } =
-            Tasks::over_scenes(&scenes.iter().map(tasks).collect::<Vec<_>>());
+        let tasks = Tasks::over_scenes(&scenes.iter().map(tasks).collect::<Vec<_>>());
         let count = scenes.len() as f64;
         let plain = |of: fn(&Scores) -> f64| scenes.iter().map(|s| of(s.1)).sum::<f64>() / count;
         let unique = |lidar: usize| {
@@ -91,23 +90,16 @@ impl Scores {
         };
         Self {
             name: first.name.clone(),
-            segmentation,
-            s_mig,
-            near_gain,
-            near_gain_2,
-            near_gain_3,
-            entropy_sum: segmentation.information_gain,
             covered: plain(|scores| scores.covered),
             covered_nonzero: plain(|scores| scores.covered_nonzero),
             covered_by_class: by_class(scenes),
             beams: scenes.iter().map(|s| s.1.beams).sum::<u64>() / scenes.len() as u64,
             hit_share: mean(scenes.iter().map(|s| s.1.hit_share)),
-            detection,
             unique_share: (0..first.unique_share.len()).map(unique).collect(),
             required: required(scenes),
             guards: guards(scenes),
             broken_rules: first.broken_rules.clone(),
-            ..Self::default()
+            ..Self::of_tasks(tasks)
         }
     }
 }
@@ -171,7 +163,7 @@ pub struct Interval {
 /// scenes as there are, with replacement, and from each as many frames as it has. Equal seeds give equal bits.
 ///
 /// `None` where a scene has no frame, or there is no scene or no resample to draw.
-pub fn bootstrap(values: &[Vec<f64>], resamples: usize, seed: u64) -> Option<Interval> {
+pub(crate) fn bootstrap(values: &[Vec<f64>], resamples: usize, seed: u64) -> Option<Interval> {
     if values.is_empty() || resamples == 0 || values.iter().any(Vec::is_empty) {
         return None;
     }

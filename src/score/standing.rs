@@ -47,12 +47,12 @@ impl Standing {
     }
 
     /// The objective less the penalty for cars that are not seen.
-    pub fn worth(&self) -> Option<f64> {
+    pub(crate) fn worth(&self) -> Option<f64> {
         self.value.map(|value| value - self.blind)
     }
 
     /// The better one first.
-    pub fn compare(&self, other: &Self) -> Ordering {
+    pub(crate) fn compare(&self, other: &Self) -> Ordering {
         let value = |standing: &Self| standing.worth().unwrap_or(f64::NEG_INFINITY);
         self.violation
             .total_cmp(&other.violation)
@@ -90,12 +90,12 @@ impl Standing {
 
 /// Mean height of a placement's LiDARs above the ground, in metres: the null model that every
 /// correlation stands beside, because height alone ranks placements much as a score does.
-pub fn mean_height(placement: &Placement) -> f64 {
+pub(crate) fn mean_height(placement: &Placement) -> f64 {
     placement.lidars.iter().map(|l| l.z).sum::<f64>() / placement.lidars.len() as f64
 }
 
 /// Kendall's τ-b of two equally long lists; `None` where one of them is constant.
-pub fn kendall_tau(a: &[f64], b: &[f64]) -> Option<f64> {
+pub(crate) fn kendall_tau(a: &[f64], b: &[f64]) -> Option<f64> {
     let (mut agree, mut a_pairs, mut b_pairs) = (0.0, 0.0, 0.0);
     for i in 0..a.len() {
         for j in 0..i {
@@ -114,7 +114,7 @@ pub fn kendall_tau(a: &[f64], b: &[f64]) -> Option<f64> {
 }
 
 /// Spearman's rank correlation, ties at their mean rank; `None` where one list is constant.
-pub fn spearman(a: &[f64], b: &[f64]) -> Option<f64> {
+pub(crate) fn spearman(a: &[f64], b: &[f64]) -> Option<f64> {
     let ranks = |values: &[f64]| -> Vec<f64> {
         let rank = |v: f64| {
             let below = values.iter().filter(|&&w| w < v).count() as f64;

@@ -38,7 +38,7 @@ pub(super) struct Units {
 
 /// Union of held poses: coverage in each scene, and the poses themselves.
 #[derive(Debug, Clone, Default)]
-pub struct Unions {
+pub(crate) struct Unions {
     each: Vec<Union>,
     poses: Vec<u32>,
 }
@@ -75,7 +75,7 @@ impl Atlases {
     }
 
     /// Poses that fit at once.
-    pub fn capacity(&self) -> usize {
+    pub(crate) fn capacity(&self) -> usize {
         self.each[0].capacity()
     }
 
@@ -90,11 +90,14 @@ impl Atlases {
     }
 
     /// Like [`Atlas::hold`], in every scene.
-    pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
+    pub(crate) fn hold(
+        &mut self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+    ) -> Result<(), BackendError> {
         self.hold_while(evaluator, poses, &mut |_| true).map(drop)
     }
 
-    /// Like [`Atlas::hold_while`], in every scene.
     pub(super) fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,
@@ -121,14 +124,13 @@ impl Atlases {
     ///
     /// # Panics
     /// A pose is not held.
-    pub fn union(&self, poses: &[u32], unions: &mut Unions) {
+    pub(crate) fn union(&self, poses: &[u32], unions: &mut Unions) {
         unions.each.resize_with(self.each.len(), Union::default);
         let each = self.each.iter().zip(&mut unions.each);
         each.for_each(|(atlas, union)| atlas.union(poses, union));
         unions.poses = poses.to_vec();
     }
 
-    /// True if a search looks for targets.
     pub(super) fn has_sight(&self) -> bool {
         self.sight.is_some()
     }
@@ -208,7 +210,12 @@ impl Atlases {
     ///
     /// # Panics
     /// The pose is not held.
-    pub fn value_with(&self, objective: &Objective, unions: &Unions, pose: u32) -> Option<f64> {
+    pub(crate) fn value_with(
+        &self,
+        objective: &Objective,
+        unions: &Unions,
+        pose: u32,
+    ) -> Option<f64> {
         let tally = |(atlas, union): (&Atlas, &Union)| atlas.tally_with(union, pose);
         let tallies = self.each.iter().zip(&unions.each).map(tally);
         objective.value_over_scenes(
@@ -216,7 +223,6 @@ impl Atlases {
         )
     }
 
-    /// True if the vehicle has requirements on areas.
     pub(super) fn has_areas(&self) -> bool {
         self.each.iter().any(Atlas::has_areas)
     }

@@ -15,7 +15,6 @@ use crate::problem::Problem;
 use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
-/// Copies of a placement.
 pub(crate) const COPIES: usize = 200;
 /// Poses of each LiDAR: its own, and one for each copy, in which targets are looked at.
 const POSES_OF_COPIES: usize = 1 + COPIES;
@@ -42,7 +41,6 @@ pub(crate) fn error_of_share(share: f64, lidars: usize) -> f64 {
 
 /// A LiDAR in each of its poses.
 pub(crate) struct Column {
-    /// The first of its poses.
     own: SensorPose,
     /// Beams on targets in it; empty where no rule looks for targets.
     on_targets: SightBeams,
@@ -76,7 +74,6 @@ pub(crate) struct Moved {
     sight: Option<Arc<Sight>>,
 }
 
-/// Shares of the copies that meet requirements.
 pub(crate) struct Holds {
     /// Share for each requirement, in the order of the scores.
     pub each: Vec<f64>,
@@ -91,7 +88,7 @@ impl Moved {
     ///
     /// # Errors
     /// An engine that fails, a sensor that the vehicle does not have.
-    pub fn new(
+    pub(crate) fn new(
         (tolerance, seed, only): (Tolerance, u64, Option<usize>),
         (placement, required): (&Placement, usize),
         evaluator: &mut Evaluator,
@@ -121,7 +118,7 @@ impl Moved {
 
     /// A placement none of whose LiDARs is off, by which those of others [beside it](Self::shares_beside) are found; `go_on` and
     /// `None` work as in [`Self::new`].
-    pub fn still(
+    pub(crate) fn still(
         looked_at: (&Placement, usize),
         evaluator: &mut Evaluator,
         go_on: &mut dyn FnMut() -> bool,
@@ -131,7 +128,7 @@ impl Moved {
     }
 
     /// A question that does not look at some requirements, by their numbers in the order of the scores.
-    pub fn leaving_out(mut self, left_out: &[usize]) -> Self {
+    pub(crate) fn leaving_out(mut self, left_out: &[usize]) -> Self {
         let mut own: Vec<usize> = (0..self.wanted.len()).collect();
         self.problem.in_file_order(&mut own);
         left_out.iter().for_each(|&k| self.wanted[own[k]] = false);
@@ -140,7 +137,7 @@ impl Moved {
 
     /// Share of every requirement of other placements than one, in the order of the scores, 1 where it is not looked at. Only
     /// LiDARs are cast that stand elsewhere; `go_on` and `None` work as in [`Self::new`].
-    pub fn shares_beside(
+    pub(crate) fn shares_beside(
         &self,
         one: &Placement,
         others: &[Placement],
@@ -152,7 +149,7 @@ impl Moved {
     }
 
     /// Looks from now on only at requirements that some copies miss, by `holds`; all others count as met.
-    pub fn only_missed(mut self, holds: &Holds) -> Self {
+    pub(crate) fn only_missed(mut self, holds: &Holds) -> Self {
         let mut own: Vec<usize> = (0..self.wanted.len()).collect();
         self.problem.in_file_order(&mut own);
         for (own, share) in own.into_iter().zip(&holds.each) {
@@ -163,7 +160,12 @@ impl Moved {
 
     /// True if each requirement that is not looked at keeps `part` of its margin: share found less share required, `before`
     /// and `after`.
-    pub fn keeps_room(&self, before: &[(f64, f64)], after: &[(f64, f64)], part: f64) -> bool {
+    pub(crate) fn keeps_room(
+        &self,
+        before: &[(f64, f64)],
+        after: &[(f64, f64)],
+        part: f64,
+    ) -> bool {
         let mut wanted = self.wanted.clone();
         self.problem.in_file_order(&mut wanted);
         let room = |&(share, least): &(f64, f64)| share - least;
@@ -172,7 +174,7 @@ impl Moved {
     }
 
     /// Looks at few copies, or at all of them.
-    pub fn at_few(self, few: bool) -> Self {
+    pub(crate) fn at_few(self, few: bool) -> Self {
         Self { copies: if few { FEW_COPIES } else { COPIES }, ..self }
     }
 
@@ -317,7 +319,7 @@ impl Moved {
 
     /// For each of `others`: columns of the LiDARs whose pose differs from that in `one`, with their numbers. `go_on` and
     /// `None` work as in [`Self::new`].
-    pub fn columns_beside(
+    pub(crate) fn columns_beside(
         &self,
         one: &Placement,
         others: &[Placement],
@@ -346,7 +348,7 @@ impl Moved {
 
     /// Share of every requirement with no LiDAR off, over the frames that were cast, in the order of the scores; with
     /// other columns `instead` of LiDARs' own.
-    pub fn as_it_is(&self, instead: &[(usize, Column)]) -> Vec<f64> {
+    pub(crate) fn as_it_is(&self, instead: &[(usize, Column)]) -> Vec<f64> {
         let columns = self.columns(instead);
         let near = self.near_shares(&columns, &vec![0; columns.len()]);
         let each: Vec<_> = columns.iter().map(|column| &column.on_targets).collect();
@@ -365,7 +367,7 @@ impl Moved {
 
     /// Shares of the copies that meet the requirements. `found` has the share and the required share of each, over all
     /// frames; columns of `instead` replace LiDARs' own. `go_on` and `None` work as in [`Self::new`].
-    pub fn holds(
+    pub(crate) fn holds(
         &self,
         instead: &[(usize, Column)],
         found: &[(f64, f64)],

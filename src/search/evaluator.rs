@@ -45,7 +45,6 @@ pub struct Judged {
 struct Met {
     /// Share of beams on a car that are missing, if a search looks.
     car_missing: Option<f64>,
-    /// Results of the rules.
     seen: Vec<Seen>,
     /// LiDARs, among those looked at, that a rule needs in case another one is lost.
     needed: Vec<usize>,
@@ -207,12 +206,11 @@ impl Evaluator {
     ///
     /// # Panics
     /// There is no such member.
-    pub fn member_mut(&mut self, member: usize) -> (&Member, &mut dyn Backend) {
+    pub(crate) fn member_mut(&mut self, member: usize) -> (&Member, &mut dyn Backend) {
         let Seat { member, backend, .. } = &mut self.seats[member];
         (member, &mut **backend)
     }
 
-    /// The engines of all members, in order.
     pub(super) fn backends_mut(&mut self) -> impl Iterator<Item = &mut Box<dyn Backend>> {
         self.seats.iter_mut().map(|seat| &mut seat.backend)
     }

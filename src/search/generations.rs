@@ -108,7 +108,6 @@ pub struct Generation {
 pub struct Generations {
     cma: Option<Restarts>,
     best: Option<Best>,
-    /// Generations so far.
     pub(super) generation: u64,
     evaluations: u64,
     pub(super) stopped: Option<GenerationsStop>,
@@ -271,10 +270,7 @@ impl Generations {
 
     /// Scores the best placement so far anew: on another problem its old value compares with nothing. False, and
     /// nothing is changed, where `go_on` said no as in [`Self::step`].
-    ///
-    /// # Errors
-    /// The placement could not be evaluated.
-    pub fn rescore_best(
+    pub(crate) fn rescore_best(
         &mut self,
         evaluator: &mut Evaluator,
         settings: &Settings,
@@ -326,7 +322,7 @@ impl Generations {
 }
 
 /// Why a layout to start from is not used, in words; empty where it is.
-pub fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String> {
+pub(crate) fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String> {
     let (has, wanted) = (start.lidars.len(), constraints.lidars());
     if has != wanted {
         return vec![format!("it has {}, the mount {wanted}", counted(has, "LiDAR"))];

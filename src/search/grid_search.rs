@@ -36,18 +36,16 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Kind of slot of a pose.
-    pub fn kind(&self, pose: u32) -> usize {
+    pub(crate) fn kind(&self, pose: u32) -> usize {
         self.kinds[pose as usize]
     }
 
-    /// LiDARs of each kind.
-    pub fn lidars_by_kind(&self) -> &[usize] {
+    pub(crate) fn lidars_by_kind(&self) -> &[usize] {
         &self.lidars_by_kind
     }
 
     /// See [`GridSearch::fits`].
-    pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
+    pub(crate) fn fits(&self, pose: u32, others: &[u32]) -> bool {
         let at = |pose: u32| self.positions[pose as usize];
         let apart = |&other: &u32| other != pose && at(pose).distance(at(other)) >= self.least;
         let kind = self.kinds[pose as usize];
@@ -169,7 +167,7 @@ impl GridSearch {
     /// Like [`Self::hold`], some poses after others; `go_on` is asked in between and after every 2048 casts of a pose in
     /// a frame, with the number of poses cast. Returns the poses that are held then, in the order given: all, where
     /// `go_on` never says no.
-    pub fn hold_while(
+    pub(crate) fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,
         poses: &[u32],

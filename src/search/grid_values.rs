@@ -62,7 +62,6 @@ impl GridSearch {
         value
     }
 
-    /// True if the vehicle has a requirement, on an area or on a target.
     pub(super) fn has_requirements(&self) -> bool {
         self.atlas.has_areas() || self.atlas.has_target_rules()
     }

@@ -11,7 +11,7 @@ const ALL_SETS: u64 = 4000;
 
 /// Some frames, and the error of ranking by them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Level {
+pub(crate) struct Level {
     /// Frames in rising order, numbered through all scenes.
     pub frames: Vec<usize>,
     /// Ranking error of these frames: RMS over the placements of 1 − a · score / full score, with the best a. `None` where
@@ -64,9 +64,7 @@ struct FrameSets<'a> {
 /// Frames with their sums, so that a set with one frame more or less is a step away, not a sum over it.
 #[derive(Clone)]
 struct Set {
-    /// In rising order.
     frames: Vec<usize>,
-    /// Frames of each member.
     counts: Vec<usize>,
     /// `[members][placements]`.
     sums: Vec<Vec<Tally>>,
@@ -154,7 +152,6 @@ impl<'a> FrameSets<'a> {
         from == to || set.counts[from] > 1 || self.pilot.suite.is_single()
     }
 
-    /// The best `size` frames.
     fn best(&self, size: usize, from: Set) -> Set {
         let count = self.frames();
         if sets(count, size) <= ALL_SETS {

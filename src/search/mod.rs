@@ -11,7 +11,7 @@
 //! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
-//! | `atlas`, `atlases`, `coarse_grid`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
+//! | `atlas`, `atlases`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip` | models and numbers of sensors under a budget; requirements |
 //! | `tolerance`, `copies` | requirements in copies of a placement that are mounted a little off |
 //! | `phases` | check of a result at draws of phases that the search has not seen |
@@ -23,7 +23,6 @@ pub(crate) mod atlas;
 pub(crate) mod atlases;
 pub(crate) mod bound;
 pub(crate) mod climb;
-mod coarse_grid;
 mod copies;
 mod equip;
 mod error;
@@ -50,7 +49,6 @@ mod tests;
 mod tolerance;
 
 pub use bound::{Certificate, GainBound};
-pub(crate) use coarse_grid::coarse_grid;
 pub(crate) use copies::{COPIES, FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
 pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, OpenMount, PLAIN, cost_front};
@@ -65,8 +63,9 @@ pub use phases::PhaseCheck;
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub(crate) use seat::FRAMES_AT_ONCE;
-pub(crate) use settings::PATIENCE;
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
+pub(crate) use settings::{PATIENCE, coarse_grid};
+pub(crate) use spread::MANY_SCENES;
 pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};
 pub use swaps::Climbs;

@@ -134,17 +134,14 @@ impl<'a> Watch<'a> {
         self.tell(&Event::Note(sentence));
     }
 
-    /// True if the observer has stopped the run.
     pub(super) fn is_interrupted(&self) -> bool {
         self.interrupted
     }
 
-    /// Reason for which the run is to end, in words.
     pub(super) fn why_over(&self) -> &'static str {
         if self.interrupted { "interrupted" } else { "the time is over" }
     }
 
-    /// True if the run is to end.
     pub(super) fn is_over(&self) -> bool {
         self.interrupted || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }

@@ -36,7 +36,6 @@ const LATE_ERROR: f64 = 0.5 * TOLERANCE;
 /// Least frames of the first swaps. At equal work, many poses over two frames find more than half as many over four.
 const FRAMES_OF_SWAPS: usize = 2;
 
-/// A candidate for the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Finalist {
     placement: Placement,
@@ -53,9 +52,7 @@ pub(crate) struct FramesOnDemand {
     levels: Vec<Vec<usize>>,
     /// Error of each level against all frames, as the pilot saw it; see [`super::Level`].
     errors: Vec<Option<f64>>,
-    /// Present level.
     at: usize,
-    /// The best first.
     finalists: Vec<Finalist>,
     work: PlacementFrames,
     /// (generation, frames from then on), the start first.
@@ -114,7 +111,7 @@ pub struct WorkByPurpose {
 
 impl FramesOnDemand {
     /// Checks that loaded levels fit a suite of `frames` frames.
-    pub fn check(&self, frames: usize) -> Result<(), String> {
+    pub(crate) fn check(&self, frames: usize) -> Result<(), String> {
         let PlacementFrames { levels: chosen, search, swaps, confirm } = self.work;
         let parts = [
             ("the present level is not among them", self.at < self.levels.len()),
@@ -138,7 +135,7 @@ impl FramesOnDemand {
     }
 
     /// Placements that the levels hold.
-    pub fn held(&self) -> impl Iterator<Item = &Placement> {
+    pub(crate) fn held(&self) -> impl Iterator<Item = &Placement> {
         self.finalists.iter().map(|finalist| &finalist.placement)
     }
 
@@ -148,7 +145,7 @@ impl FramesOnDemand {
     ///
     /// # Errors
     /// One placement does not fit.
-    pub fn choose(
+    pub(crate) fn choose(
         whole: &Suite,
         settings: &Settings,
         memory: u64,
@@ -169,7 +166,7 @@ impl FramesOnDemand {
     }
 
     /// A search over the frames `few`, taken without a comparison with all: there was no time.
-    pub fn hurried(few: Vec<usize>, all: usize) -> Self {
+    pub(crate) fn hurried(few: Vec<usize>, all: usize) -> Self {
         Self::over(vec![few, (0..all).collect()], vec![None; 2])
     }
 
@@ -181,17 +178,14 @@ impl FramesOnDemand {
         Self { levels, errors, at, finalists, work, steps, worst_loss }
     }
 
-    /// Frames of the present level.
-    pub fn frames(&self) -> &[usize] {
+    pub(crate) fn frames(&self) -> &[usize] {
         &self.levels[self.at]
     }
 
-    /// Frames of the first level.
-    pub fn first(&self) -> &[usize] {
+    pub(crate) fn first(&self) -> &[usize] {
         &self.levels[0]
     }
 
-    /// True if the present level is all frames.
     fn is_full(&self) -> bool {
         self.at + 1 == self.levels.len()
     }
@@ -201,25 +195,24 @@ impl FramesOnDemand {
         self.levels.len() > 1
     }
 
-    /// Position of the present level.
-    pub fn level(&self) -> usize {
+    pub(crate) fn level(&self) -> usize {
         self.at
     }
 
     /// Position of the least level from the present one on that is enough after a share of the evaluations.
-    pub fn enough(&self, progress: f64) -> usize {
+    pub(crate) fn enough(&self, progress: f64) -> usize {
         let exact = self.errors[0].is_some_and(|error| error <= LATE_ERROR);
         let least = if progress < LATE || exact { 0 } else { self.second() };
         least.max(self.at)
     }
 
     /// Position of the level after the present one; of the last one where there is none.
-    pub fn next(&self) -> usize {
+    pub(crate) fn next(&self) -> usize {
         (self.at + 1).min(self.levels.len() - 1)
     }
 
     /// Position of the level that swaps are over.
-    pub fn of_swaps(&self) -> usize {
+    pub(crate) fn of_swaps(&self) -> usize {
         let enough = self.levels.iter().position(|level| level.len() >= FRAMES_OF_SWAPS);
         enough.unwrap_or(self.levels.len() - 1).max(self.second()).max(self.at)
     }
@@ -230,14 +223,14 @@ impl FramesOnDemand {
     }
 
     /// Goes to a level after a generation; the finalists are to be scored there.
-    pub fn go_to(&mut self, level: usize, generation: u64) {
+    pub(crate) fn go_to(&mut self, level: usize, generation: u64) {
         self.at = level;
         self.steps.push((generation, self.frames().len() as u32));
     }
 
     /// Goes to the last level of at most `frames` frames, where that is beyond the present one; the finalists are not
     /// scored there.
-    pub fn go_to_within(&mut self, frames: usize, generation: u64) {
+    pub(crate) fn go_to_within(&mut self, frames: usize, generation: u64) {
         let within = |level: &usize| self.levels[*level].len() <= frames;
         if let Some(level) = (self.at + 1..self.levels.len()).rev().find(within) {
             self.go_to(level, generation);
@@ -245,18 +238,18 @@ impl FramesOnDemand {
     }
 
     /// Counts sensor poses cast by swaps over the present frames.
-    pub fn note_swaps(&mut self, poses: u64) {
+    pub(crate) fn note_swaps(&mut self, poses: u64) {
         let casts = poses.saturating_mul(self.frames().len() as u64);
         self.work.swaps = self.work.swaps.saturating_add(casts);
     }
 
     /// True if the order of the finalists is to be checked after this generation.
-    pub fn is_due(&self, generation: u64) -> bool {
+    pub(crate) fn is_due(&self, generation: u64) -> bool {
         !self.is_full() && generation.is_multiple_of(GENERATIONS)
     }
 
     /// Takes note of a generation: placements that keep the rules of the mount, and their scores.
-    pub fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
+    pub(crate) fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
         self.work.search += (scored.len() * self.frames().len()) as u64;
         let standings = scored.into_iter().map(|(placement, scores)| Finalist {
             placement,
@@ -273,12 +266,12 @@ impl FramesOnDemand {
     }
 
     /// All finalists, to be scored over a new level.
-    pub fn finalists(&self) -> Vec<Placement> {
+    pub(crate) fn finalists(&self) -> Vec<Placement> {
         self.finalists.iter().map(|finalist| finalist.placement.clone()).collect()
     }
 
     /// Takes the scores of all finalists over the present level, which has more frames than the last.
-    pub fn rescored(&mut self, scores: &[Scores], objective: &Objective) {
+    pub(crate) fn rescored(&mut self, scores: &[Scores], objective: &Objective) {
         self.work.confirm += (scores.len() * self.frames().len()) as u64;
         for (finalist, scores) in self.finalists.iter_mut().zip(scores) {
             finalist.standing = Standing::of(scores, objective);
@@ -287,12 +280,12 @@ impl FramesOnDemand {
     }
 
     /// Finalists whose order is checked, that are not confirmed over all frames yet.
-    pub fn to_check(&self) -> Vec<Placement> {
+    pub(crate) fn to_check(&self) -> Vec<Placement> {
         self.unconfirmed(CHECKED)
     }
 
     /// All finalists that are not confirmed over all frames yet; none where the search itself is over all.
-    pub fn to_confirm(&self) -> Vec<Placement> {
+    pub(crate) fn to_confirm(&self) -> Vec<Placement> {
         if self.has_choice() { self.unconfirmed(FINALISTS) } else { Vec::new() }
     }
 
@@ -302,7 +295,7 @@ impl FramesOnDemand {
     }
 
     /// Takes the scores over all frames of the first finalists that were not confirmed yet.
-    pub fn confirmed(&mut self, scores: &[Scores], objective: &Objective) {
+    pub(crate) fn confirmed(&mut self, scores: &[Scores], objective: &Objective) {
         let all = self.levels[self.levels.len() - 1].len();
         self.work.confirm += (scores.len() * all) as u64;
         let open = self.finalists.iter_mut().filter(|f| f.confirmed.is_none());
@@ -315,7 +308,7 @@ impl FramesOnDemand {
 
     /// True if following the present level loses more than half the tolerance, as the checked finalists
     /// see it: (best over all frames − that of the first) / |best|.
-    pub fn is_unsure(&mut self) -> bool {
+    pub(crate) fn is_unsure(&mut self) -> bool {
         let checked = self.finalists.iter().take(CHECKED);
         let of_all: Vec<f64> = checked.filter_map(|f| f.confirmed?.value).collect();
         let best = of_all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -326,7 +319,7 @@ impl FramesOnDemand {
     }
 
     /// The best of the confirmed finalists; `None` where the search itself was over all frames.
-    pub fn winner(&self) -> Option<Placement> {
+    pub(crate) fn winner(&self) -> Option<Placement> {
         let confirmed: Vec<(&Finalist, Standing)> =
             self.finalists.iter().filter_map(|f| Some((f, f.confirmed?))).collect();
         let standings: Vec<Standing> = confirmed.iter().map(|(_, standing)| *standing).collect();
@@ -336,7 +329,7 @@ impl FramesOnDemand {
 
     /// Frames used, saved and risked by a search of `evaluations` placements, whose swaps cast `poses_swapped`
     /// sensor poses, `lidars` of them a placement.
-    pub fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
+    pub(crate) fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
         let all = self.levels[self.levels.len() - 1].len();
         let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);
         let PlacementFrames { levels, search, swaps, confirm } = self.work;

@@ -38,7 +38,7 @@ pub struct Scored {
 impl Scored {
     /// A placement with its scores, its value by an objective, and the rules that it breaks. Guards that do not matter
     /// for the objective are left out.
-    pub fn new(
+    pub(crate) fn new(
         placement: &Placement,
         mut judged: Judged,
         objective: &Objective,

@@ -8,7 +8,6 @@ use super::suite::{Member, SEARCHING, Suite};
 use crate::score::Objective;
 use crate::vehicle::Placement;
 
-/// Draws that the search has not seen.
 pub(super) const DRAWS: u64 = 8;
 /// Two-sided 95 % of Student's distribution with [`DRAWS`] − 1 degrees of freedom.
 const STUDENT: f64 = 2.365;
@@ -34,7 +33,7 @@ fn interval(values: &[f64]) -> [f64; 2] {
 
 impl Suite {
     /// True if any sensor of a placement has a phase that differs from frame to frame.
-    pub fn has_free_phase(&self) -> bool {
+    pub(crate) fn has_free_phase(&self) -> bool {
         let free = |member: &Member| {
             let slots = member.problem().constraints().slots.iter();
             slots.map(|slot| slot.sensor).any(|name| member.problem().sensors().is_free(name))
@@ -43,7 +42,7 @@ impl Suite {
     }
 
     /// True if weather or faults decide by chance which beams return.
-    pub fn has_weather(&self) -> bool {
+    pub(crate) fn has_weather(&self) -> bool {
         self.members().iter().any(|member| member.problem().air().is_some())
     }
 

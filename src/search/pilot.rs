@@ -6,7 +6,7 @@ use crate::problem::{Entropy, Tally};
 use crate::vehicle::Placement;
 
 /// Placements with their tallies over all frames of each scene.
-pub type Known = Vec<(Placement, Vec<Tally>)>;
+pub(crate) type Known = Vec<(Placement, Vec<Tally>)>;
 
 /// Tallies of a few placements, frame by frame of every scene.
 pub struct Pilot {
@@ -47,7 +47,7 @@ impl Pilot {
     }
 
     /// Placements × frames that were scored.
-    pub fn work(&self) -> u64 {
+    pub(crate) fn work(&self) -> u64 {
         (self.placements.len() * self.by_frame.len()) as u64
     }
 
@@ -65,7 +65,11 @@ impl Pilot {
 
     /// Shares of the information of a kind that a placement gains in each frame, `[scenes][frames]`; those of a
     /// mirror image are averaged with its original's. Near voxels count for up to `most` LiDARs.
-    pub fn gain_shares(&self, index: usize, (kind, most): (Entropy, usize)) -> Vec<Vec<f64>> {
+    pub(crate) fn gain_shares(
+        &self,
+        index: usize,
+        (kind, most): (Entropy, usize),
+    ) -> Vec<Vec<f64>> {
         let mut shares: Vec<Vec<f64>> = vec![Vec::new(); self.suite.scene_count()];
         let mut images = vec![0.0; shares.len()];
         for (member, range) in self.suite.members().iter().zip(self.suite.frame_ranges()) {

@@ -14,7 +14,7 @@ const ON_BOUND: f64 = 1e-3;
 const ON_RULE: f64 = 1e-3;
 
 /// Rules that every placement of a search keeps, beside the bounds of the mount, in words.
-pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
+pub(crate) fn rules_in_words(constraints: &Constraints) -> Vec<String> {
     let mut words = Vec::new();
     if constraints.min_distance > 0.0 {
         words.push(format!("LiDARs at least {} m apart", constraints.min_distance));

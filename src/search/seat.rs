@@ -36,7 +36,7 @@ pub(super) struct Seat {
 }
 
 impl Seat {
-    pub fn new(member: Member, backend: Box<dyn Backend>, memory: u64) -> Self {
+    pub(crate) fn new(member: Member, backend: Box<dyn Backend>, memory: u64) -> Self {
         Self { member, backend, memory, references: BTreeMap::new() }
     }
 
@@ -55,7 +55,7 @@ impl Seat {
     }
 
     /// Number of calls of `go_on` by [`Self::scores_while`] for so many placements; a reference layout adds some.
-    pub fn looks(&self, placements: usize) -> usize {
+    pub(crate) fn looks(&self, placements: usize) -> usize {
         let (groups, at_once) = self.parts();
         groups.len().max(1) * placements.div_ceil(at_once)
     }
@@ -96,7 +96,7 @@ impl Seat {
     }
 
     /// Scores and guards of placements, with beams of `range` metres.
-    pub fn scores(
+    pub(crate) fn scores(
         &mut self,
         placements: &[Placement],
         range: Option<f32>,
@@ -111,7 +111,7 @@ impl Seat {
 
     /// Like [`Self::scores`], to the same bits, with tallies over all frames that are already `known`; `None` once
     /// `go_on`, which is asked before every few placements and frames, says no.
-    pub fn scores_while(
+    pub(crate) fn scores_while(
         &mut self,
         placements: &[Placement],
         known: &[Option<Tally>],

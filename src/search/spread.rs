@@ -8,7 +8,7 @@ use crate::score::{Interval, Objective, bootstrap};
 /// Times that scenes and frames are drawn.
 const RESAMPLES: usize = 10_000;
 /// Scenes from which on an interval of resampled scenes is about as wide as it should be.
-const MANY_SCENES: usize = 10;
+pub(crate) const MANY_SCENES: usize = 10;
 
 /// The gain that is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -135,12 +135,12 @@ impl Suite {
     }
 
     /// True if there is one scene alone, and no mirror image.
-    pub fn is_single(&self) -> bool {
+    pub(crate) fn is_single(&self) -> bool {
         self.members.len() == 1
     }
 
     /// Scenes, mirror images not counted.
-    pub fn scene_count(&self) -> usize {
+    pub(crate) fn scene_count(&self) -> usize {
         self.members.iter().map(|member| member.scene + 1).max().unwrap_or(0)
     }
 
@@ -199,12 +199,18 @@ impl Suite {
 
     /// Copy at another random draw, which sets free phases and which beams return through weather: the own one and `more`.
     pub(super) fn at_draw(&self, more: u64) -> Self {
-        let drawn = |member: &Member| {
-            let problem = Problem::clone(&member.problem);
+        self.changed(|problem| {
             let sensors = problem.sensors().with_seed(problem.sensors().seed().wrapping_add(more));
-            Member { problem: Arc::new(problem.with_sensors(sensors)), ..member.clone() }
+            problem.with_sensors(sensors)
+        })
+    }
+
+    fn changed(&self, change: impl Fn(Problem) -> Problem) -> Self {
+        let member = |member: &Member| {
+            let problem = change(Problem::clone(&member.problem));
+            Member { problem: Arc::new(problem), ..member.clone() }
         };
-        Self { members: self.members.iter().map(drawn).collect() }
+        Self { members: self.members.iter().map(member).collect() }
     }
 
     /// The suite as a search sees it: at another draw than scores where they depend on one, so that a result does not live on
@@ -215,22 +221,14 @@ impl Suite {
 
     /// A copy that searches poses of some equipment. Given placements are still judged by the rules that they had.
     #[must_use]
-    pub fn with_equipment(&self, constraints: &Constraints) -> Self {
-        let changed = |member: &Member| {
-            let problem = Problem::clone(&member.problem).with_equipment(constraints.clone());
-            Member { problem: Arc::new(problem), ..member.clone() }
-        };
-        Self { members: self.members.iter().map(changed).collect() }
+    pub(crate) fn with_equipment(&self, constraints: &Constraints) -> Self {
+        self.changed(|problem| problem.with_equipment(constraints.clone()))
     }
 
     /// A copy without requirements.
     #[must_use]
     pub fn without_requirements(&self) -> Self {
-        let free = |member: &Member| {
-            let problem = Problem::clone(&member.problem).without_requirements();
-            Member { problem: Arc::new(problem), ..member.clone() }
-        };
-        Self { members: self.members.iter().map(free).collect() }
+        self.changed(|problem| problem.without_requirements())
     }
 
     /// Copy over some of the frames; a member without any of them is left out.

@@ -10,18 +10,18 @@ use serde::{Deserialize, Serialize};
 
 use super::atlases::Atlases;
 use super::climb::Moves;
-use super::coarse_grid::coarse_grid;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
 use super::on_demand::drawn;
+use super::settings::coarse_grid;
 use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 use sightline_files::json::counted;
 
 /// Default grid of the swaps: the spacing of the published placements.
-pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
+pub(crate) const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 
 /// Poses spread over the grid, as a multiple of the casts of the settings.
 const SPREAD: f64 = 0.75;
@@ -33,7 +33,6 @@ const MANY: u64 = 8;
 const WIDENED: usize = 4;
 /// Kicks out of local optima where as many poses are held as were to be cast; more where fewer are.
 const KICKS: u64 = 5;
-/// Most kicks.
 const MOST_KICKS: u64 = 32;
 /// LiDARs that a kick moves, one after the other, each anywhere.
 const KICKED: usize = 2;
@@ -219,7 +218,6 @@ fn grid_search(
     Ok(search)
 }
 
-/// Ends of climbs, and the best of them.
 #[derive(Default)]
 struct Ends {
     all: Vec<GridPlacement>,

@@ -85,7 +85,7 @@ impl fmt::Display for Tolerance {
 
 impl Tolerance {
     /// A doubt about a tolerance that no mounting has, in words.
-    pub fn doubt(&self) -> Option<String> {
+    pub(crate) fn doubt(&self) -> Option<String> {
         (self.metres > LIKELY[0] || self.radians > LIKELY[1]).then(|| {
             format!(
                 "--tolerance {self} is more than mountings are off, 0.2 m and 5°; a bracket holds within {}",
@@ -107,7 +107,7 @@ impl Tolerance {
     }
 
     /// True if LiDARs may be off at all.
-    pub fn is_some(&self) -> bool {
+    pub(crate) fn is_some(&self) -> bool {
         self.metres > 0.0 || self.radians > 0.0
     }
 

@@ -15,7 +15,7 @@ use crate::vehicle::{Placement, UnknownSensor};
 
 /// A beam that passes an edge closer than this is grazing: rounding may decide either way. Metres at
 /// ranges up to 100 m; `f32` keeps a hundredth of it there.
-pub const EDGE_TOLERANCE: f64 = 5e-4;
+pub(crate) const EDGE_TOLERANCE: f64 = 5e-4;
 /// Distances closer than this count as a tie, in metres and as a share of the distance.
 const TIE_TOLERANCE: f64 = 1e-4;
 /// Growth of both tolerances with each metre between the sensor and the origin of a tree's frame: twice the spacing
@@ -94,7 +94,7 @@ pub fn explain(bvh: &Bvh, origin: Vec3, direction: Vec3, range: f32, hit: Hit) -
 }
 
 /// Compares a hit of the reference in a frame with all triangles in `f64`; poses are not rounded.
-pub fn explain_in(
+pub(crate) fn explain_in(
     frame: &Frame,
     ego_from_sensor: &Pose,
     direction: [f32; 3],

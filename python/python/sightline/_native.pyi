@@ -512,6 +512,7 @@ def optimize(
     budget: float | None = None,
     fewest: bool = False,
     tolerance: str | None = "5mm,0.5deg",
+    bound: float | None = None,
     callback: Callable[[dict[str, Any]], object] | None = None,
     progress: _Progress = None,
 ) -> Result: ...

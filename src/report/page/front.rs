@@ -74,7 +74,6 @@ fn sentence(words: &str) -> String {
     format!("{}{}.", first.unwrap_or_default(), letters.as_str())
 }
 
-/// Sensors of each point.
 fn sensors(front: &Front) -> Markup {
     html! {
         section aria-labelledby="sensors" {
@@ -84,7 +83,6 @@ fn sensors(front: &Front) -> Markup {
     }
 }
 
-/// Scores, requirements and guards of all points.
 fn scores(front: &Front) -> Markup {
     let all: Vec<_> = front.points.iter().map(|point| point.scores.clone()).collect();
     html! {

@@ -125,7 +125,6 @@ pub(super) fn table(caption: &str, titles: &[&str], rows: &[(bool, Vec<Markup>)]
     }
 }
 
-/// A cell of text.
 pub(super) fn text(text: impl AsRef<str>) -> Markup {
     html! { (text.as_ref()) }
 }

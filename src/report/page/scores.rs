@@ -10,11 +10,8 @@ use crate::report::text::{Against, COUNTED_FROM, against as compared, value_in_w
 use crate::report::view::sight::InformationShare;
 use crate::report::{RunRecord, ScoreColumn};
 use crate::score::{Guard, HOLDS, Scores, Seen, percent_down, percent_up};
-use crate::search::Scored;
+use crate::search::{MANY_SCENES, Scored};
 use sightline_files::json::counted;
-
-/// Scenes from which on an interval of resampled scenes is about as wide as it should be.
-const MANY_SCENES: usize = 10;
 
 /// The gain over each baseline, or the near gain where that was maximized.
 pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
@@ -137,7 +134,7 @@ fn meaning(spoken: &[(&Scored, Vec<String>)]) -> String {
         ("requirements that are not met", any(&lacks)),
         ("requirements that hold on paper only", any(&|one| one.scores.holds_on_paper().is_some())),
         ("blind sectors", has(|guard| matches!(guard, Guard::BlindSector(_)))),
-        ("LiDARs that could be left out", has(Guard::is_of_redundancy)),
+        ("LiDARs that could be left out", has(|guard| guard.redundant_lidar().is_some())),
     ];
     let says = |what: &str, kinds: &[(&str, bool)]| {
         let listed: Vec<&str> = kinds.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
@@ -186,7 +183,6 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     }
 }
 
-/// Gains in each of several scenes.
 pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
     let column = ScoreColumn::argued(subject.objective);
     let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines, column);

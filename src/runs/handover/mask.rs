@@ -31,17 +31,17 @@ pub(super) struct SelfHitMask<'a> {
 }
 
 impl<'a> SelfHitMask<'a> {
-    pub fn new(table: &'a BeamTable, phase: f64, own: &'a [bool]) -> Self {
+    pub(crate) fn new(table: &'a BeamTable, phase: f64, own: &'a [bool]) -> Self {
         Self { table, phase, own }
     }
 
     /// Beams that end at the own body, and all.
-    pub fn counts(&self) -> [usize; 2] {
+    pub(crate) fn counts(&self) -> [usize; 2] {
         [self.own.iter().filter(|own| **own).count(), self.own.len()]
     }
 
     /// True if the beams are rings and columns.
-    pub fn is_grid(&self) -> bool {
+    pub(crate) fn is_grid(&self) -> bool {
         self.table.grid().is_some()
     }
 
@@ -56,7 +56,7 @@ impl<'a> SelfHitMask<'a> {
 
     /// Rings as rows, columns as columns: 1 where the beam ends at the own body. The first row holds the columns' azimuths;
     /// each row begins with its ring, elevation and azimuth offset. Listed directions are a row each.
-    pub fn csv(&self) -> String {
+    pub(crate) fn csv(&self) -> String {
         let bit = |own: &bool| if *own { "1" } else { "0" }.to_owned();
         let Some(grid) = self.table.grid() else {
             let titles = ["beam", "azimuth_deg", "elevation_deg", "own_body"].map(str::to_owned);
@@ -86,7 +86,7 @@ impl<'a> SelfHitMask<'a> {
 
     /// The mask as a grey picture, a pixel a beam in the order of the table; listed directions over azimuth from 180° at
     /// the left to −180° and elevation from 90° at the top, half a degree a pixel.
-    pub fn png(&self) -> Vec<u8> {
+    pub(crate) fn png(&self) -> Vec<u8> {
         let value = |own: bool| if own { OWN } else { FREE };
         if let Some(grid) = self.table.grid() {
             let pixels: Vec<u8> = self.own.iter().map(|own| value(*own)).collect();

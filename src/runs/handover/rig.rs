@@ -54,7 +54,7 @@ pub(super) struct HandoverRig {
 
 impl HandoverRig {
     /// Sentence on the frame that the body is taken in, where bodies of the vehicle move.
-    pub fn frame_in_words(&self) -> Option<String> {
+    pub(crate) fn frame_in_words(&self) -> Option<String> {
         let scene = self.scene();
         let others = match (scene.has_moving_bodies(), scene.has_bodies_held_still()) {
             (true, _) => "--frame",
@@ -68,7 +68,10 @@ impl HandoverRig {
         ))
     }
 
-    pub fn new(request: &HandoverRequest, computing: &Computing<'_>) -> Result<Self, RunError> {
+    pub(crate) fn new(
+        request: &HandoverRequest,
+        computing: &Computing<'_>,
+    ) -> Result<Self, RunError> {
         let Some((text, scenes)) = request.files.split_last() else {
             return Err(RunError::Usage("give a file of placements".to_owned()));
         };
@@ -130,33 +133,33 @@ impl HandoverRig {
         })
     }
 
-    pub fn scene(&self) -> &Scene {
+    pub(crate) fn scene(&self) -> &Scene {
         self.job.scene()
     }
 
     /// Name of the vehicle, or of the scene where the vehicle has none.
-    pub fn vehicle_name(&self) -> &str {
+    pub(crate) fn vehicle_name(&self) -> &str {
         let scene = self.scene();
         if scene.vehicle().name.is_empty() { scene.name() } else { &scene.vehicle().name }
     }
 
     /// Beams of a LiDAR.
-    pub fn table(&self, lidar: usize) -> &BeamTable {
+    pub(crate) fn table(&self, lidar: usize) -> &BeamTable {
         self.sensors.table(self.models[lidar])
     }
 
     /// Name of a model; `lidar` for the one of a scene, which has none.
-    pub fn model_name(&self, model: usize) -> String {
+    pub(crate) fn model_name(&self, model: usize) -> String {
         let name = self.sensors.models()[model].name;
         if name.is_none() { "lidar".to_owned() } else { name.as_str().to_owned() }
     }
 
-    pub fn price(&self, model: usize) -> f64 {
+    pub(crate) fn price(&self, model: usize) -> f64 {
         self.sensors.models()[model].price
     }
 
     /// Numbers of the models that the rig has, rising.
-    pub fn used_models(&self) -> Vec<usize> {
+    pub(crate) fn used_models(&self) -> Vec<usize> {
         let mut used = self.models.clone();
         used.sort_unstable();
         used.dedup();
@@ -164,7 +167,7 @@ impl HandoverRig {
     }
 
     /// The mask of each LiDAR.
-    pub fn masks(&self) -> Vec<SelfHitMask<'_>> {
+    pub(crate) fn masks(&self) -> Vec<SelfHitMask<'_>> {
         let mask = |k: usize| {
             let phase = self.placement.lidars[k].phase.unwrap_or_default();
             SelfHitMask::new(self.table(k), phase, &self.own[k])
@@ -313,7 +316,6 @@ fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> 
     warnings
 }
 
-/// Lines of the title block.
 fn about(run: Option<&RunFound>, text: &str) -> Vec<String> {
     let tolerance = match run {
         Some(run) => run.tolerance,
@@ -371,11 +373,7 @@ fn scene(
             let mend = "static shapes, actors and an ego body";
             opening::geometry(Path::new(file), mend, computing)?
         }
-        ([], Some(vehicle)) => {
-            let scene = Scene::level_ground(vehicle)?;
-            scene.notes().iter().try_for_each(|note| computing.watcher.tell(note))?;
-            scene
-        }
+        ([], Some(vehicle)) => opening::level_ground(vehicle, None, computing.watcher)?,
         ([], None) => return Err(no_ground(placements)),
         ([_, second, ..], _) => {
             return Err(RunError::Usage(format!(

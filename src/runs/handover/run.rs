@@ -46,7 +46,7 @@ impl GivenRig {
     ///
     /// # Errors
     /// A folder that holds no result of a search; a search that found nothing.
-    pub fn new(text: &str) -> Result<Self, RunError> {
+    pub(crate) fn new(text: &str) -> Result<Self, RunError> {
         let (folder, name) = file_and_name(text);
         let folder = Path::new(folder);
         if !folder.is_dir() {

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::request::{Begun, NewRun, command, in_full};
-use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, priced};
-use crate::files::{FileError, RunDir, Session, command_of as command_in, read_own};
+use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, earlier_times, priced};
+use crate::files::{FileError, RunDir, Session, command_of as command_in};
 use crate::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
 use crate::report::words::{from_here, word};
@@ -58,16 +58,6 @@ pub enum FrontStart {
 /// True if a folder holds a front that goes on.
 pub fn holds_front(folder: &Path) -> bool {
     command_in(folder).is_some_and(|command| command == COMMAND)
-}
-
-/// Wall time of earlier sittings; 0 where their file is missing or cannot be read. A new front
-/// takes none: with --force its folder may hold the time of another run.
-fn earlier_seconds(folder: &RunDir<SavedFront>, from: &FrontStart) -> f64 {
-    if matches!(from, FrontStart::New(..)) {
-        return 0.0;
-    }
-    let text = read_own(&folder.path().join(TIMES), 1 << 20).unwrap_or_default();
-    serde_json::from_slice(&text).unwrap_or_default()
 }
 
 /// The folder and the state of a front that goes on; of a new one the state at its beginning.
@@ -132,7 +122,7 @@ pub fn front(
     };
     folder.check(&inputs)?;
     outputs::check_figures_apart(figures, folder.path())?;
-    let earlier = earlier_seconds(&folder, from);
+    let earlier: f64 = earlier_times(folder.path(), matches!(from, FrontStart::New(..)));
     let found = search(&job, &mut saved, &folder, watcher);
     let Some(found) = found.map_err(|error| error.discarding(&folder))? else { return Ok(None) };
     let seconds = earlier + start.elapsed().as_secs_f64();

@@ -81,7 +81,7 @@ pub(super) struct RunCheckpoint {
 
 impl Begun {
     /// Default name of the run's folder.
-    pub fn folder(&self) -> String {
+    pub(crate) fn folder(&self) -> String {
         let stem = self.files.scene.file_stem().unwrap_or_default().to_string_lossy();
         match self.files.more_scenes.len() {
             0 => stem.into_owned(),
@@ -90,7 +90,7 @@ impl Begun {
     }
 
     /// Files and options in the keys of `result.json`. Its rules are the ones in force, be they of the vehicle or of an option.
-    pub fn settings(&self, vehicle: &Vehicle) -> Value {
+    pub(crate) fn settings(&self, vehicle: &Vehicle) -> Value {
         let (mut all, ties) = (json!(self.files), vehicle.ties);
         all["rules"]["equal_height"] = json!(ties.equal_height);
         all["rules"]["symmetric"] = json!(ties.symmetric);

@@ -54,7 +54,7 @@ impl Journal {
     ///
     /// # Errors
     /// One that is there and is not asked for, of other inputs or options, or held by another program.
-    pub fn open(
+    pub(crate) fn open(
         out: &Path,
         request: &ScoreRequest,
         scene: &Scene,
@@ -110,7 +110,7 @@ impl Journal {
     }
 
     /// Keeps the text of a block that ends after so many placements, of which one meets all requirements or none does.
-    pub fn push(&mut self, scored: u64, met: bool, text: &str) -> Result<(), RunError> {
+    pub(crate) fn push(&mut self, scored: u64, met: bool, text: &str) -> Result<(), RunError> {
         let mark = Mark { scored, met, bytes: text.len() as u64, sha256: sha256(text.as_bytes()) };
         let written = writeln!(self.file, "{}", json!(mark))
             .and_then(|()| self.file.write_all(text.as_bytes()))
@@ -120,7 +120,7 @@ impl Journal {
     }
 
     /// Leaves the scores so far for `--resume`, and returns the path; one that holds none is removed.
-    pub fn leave(mut self) -> Result<Option<PathBuf>, RunError> {
+    pub(crate) fn leave(mut self) -> Result<Option<PathBuf>, RunError> {
         if self.scored == 0 {
             self.remove();
             return Ok(None);
@@ -131,12 +131,12 @@ impl Journal {
     }
 
     /// Takes the file away.
-    pub fn remove(self) {
+    pub(crate) fn remove(self) {
         let _ = std::fs::remove_file(&self.path);
     }
 
     /// Writes the output: `head`, all blocks, `tail`.
-    pub fn finish(self, out: &Path, head: &str, tail: &str) -> Result<(), RunError> {
+    pub(crate) fn finish(self, out: &Path, head: &str, tail: &str) -> Result<(), RunError> {
         let mut whole = self.file.get_ref();
         whole.seek(std::io::SeekFrom::Start(self.head)).map_err(RunError::io(&self.path))?;
         let mut reader = BufReader::new(whole);

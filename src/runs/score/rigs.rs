@@ -16,18 +16,18 @@ pub(super) struct RigFiles {
 }
 
 impl RigFiles {
-    pub fn new(files: Vec<PathBuf>) -> Self {
+    pub(crate) fn new(files: Vec<PathBuf>) -> Self {
         let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
         Self { label: PathBuf::from(names.join(", ")), files }
     }
 
     /// The files in words, as a path; the file itself where there is one.
-    pub fn label(&self) -> &Path {
+    pub(crate) fn label(&self) -> &Path {
         if let [only] = &self.files[..] { only } else { &self.label }
     }
 
     /// The only file, if it can be read again.
-    pub fn only(&self) -> Option<&Path> {
+    pub(crate) fn only(&self) -> Option<&Path> {
         let [only] = &self.files[..] else { return None };
         only.is_file().then_some(only)
     }
@@ -36,7 +36,7 @@ impl RigFiles {
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub fn count(&self) -> Result<u64, RunError> {
+    pub(crate) fn count(&self) -> Result<u64, RunError> {
         let is_file = |path: &PathBuf| {
             let file = path.to_str().map_or(&**path, |text| Path::new(file_and_name(text).0));
             path != Path::new("-") && file.is_file()
@@ -52,7 +52,7 @@ impl RigFiles {
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub fn reader(&self) -> Result<RigReader, RunError> {
+    pub(crate) fn reader(&self) -> Result<RigReader, RunError> {
         let mut rest = self.files.clone().into_iter();
         let first = rest.next().unwrap_or_default();
         let names = (self.files.len() > 1).then(HashSet::new);

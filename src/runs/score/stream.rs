@@ -153,7 +153,6 @@ struct Scoring<'a> {
     bar: Option<Box<dyn Bar>>,
     /// Placements in all; 0 where that is not known.
     total: u64,
-    /// Placements scored so far.
     count: u64,
     /// Models of the placements so far.
     used: HashSet<SensorName>,
@@ -247,12 +246,10 @@ impl Scoring<'_> {
         Ok(Some(scores))
     }
 
-    /// Seconds of each stage up to now.
     fn timings(&self) -> Value {
         timings(self.times, self.evaluator.backend().times(), self.start)
     }
 
-    /// Says how fast it was.
     fn note_rate(&self) {
         self.given.finish();
         let seconds = self.start.elapsed().as_secs_f64() - self.times.load - self.times.build;
@@ -349,7 +346,6 @@ impl Scoring<'_> {
         }
     }
 
-    /// All before the scores.
     fn head(&self) -> Result<String, RunError> {
         let problem = self.evaluator.problem();
         let (scene, frames) = (self.job.scene().name(), problem.frame_count());
@@ -406,7 +402,6 @@ impl Scoring<'_> {
         Ok(text)
     }
 
-    /// All after the scores.
     fn tail(&self) -> Result<String, RunError> {
         match self.request.format {
             TableFormat::Json => {}

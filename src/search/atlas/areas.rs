@@ -7,8 +7,7 @@ use crate::problem::Content;
 const MARGIN: f64 = 0.01;
 
 /// Voxels of all areas of a problem, area after area.
-pub struct AreaBits {
-    /// Linear indices.
+pub(crate) struct AreaBits {
     voxels: Vec<u32>,
     /// First bit of each area and the end.
     starts: Vec<usize>,
@@ -17,8 +16,7 @@ pub struct AreaBits {
 }
 
 impl AreaBits {
-    /// Areas of a problem.
-    pub fn new(content: &Content) -> Self {
+    pub(crate) fn new(content: &Content) -> Self {
         let (mut voxels, mut starts) = (Vec::new(), vec![0]);
         for set in content.classes().len()..content.set_count() {
             voxels.extend_from_slice(content.voxels_of_class(set));
@@ -29,13 +27,12 @@ impl AreaBits {
         Self { voxels, starts, least }
     }
 
-    /// Words of one frame.
-    pub fn words(&self) -> usize {
+    pub(crate) fn words(&self) -> usize {
         self.voxels.len().div_ceil(64)
     }
 
     /// Sets the bits of the voxels that a bitmap holds.
-    pub fn take(&self, from: BitOrder, bitmap: &[u64], out: &mut [u64]) {
+    pub(crate) fn take(&self, from: BitOrder, bitmap: &[u64], out: &mut [u64]) {
         for (k, &voxel) in self.voxels.iter().enumerate() {
             let bit = from.bit_of(voxel) as usize;
             out[k / 64] |= (bitmap[bit / 64] >> (bit % 64) & 1) << (k % 64);
@@ -49,7 +46,7 @@ impl AreaBits {
     }
 
     /// Share of each area in bits of several frames; 0 of one without voxels.
-    pub fn shares(&self, bits: &[u64]) -> Vec<f64> {
+    pub(crate) fn shares(&self, bits: &[u64]) -> Vec<f64> {
         let words = self.words();
         if words == 0 {
             return vec![0.0; self.least.len()];
@@ -64,7 +61,6 @@ impl AreaBits {
     }
 }
 
-/// Bits set below a number.
 fn ones_below(words: &[u64], end: usize) -> u64 {
     let whole: u64 = words[..end / 64].iter().map(|word| u64::from(word.count_ones())).sum();
     let part = words.get(end / 64).map_or(0, |word| word & ((1 << (end % 64)) - 1));

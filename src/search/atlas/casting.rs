@@ -19,7 +19,7 @@ pub(super) struct Pace<'a> {
 }
 
 impl<'a> Pace<'a> {
-    pub fn new(go_on: &'a mut dyn FnMut(u64) -> bool) -> Self {
+    pub(crate) fn new(go_on: &'a mut dyn FnMut(u64) -> bool) -> Self {
         Self { go_on, casts: 0 }
     }
 

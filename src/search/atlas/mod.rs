@@ -45,13 +45,11 @@ pub struct Atlas {
     /// Words of a bitmap of all voxels in any engine's order, 0 where their number does not matter.
     empty_words: usize,
     pages: HashMap<u32, Page>,
-    /// Pages held at most.
     pub(super) capacity: usize,
     /// Limits of pages and bytes; beyond both, pages used longest ago are dropped.
     ample: Option<(usize, u64)>,
     /// Counts requests; pages remember the last one that asked for them.
     clock: u64,
-    /// Poses that were ever cast.
     cast: HashSet<u32>,
     /// True if the problem is a mirror image, in which poses stand mirrored.
     mirrored: bool,
@@ -82,7 +80,6 @@ pub struct Union {
     /// in a `Page`.
     occupied: [Vec<u64>; 1 + REPEATS],
     empty: Vec<u64>,
-    /// Bits set in `empty`.
     empty_count: u64,
     areas: Vec<u64>,
 }
@@ -120,7 +117,7 @@ impl Atlas {
 
     /// Makes this the atlas of a mirror image, in which poses stand mirrored; see [`Problem::mirrored`].
     #[must_use]
-    pub fn of_mirror_image(mut self, mirrored: bool) -> Self {
+    pub(crate) fn of_mirror_image(mut self, mirrored: bool) -> Self {
         self.mirrored = mirrored;
         self
     }
@@ -309,7 +306,6 @@ impl Atlas {
         self.areas.shares(&all)
     }
 
-    /// True if the problem has required areas.
     pub(crate) fn has_areas(&self) -> bool {
         self.areas.words() > 0
     }

@@ -37,7 +37,7 @@ pub(super) struct ToLevels {
 }
 
 impl ToLevels {
-    pub fn new(levels: &LevelOrder, content: &Content, from: BitOrder) -> Self {
+    pub(crate) fn new(levels: &LevelOrder, content: &Content, from: BitOrder) -> Self {
         let ranks = Ranks::new(&from, content.occupied().par_iter().map(|voxel| voxel.index));
         let mut bit_of = vec![0; content.occupied().len()];
         for (&bit, rank) in levels.bit_of.iter().zip(ranks.of) {
@@ -47,19 +47,19 @@ impl ToLevels {
     }
 
     /// The words of a bitmap of all voxels, without those that are occupied.
-    pub fn empty(&self, bitmap: &[u64]) -> impl Iterator<Item = u64> + Clone {
+    pub(crate) fn empty(&self, bitmap: &[u64]) -> impl Iterator<Item = u64> + Clone {
         bitmap.iter().zip(&self.mask).map(|(word, occupied)| word & !occupied)
     }
 
     /// Brings a bitmap of all voxels into the level order; `ordered` is zero.
-    pub fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
+    pub(crate) fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
         reorder(&self.mask, &self.rank, &self.bit_of, bitmap, ordered);
     }
 }
 
 impl LevelOrder {
     /// The order by the entropies of some kinds; sums of the others are 0.
-    pub fn new(content: &Content, kinds: [bool; KINDS]) -> Self {
+    pub(crate) fn new(content: &Content, kinds: [bool; KINDS]) -> Self {
         let mut by_entropy: BTreeMap<[u32; KINDS], Vec<usize>> = BTreeMap::new();
         for (rank, voxel) in content.occupied().iter().enumerate() {
             let counted = std::array::from_fn(|kind| voxel.entropy[kind] * u32::from(kinds[kind]));
@@ -90,12 +90,12 @@ impl LevelOrder {
     }
 
     /// Words of a bitmap in this order.
-    pub fn words(&self) -> usize {
+    pub(crate) fn words(&self) -> usize {
         self.entropies[0].len() + self.mixed_entropies.len().div_ceil(64)
     }
 
     /// Entropies of each bit; zero for bits without a voxel.
-    pub fn entropies(&self, content: &Content) -> Vec<[u32; KINDS]> {
+    pub(crate) fn entropies(&self, content: &Content) -> Vec<[u32; KINDS]> {
         let mut entropies = vec![[0; KINDS]; 64 * self.words()];
         for (voxel, &bit) in content.occupied().iter().zip(&self.bit_of) {
             entropies[bit as usize] = voxel.entropy;
@@ -104,7 +104,7 @@ impl LevelOrder {
     }
 
     /// Near information of the bits set in `own`, or both in `below` and `page`, all in this order.
-    pub fn near_of(&self, own: &[u64], below: &[u64], page: &[u64]) -> u64 {
+    pub(crate) fn near_of(&self, own: &[u64], below: &[u64], page: &[u64]) -> u64 {
         let near = Entropy::Near.of(&self.entropies.each_ref());
         let mut sum = near_of_words(near, own, below, page);
         let (own, below, page) = (&own[near.len()..], &below[near.len()..], &page[near.len()..]);
@@ -120,7 +120,7 @@ impl LevelOrder {
     }
 
     /// Adds the sums over the bits set in `a` or in `b`, both in this order, to a tally.
-    pub fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
+    pub(crate) fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
         add_words(&self.entropies, a, b, tally);
         let mixed = self.entropies[0].len();
         let (a, b, mut sums) = (&a[mixed..], &b[mixed..], [0; KINDS]);

@@ -12,8 +12,7 @@ pub(super) struct Sparse {
 }
 
 impl Sparse {
-    /// The bitmap of some words.
-    pub fn new(bitmap: impl Iterator<Item = u64> + Clone) -> Self {
+    pub(crate) fn new(bitmap: impl Iterator<Item = u64> + Clone) -> Self {
         // Counted first: lists that grow and shrink leave holes between one another.
         let mut words = Vec::with_capacity(bitmap.clone().filter(|&word| word != 0).count());
         let mut places = Vec::with_capacity(bitmap.size_hint().0.div_ceil(64));
@@ -29,18 +28,16 @@ impl Sparse {
         Self { places: places.into(), words: words.into() }
     }
 
-    /// Bytes that it takes.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(&self.places[..]) + size_of_val(&self.words[..])) as u64
     }
 
-    /// Sets its bits in a bitmap.
-    pub fn add_to(&self, bitmap: &mut [u64]) {
+    pub(crate) fn add_to(&self, bitmap: &mut [u64]) {
         self.visit(|at, word| bitmap[at] |= word);
     }
 
     /// Number of its bits that are not set in `bitmap`.
-    pub fn count_beyond(&self, bitmap: &[u64]) -> u64 {
+    pub(crate) fn count_beyond(&self, bitmap: &[u64]) -> u64 {
         count_beyond(self, bitmap)
     }
 

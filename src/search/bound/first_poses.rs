@@ -40,7 +40,7 @@ pub(super) struct Looked {
 
 impl<'a> FirstPoses<'a> {
     /// All sets of the poses of the columns.
-    pub fn new(columns: &'a Columns, places: &'a Places, unit: f64) -> Self {
+    pub(crate) fn new(columns: &'a Columns, places: &'a Places, unit: f64) -> Self {
         let poses = columns.poses() as u32;
         let of_kind = |kind: usize| (0..poses).filter(move |&pose| places.kind(pose) == kind);
         let kinds = 0..places.lidars_by_kind().len();
@@ -57,14 +57,18 @@ impl<'a> FirstPoses<'a> {
     }
 
     /// Words of bitmaps that the overlaps of pairs take, at most.
-    pub fn words(&self) -> u64 {
+    pub(crate) fn words(&self) -> u64 {
         let of = |at: usize| self.rank.iter().filter(|&&rank| rank > at).count() as u64;
         let pairs = (0..self.firsts.len()).map(|at| of(at).pow(2) / 2).sum::<u64>();
         pairs * self.columns.lead().len() as u64
     }
 
     /// Looks at every set that may be above `floor`. `None` once `go_on` says no.
-    pub fn look(&self, floor: f64, go_on: &mut dyn FnMut([u64; 2]) -> bool) -> Option<Looked> {
+    pub(crate) fn look(
+        &self,
+        floor: f64,
+        go_on: &mut dyn FnMut([u64; 2]) -> bool,
+    ) -> Option<Looked> {
         let mut looked = Looked { upper: floor, ..Looked::default() };
         let numbers: Vec<usize> = (0..self.firsts.len()).collect();
         for some in numbers.chunks(AT_ONCE * rayon::current_num_threads()) {

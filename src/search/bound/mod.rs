@@ -1,7 +1,6 @@
 //! Upper bounds, sampled and proven, on the objective of every placement that the mount allows.
 
 mod branch_and_bound;
-mod certificate;
 mod first_poses;
 mod on_grid;
 mod open_sets;
@@ -11,6 +10,6 @@ mod voxel_groups;
 mod worths;
 
 pub use branch_and_bound::{Effort, GainBound, bound_gain};
-pub use certificate::Certificate;
+pub use on_grid::Certificate;
 pub(super) use on_grid::{Bounds, bounds};
 pub use sample::GridSample;

@@ -1,17 +1,17 @@
-//! Both bounds of a run, before its result is known.
+//! Both bounds of a run: before its result is known, and beside it in numbers and words.
 
 use serde::{Deserialize, Serialize};
 
 use super::branch_and_bound::{Effort, GainBound, bound_gain};
-use super::sample::GridSample;
+use super::sample::{GridSample, LipschitzBound};
+use crate::json::spoken;
 use crate::search::atlases::Atlases;
 use crate::search::climb::{Check, Moves};
-use crate::search::coarse_grid::coarse_grid;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::GridSearch;
 use crate::search::observer::{Event, Watch, Work};
-use crate::search::settings::Settings;
+use crate::search::settings::{Settings, coarse_grid};
 use crate::search::swaps::SWAP_SPACING;
 use crate::vehicle::{Constraints, PoseGrid, PoseGridError};
 
@@ -30,9 +30,6 @@ pub(in crate::search) struct Bounds {
 
 /// Bounds the gain over all placements on a grid and samples that grid, within about `memory` bytes; where there
 /// is no bound, the grid of the swaps is sampled.
-///
-/// # Errors
-/// A spacing that gives no grid, or from the engine.
 pub(in crate::search) fn bounds(
     evaluator: &mut Evaluator,
     settings: &Settings,
@@ -105,7 +102,6 @@ fn grid_search(
     GridSearch::new(atlas, objective.clone(), evaluator)
 }
 
-/// The bound on the gain, or why there is none.
 fn gain(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,
@@ -143,4 +139,70 @@ fn grid(constraints: &Constraints, settings: &Settings) -> Result<PoseGrid, Pose
     }
     let most = settings.poses_for_swaps(constraints.lidars());
     Ok(coarse_grid(constraints, SWAP_SPACING, COARSE, most)?.0)
+}
+
+/// Bounds on how much better than the result another placement could be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Certificate {
+    /// The paper's bound; `None` where nothing could be sampled.
+    pub lipschitz: Option<LipschitzBound>,
+    /// `lipschitz` in words.
+    pub lipschitz_says: String,
+    /// The bound on the grid; `None` for objectives that have none, or where it was not computed.
+    pub gain: Option<GainBound>,
+    /// `gain` in words, or why there is no bound.
+    pub gain_says: String,
+}
+
+impl Certificate {
+    /// Puts both bounds into words. `found` is the objective of the result; `gain` is the bound, or
+    /// why there is none.
+    pub(crate) fn new(
+        lipschitz: Option<LipschitzBound>,
+        gain: Result<GainBound, String>,
+        found: f64,
+    ) -> Self {
+        let lipschitz_says = match &lipschitz {
+            None => "nothing could be sampled on the grid".to_owned(),
+            Some(LipschitzBound { c_m, k_g, delta, bound, samples }) => format!(
+                "C_M + k_G·δ = {} + {} · {} = {}, from {samples} sampled \
+                 placements: as large as the whole range of their scores, so it tells nothing about \
+                 this result",
+                spoken(*c_m),
+                spoken(*k_g),
+                spoken(*delta),
+                spoken(*bound)
+            ),
+        };
+        let (gain, gain_says) = match gain {
+            Err(why) => (None, why),
+            Ok(gain) => {
+                let more = 100.0 * (gain.upper / found - 1.0);
+                let poses = gain.poses;
+                let says = if gain.upper <= found {
+                    format!(
+                        "no placement on the grid of {poses} sensor poses is better than the result"
+                    )
+                } else if found <= 0.0 {
+                    format!(
+                        "the best placement on the grid of {poses} sensor poses gains {} at most, \
+                         the result nothing",
+                        spoken(gain.upper)
+                    )
+                } else if gain.proven {
+                    format!(
+                        "the best placement on the grid of {poses} sensor poses is {more:.2} % better \
+                         than the result (proven)"
+                    )
+                } else {
+                    format!(
+                        "the best placement on the grid of {poses} sensor poses is at most {more:.2} % \
+                         better than the result"
+                    )
+                };
+                (Some(gain), says)
+            }
+        };
+        Self { lipschitz, lipschitz_says, gain, gain_says }
+    }
 }

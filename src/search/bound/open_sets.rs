@@ -61,17 +61,17 @@ pub(super) struct Node {
 
 impl Node {
     /// The empty set, or a first sensor.
-    pub fn root(chosen: Vec<u32>, value: f64, kinds: Vec<Candidates>) -> Self {
+    pub(crate) fn root(chosen: Vec<u32>, value: f64, kinds: Vec<Candidates>) -> Self {
         Self { chosen, value, kinds, sorted: false, bound: f64::INFINITY, exact: false }
     }
 
     /// LiDARs that the set lacks.
-    pub fn left(&self) -> usize {
+    pub(crate) fn left(&self) -> usize {
         self.kinds.iter().map(|kind| kind.left).sum()
     }
 
     /// Candidates of all kinds.
-    pub fn candidates(&self) -> usize {
+    pub(crate) fn candidates(&self) -> usize {
         self.kinds.iter().map(|kind| kind.poses.len()).sum()
     }
 
@@ -98,7 +98,7 @@ impl Node {
 
     /// Takes the best candidate of the kind with the fewest out of a sorted node that lacks a LiDAR. The child has it and
     /// the candidates that fit beside it, each at the least of its addition and `added(candidate, taken)`.
-    pub fn split(&mut self, places: &Places, added: impl Fn(u32, u32) -> f64) -> Self {
+    pub(crate) fn split(&mut self, places: &Places, added: impl Fn(u32, u32) -> f64) -> Self {
         let lacking = self.kinds.iter().enumerate().filter(|(_, kind)| kind.left > 0);
         let fewest =
             lacking.min_by_key(|(_, kind)| kind.poses.len()).expect("a LiDAR is lacking").0;
@@ -146,24 +146,24 @@ pub(super) struct Open {
 
 impl Open {
     /// No set yet.
-    pub fn new(floor: f64) -> Self {
+    pub(crate) fn new(floor: f64) -> Self {
         Self { heap: BinaryHeap::new(), floor }
     }
 
     /// Adds a set, unless no extension of it is above the floor.
-    pub fn push(&mut self, mut node: Node) {
+    pub(crate) fn push(&mut self, mut node: Node) {
         if node.cut(self.floor) {
             self.heap.push(node);
         }
     }
 
     /// The largest bound.
-    pub fn upper(&self) -> f64 {
+    pub(crate) fn upper(&self) -> f64 {
         self.heap.peek().map_or(f64::NEG_INFINITY, |node| node.bound)
     }
 
     /// The set of largest bound, sorted, unless nothing above the floor is left.
-    pub fn pop(&mut self) -> Option<Node> {
+    pub(crate) fn pop(&mut self) -> Option<Node> {
         let mut node = self.heap.pop().filter(|node| node.bound > self.floor)?;
         if !node.sorted {
             for kind in &mut node.kinds {

@@ -31,23 +31,23 @@ pub(in crate::search) struct PairBound {
 
 impl PairBound {
     /// True if it knows overlaps, not single poses alone.
-    pub fn has_overlaps(&self) -> bool {
+    pub(crate) fn has_overlaps(&self) -> bool {
         !self.overlaps.is_empty()
     }
 
     /// True if many sets of its poses may be split: overlaps are known, or would change nothing.
-    pub fn can_split(&self) -> bool {
+    pub(crate) fn can_split(&self) -> bool {
         self.has_overlaps() || (!self.counts_overlaps && self.poses <= MOST_POSES)
     }
 
     /// Most worth that a pose adds to a set with `beside` in it.
-    pub fn added(&self, pose: u32, beside: u32) -> f64 {
+    pub(crate) fn added(&self, pose: u32, beside: u32) -> f64 {
         let overlap = self.overlaps.get(beside as usize * self.poses + pose as usize);
         self.singles[pose as usize] - overlap.unwrap_or(&0.0)
     }
 
     /// (pose, worth of the voxels outside `base` that it covers).
-    pub fn singles(&self) -> Vec<(u32, f64)> {
+    pub(crate) fn singles(&self) -> Vec<(u32, f64)> {
         self.singles.iter().enumerate().map(|(pose, &single)| (pose as u32, single)).collect()
     }
 
@@ -55,7 +55,7 @@ impl PairBound {
     ///
     /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count without them.
     /// `go_on` is asked while the overlaps are added up; once it says no the splits so far are all that were tried.
-    pub fn tightest(
+    pub(crate) fn tightest(
         columns: &Columns,
         worths: &Worths,
         most_words: u64,

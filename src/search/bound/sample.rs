@@ -38,7 +38,7 @@ impl GridSample {
     }
 
     /// Checks that the placements of a loaded sample come in pairs.
-    pub fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         let is_whole = self.pairs.len().is_multiple_of(2) && self.delta.is_finite();
         is_whole.then_some(()).ok_or_else(|| "sampled placements do not come in pairs".to_owned())
     }

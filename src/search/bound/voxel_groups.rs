@@ -94,7 +94,7 @@ impl Columns {
     /// The columns of held poses `0..poses`. `worths` holds the worth of each bit, of one frame where all frames are
     /// alike. A column joins the first group whose entry of `shares`, rising, is not below the share of the `typical`
     /// poses that cover it. `None` once `go_on`, which is asked after each pass over the columns, says no.
-    pub fn new(
+    pub(crate) fn new(
         atlas: &Atlases,
         poses: u32,
         worths: &[u32],
@@ -202,17 +202,17 @@ impl Columns {
     }
 
     /// Words that [`Self::add_overlaps`] reads of each pair.
-    pub fn group_words(&self, group: usize) -> u64 {
+    pub(crate) fn group_words(&self, group: usize) -> u64 {
         self.groups[group].words.len() as u64
     }
 
     /// Poses that have a bitmap.
-    pub fn poses(&self) -> usize {
+    pub(crate) fn poses(&self) -> usize {
         self.poses
     }
 
     /// Words of the columns that many poses cover, which have most of the overlaps.
-    pub fn lead(&self) -> Range<usize> {
+    pub(crate) fn lead(&self) -> Range<usize> {
         self.lead..self.words
     }
 
@@ -221,12 +221,12 @@ impl Columns {
     }
 
     /// Worth that a pose covers.
-    pub fn single(&self, pose: u32) -> u64 {
+    pub(crate) fn single(&self, pose: u32) -> u64 {
         self.groups.iter().map(|group| group.singles[pose as usize]).sum()
     }
 
     /// Columns that none of some poses covers.
-    pub fn outside(&self, poses: &[u32]) -> Vec<u64> {
+    pub(crate) fn outside(&self, poses: &[u32]) -> Vec<u64> {
         let mut outside = vec![!0; self.words];
         for &pose in poses {
             outside.iter_mut().zip(self.map(pose)).for_each(|(left, word)| *left &= !word);
@@ -235,12 +235,12 @@ impl Columns {
     }
 
     /// Worth that a pose covers of some columns, or a little more: each counts as the most of its word.
-    pub fn most(&self, pose: u32, columns: &[u64]) -> u64 {
+    pub(crate) fn most(&self, pose: u32, columns: &[u64]) -> u64 {
         overlap(self.map(pose), columns, &self.most)
     }
 
     /// Worth that some poses cover.
-    pub fn union(&self, poses: &[u32]) -> u64 {
+    pub(crate) fn union(&self, poses: &[u32]) -> u64 {
         let outside = self.outside(poses);
         let words = outside.iter().zip(self.worths.chunks(64));
         let of = |(outside, worths): (&u64, &[u32])| -> u64 {
@@ -252,7 +252,7 @@ impl Columns {
 
     /// Lower bounds, `[poses × poses]`, on the worth of the leading columns of `within` that two poses both cover; the
     /// diagonal is 0.
-    pub fn lead_overlaps(&self, poses: &[u32], within: &[u64]) -> Vec<u64> {
+    pub(crate) fn lead_overlaps(&self, poses: &[u32], within: &[u64]) -> Vec<u64> {
         let (n, words) = (poses.len(), self.lead().len());
         let least = &self.least[self.lead()];
         let mut bitmaps = Vec::with_capacity(n * words);
@@ -276,7 +276,7 @@ impl Columns {
     /// Adds to `[poses × poses]` a lower bound on the worth that two poses both cover in a group; the diagonal
     /// stays. False once `go_on`, which is asked after every [`WORDS_AT_ONCE`]
     /// words, says no: only some pairs are added then.
-    pub fn add_overlaps(
+    pub(crate) fn add_overlaps(
         &self,
         group: usize,
         overlaps: &mut [f64],
@@ -324,7 +324,6 @@ impl Columns {
     }
 }
 
-/// Columns that any pose covers, a bit each.
 fn any(pages: &[&[u64]]) -> Vec<u64> {
     let mut any = vec![0; pages.first().map_or(0, |page| page.len())];
     any.par_chunks_mut(WORDS).enumerate().for_each(|(block, any)| {
@@ -335,7 +334,6 @@ fn any(pages: &[&[u64]]) -> Vec<u64> {
     any
 }
 
-/// Poses that cover each column.
 fn counts(pages: &[&[u64]]) -> Vec<u32> {
     let of_word = |at: usize| {
         // Counters of 64 columns at once, a bit plane each.

@@ -17,7 +17,7 @@ pub(super) struct Worths {
 
 impl Worths {
     /// Worths of the bits of an atlas for placements of `lidars` sensors; `units` are those of each scene.
-    pub fn new(atlas: &Atlases, lidars: usize, units: &[Units]) -> Self {
+    pub(crate) fn new(atlas: &Atlases, lidars: usize, units: &[Units]) -> Self {
         let (once, unit) = integers(&atlas.worths(), units);
         let (mut in_full, mut overlap) = (1.0, 1.0);
         if units.iter().any(|units| units.repeated != [0.0; REPEATS]) {
@@ -36,7 +36,7 @@ impl Worths {
     }
 
     /// True if only the first sensor that covers a voxel counts.
-    pub fn is_plain(&self) -> bool {
+    pub(crate) fn is_plain(&self) -> bool {
         self.in_full == 1.0 && self.overlap == 1.0
     }
 
@@ -44,7 +44,7 @@ impl Worths {
     ///
     /// They cover it n·p times, joined by (n − 1)·p² edges of a tree. The smaller solution is meant: 1 / (n − 1) where
     /// only the first sensor counts, and 1 where there is no solution.
-    pub fn even_share(&self, lidars: usize) -> f64 {
+    pub(crate) fn even_share(&self, lidars: usize) -> f64 {
         let n = lidars.max(2) as f64;
         let edges = self.overlap * (n - 1.0);
         if edges == 0.0 {

@@ -28,21 +28,17 @@ fn left_out(part: &str, watch: &mut Watch) {
     watch.note(&format!("{why}: {part} is left out"));
 }
 
-/// A layout that no method of this sitting found.
-fn of_layout(method: &'static str, layout: &Scored) -> MethodRecord {
-    let (objective, requirements) = (layout.objective, layout.scores.met());
+/// Record of a placement without the work behind it.
+fn record_of(method: &'static str, scored: &Scored) -> MethodRecord {
+    let (objective, requirements) = (scored.objective, scored.scores.met());
     MethodRecord { method, objective, requirements, evaluations: 0, poses_cast: 0, won: false }
 }
 
 /// The result of each method, and the best of all that was found and given.
 type ConfirmedResults = (Vec<MethodRecord>, Option<Scored>);
 
-enum MethodResult {
-    Nothing,
-    /// The run is to end before it is scored.
-    Stopped,
-    One(MethodRecord, Box<Scored>),
-}
+/// The result of one method: `None` where the run is to end before it is scored, the inner `None` where there is none.
+type MethodResult = Option<Option<(MethodRecord, Scored)>>;
 
 impl Run {
     /// Scores the result of each method and the baselines: over all frames, or over few where the run is to end before.
@@ -136,7 +132,7 @@ impl Run {
             return Ok(Some(self.or_kept((methods, None), kept, watch)));
         };
         if let Some(given) = given.filter(|_| best == finalists.len()) {
-            methods.push(of_layout("layout given", &given));
+            methods.push(record_of("layout given", &given));
             finalists.push(given);
         }
         let mut result = finalists.swap_remove(best);
@@ -169,7 +165,7 @@ impl Run {
             return (methods, result);
         };
         methods.iter_mut().for_each(|method| method.won = false);
-        methods.push(MethodRecord { won: true, ..of_layout("earlier sitting", &kept) });
+        methods.push(MethodRecord { won: true, ..record_of("earlier sitting", &kept) });
         (methods, Some(kept))
     }
 
@@ -180,11 +176,8 @@ impl Run {
     ) -> Result<Option<Vec<(MethodRecord, Scored)>>, SearchError> {
         let mut found = Vec::new();
         for of_method in [Self::found_by_generations, Self::found_by_swaps] {
-            match of_method(self, watch)? {
-                MethodResult::Nothing => {}
-                MethodResult::Stopped => return Ok(None),
-                MethodResult::One(method, scored) => found.push((method, *scored)),
-            }
+            let Some(one) = of_method(self, watch)? else { return Ok(None) };
+            found.extend(one);
         }
         Ok(Some(found))
     }
@@ -233,27 +226,18 @@ impl Run {
         Ok(checked)
     }
 
-    /// The best of the generations.
     fn found_by_generations(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
         let best = self.state.generations.best().map(|best| best.placement.clone());
         let Some(best) = self.state.chosen.clone().or(best) else {
-            return Ok(MethodResult::Nothing);
+            return Ok(Some(None));
         };
         let named = [self.written(&Placement { name: "optimized".into(), ..best })];
-        let Some(judged) = self.judged_over_all(&named, watch)? else {
-            return Ok(MethodResult::Stopped);
-        };
+        let Some(judged) = self.judged_over_all(&named, watch)? else { return Ok(None) };
         let scored = self.scored(&named, judged).remove(0);
         let evaluations = self.state.generations.evaluations();
-        let method = MethodRecord {
-            method: "cma-es",
-            objective: scored.objective,
-            requirements: scored.scores.met(),
-            evaluations,
-            poses_cast: evaluations * named[0].lidars.len() as u64,
-            won: false,
-        };
-        Ok(MethodResult::One(method, Box::new(scored)))
+        let poses_cast = evaluations * named[0].lidars.len() as u64;
+        let method = MethodRecord { evaluations, poses_cast, ..record_of("cma-es", &scored) };
+        Ok(Some(Some((method, scored))))
     }
 
     /// A placement as files have it, to the nanometre: scores are those of the poses that are written. One that breaks a rule
@@ -266,27 +250,19 @@ impl Run {
 
     /// The best of the ends of the swaps. Fewer frames than all tell the ends apart too badly to take the first.
     fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
-        let Some(swaps) = self.state.swaps.clone() else { return Ok(MethodResult::Nothing) };
+        let Some(swaps) = self.state.swaps.clone() else { return Ok(Some(None)) };
         let mut ends = vec![swaps.placement];
         if !self.is_over_all() {
             ends.extend(swaps.others);
         }
         let ends: Vec<Placement> = ends.iter().map(|end| self.written(end)).collect();
-        let Some(judged) = self.judged_over_all(&ends, watch)? else {
-            return Ok(MethodResult::Stopped);
-        };
+        let Some(judged) = self.judged_over_all(&ends, watch)? else { return Ok(None) };
         let mut scored = self.scored(&ends, judged);
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
         let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
-        let method = MethodRecord {
-            method: "swaps",
-            objective: scored.objective,
-            requirements: scored.scores.met(),
-            evaluations: swaps.evaluations,
-            poses_cast: swaps.poses_cast,
-            won: false,
-        };
-        Ok(MethodResult::One(method, Box::new(scored)))
+        let (evaluations, poses_cast) = (swaps.evaluations, swaps.poses_cast);
+        let method = MethodRecord { evaluations, poses_cast, ..record_of("swaps", &scored) };
+        Ok(Some(Some((method, scored))))
     }
 
     /// Bounds; the result is scored over the bounds' frames to compare.

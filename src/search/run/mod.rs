@@ -14,16 +14,14 @@
 //! If time or an interruption cuts a phase short, the run goes on to its outcome, but its state stays that before
 //! the cut: a resumed run does the phase anew.
 //!
-//! `state` holds the value and the run around it; `choosing`, `generating`, `on_grid`, `securing` and `confirming` hold
-//! the steps; `machine` puts them together.
+//! `state` holds the value and the run around it, which puts the steps together; `choosing`, `generating`, `on_grid`,
+//! `securing` and `confirming` hold the steps.
 
 mod choosing;
 mod confirming;
 mod generating;
-mod machine;
 mod on_grid;
 mod securing;
 mod state;
 
-pub use machine::optimize;
-pub use state::{Phase, Run, State};
+pub use state::{Phase, Run, State, optimize};

@@ -39,11 +39,6 @@ const REFINEMENTS: [Refinement; 2] = [
 /// Frames of each scene that refinements count from if the first swaps are over fewer.
 const LEAST_FRAMES: usize = 4;
 
-/// True if LiDARs may be mounted a little off.
-fn is_roomy(settings: &Settings) -> bool {
-    settings.tolerance.is_some_and(|tolerance| tolerance.is_some())
-}
-
 /// Casts of the swaps over all frames, as a multiple of a refinement's.
 const AGAIN: f64 = 1.2;
 /// Least sensor poses a LiDAR of these swaps, or they are left out: fewer are spread too thin. On a van with 40 frames they
@@ -89,6 +84,13 @@ impl Run {
         Ok(())
     }
 
+    /// Settings of swaps on a grid. Where LiDARs may be mounted a little off, more places of targets are wanted.
+    fn settings_on(&self, spacing: Spacing, casts: u64, whole: bool) -> SwapSettings {
+        let Settings { seed, tolerance, .. } = self.state.settings;
+        let roomy = tolerance.is_some_and(|tolerance| tolerance.is_some());
+        SwapSettings { spacing, casts, whole, memory: self.memory() / 2, seed, roomy }
+    }
+
     /// Swaps anywhere over the present frames, with about `casts` casts of a pose, or all poses of the whole grid.
     fn swap_present(
         &mut self,
@@ -97,18 +99,11 @@ impl Run {
         starts: &[Placement],
         watch: &mut Watch,
     ) -> Result<Option<Swapped>, SearchError> {
-        let (settings, memory) = (self.state.settings.clone(), self.memory() / 2);
+        let settings = self.state.settings.clone();
         let (grid, spacing) = settings.grid(self.suite.constraints())?;
         let all = u64::from(grid.len());
         let total = if whole { all } else { all.min(casts) };
-        let on_grid = SwapSettings {
-            spacing,
-            casts,
-            whole,
-            memory,
-            seed: settings.seed,
-            roomy: is_roomy(&settings),
-        };
+        let on_grid = self.settings_on(spacing, casts, whole);
         let climbing = Climbing::default();
         let (evaluator, objective) = (self.evaluator(watch)?, &settings.objective);
         let mut go_on = |cast: u64| {
@@ -188,8 +183,7 @@ impl Run {
         starts: &mut Vec<Placement>,
         watch: &mut Watch,
     ) -> Result<(), SearchError> {
-        let (settings, memory) = (self.state.settings.clone(), self.memory() / 2);
-        let frames = self.frames().len() as u64;
+        let (settings, frames) = (self.state.settings.clone(), self.frames().len() as u64);
         let (first, end) = (work.done, work.done + work.casts);
         let halvings = if settings.delta.is_some() { 0 } else { refinement.halvings };
         let Spacing { metres, radians } = settings.grid(self.suite.constraints())?.1;
@@ -201,14 +195,7 @@ impl Run {
                 break;
             }
             let casts = (end - work.done) / frames;
-            let on_grid = SwapSettings {
-                spacing,
-                casts,
-                whole: false,
-                memory,
-                seed: settings.seed,
-                roomy: is_roomy(&settings),
-            };
+            let on_grid = self.settings_on(spacing, casts, false);
             let evaluator = self.evaluator(watch)?;
             let (done, total) = (work.done, REFINEMENTS.len() as u64 * work.casts);
             let mut go_on = |cast: u64| {
@@ -239,7 +226,6 @@ impl Run {
         self.state.chosen.as_ref().or(best).cloned()
     }
 
-    /// Counts sensor poses cast by swaps over the present frames.
     fn note_swaps(&mut self, poses: u64) {
         if let Some(levels) = &mut self.state.levels {
             levels.note_swaps(poses);

@@ -1,6 +1,7 @@
-//! The state of a run as a value, and beside it the engines and caches of the process.
+//! The state of a run as a value, its steps, and beside it the engines and caches of the process.
 
 use std::borrow::Cow;
+use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
@@ -12,12 +13,15 @@ use crate::search::evaluator::{Evaluator, Judged};
 use crate::search::generations::{
     GenerationRecord, Generations, GenerationsStop, MOST_COUNTED, why_left_out,
 };
-use crate::search::observer::Watch;
+use crate::search::observer::{Observer, Watch};
 use crate::search::on_demand::FramesOnDemand;
-use crate::search::outcome::{LeftOut, Scored, SearchTimes};
+use crate::search::outcome::{LeftOut, Outcome, Scored, SearchTimes};
 use crate::search::pilot::Known;
 use crate::search::seat::FRAMES_AT_ONCE;
-use crate::search::settings::{FrameChoice, Settings, TimeLimit};
+use crate::search::settings::{
+    FINALISTS_SHARE, FRAMES_SHARE, FrameChoice, GENERATIONS_SHARE, SEARCH_SHARE, Settings,
+    TimeLimit,
+};
 use crate::search::suite::Suite;
 use crate::search::swaps::Swapped;
 use crate::search::tolerance::Tolerance;
@@ -165,6 +169,27 @@ pub struct Run {
     pub(super) sitting: Sitting,
 }
 
+/// Searches the placement that makes the objective largest: frames on demand, CMA-ES, swaps, finalists
+/// confirmed over all frames, a bound on the objective of every other placement.
+///
+/// `scenes` is a problem over all frames of its scene, or a [`Suite`] of several whose mean is maximized; its
+/// constraints are the rules that every candidate keeps.
+///
+/// # Errors
+/// Settings that a scene does not allow, or from the engine.
+pub fn optimize(
+    scenes: impl Into<Suite>,
+    settings: &Settings,
+    observer: &mut dyn Observer,
+) -> Result<Outcome, SearchError> {
+    let mut run = Run::new(scenes, settings)?;
+    loop {
+        if let Some(outcome) = run.step(observer)? {
+            return Ok(outcome);
+        }
+    }
+}
+
 impl Run {
     /// A run over the frames of a problem, or of several scenes.
     ///
@@ -199,6 +224,52 @@ impl Run {
     /// Goes on with a state that an earlier run over the same scenes was in.
     pub fn resume(scenes: impl Into<Suite>, state: State) -> Self {
         Self { suite: scenes.into(), state, before_cut: None, sitting: Sitting::default() }
+    }
+
+    /// Does one step; hands out the outcome after the last one.
+    ///
+    /// # Errors
+    /// From the engine; a state half-way through the step is then left: go on from the last one that was written.
+    pub fn step(&mut self, observer: &mut dyn Observer) -> Result<Option<Outcome>, SearchError> {
+        let start = Instant::now();
+        let mut watch = Watch::new(observer, self.sitting.interrupted);
+        let phase = self.state.phase;
+        let (time, heeds_time) = (self.state.settings.time.as_ref(), self.heeds_time());
+        watch.deadline = time.map(|time| match phase {
+            Phase::Frames => time.after(FRAMES_SHARE),
+            Phase::Generations => time.after(GENERATIONS_SHARE),
+            Phase::Finalists if heeds_time => time.after(FINALISTS_SHARE),
+            Phase::Swaps | Phase::Refine | Phase::Bounds if heeds_time => time.after(SEARCH_SHARE),
+            _ => time.deadline(),
+        });
+        let mut outcome = None;
+        match phase {
+            Phase::Frames => self.choose_frames(&mut watch)?,
+            Phase::Generations => self.generate(&mut watch)?,
+            Phase::Finalists => self.settle(&mut watch)?,
+            Phase::Swaps => self.swap(&mut watch)?,
+            Phase::Refine => self.refine(&mut watch)?,
+            Phase::Bounds => self.bound(&mut watch)?,
+            Phase::Confirm => outcome = Some(self.confirm(&mut watch)?),
+        }
+        self.tell_changes(&mut watch);
+        self.sitting.interrupted |= watch.is_interrupted();
+        let took = start.elapsed().as_secs_f64();
+        let times = &mut self.sitting.times;
+        match phase {
+            Phase::Frames => times.frames += took,
+            Phase::Generations | Phase::Finalists => times.until_swaps += took,
+            Phase::Swaps | Phase::Refine => times.swaps += took,
+            Phase::Bounds => times.bounds += took,
+            Phase::Confirm => times.confirm += took,
+        }
+        if !matches!(phase, Phase::Frames | Phase::Confirm) {
+            times.search += took;
+        }
+        if let Some(outcome) = &mut outcome {
+            outcome.times = *times;
+        }
+        Ok(outcome)
     }
 
     /// Sets engine, time limit and mounting tolerance, which are no part of a saved state.
@@ -285,12 +356,10 @@ impl Run {
         }
     }
 
-    /// True if the target ended the generations.
     pub(super) fn is_at_target(&self) -> bool {
         self.state.generations.stopped() == Some(GenerationsStop::Target)
     }
 
-    /// Bytes that work buffers may take.
     pub(super) fn memory(&self) -> u64 {
         self.state.settings.engine.memory_budget()
     }
@@ -304,12 +373,10 @@ impl Run {
         }
     }
 
-    /// True if the search is over all frames.
     pub(super) fn is_over_all(&self) -> bool {
         self.frames().len() == self.suite.frame_count()
     }
 
-    /// Scores over the frames of the search.
     pub(super) fn evaluator(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
         self.evaluator_over(self.frames(), watch)
     }
@@ -350,7 +417,6 @@ impl Run {
         self.state.levels.as_ref().map_or_else(|| self.frames(), |levels| levels.first().to_vec())
     }
 
-    /// Scores over the frames of the bounds.
     pub(super) fn evaluator_of_bounds(
         &mut self,
         watch: &mut Watch,
