@@ -28,10 +28,10 @@ use crate::task::{StageTimes, Tally, Task};
 
 pub use crate::bvh::{Hit, NO_HIT};
 pub use crate::cast::{RayScene, cast_rays};
-pub use crate::memory::{OutOfMemory, available_memory};
+pub use crate::memory::OutOfMemory;
 pub use cpu::CpuBackend;
 pub use opening::{
-    EngineChoice, EngineKind, Failover, OpenedCaster, OpenedEngine, Reopen, open, open_caster,
+    EngineChoice, EngineKind, Failover, OpenedCaster, OpenedEngine, open, open_caster,
 };
 pub use reference::ReferenceBackend;
 
@@ -165,7 +165,7 @@ pub trait Backend: Send {
 
 /// Part of a batch that is evaluated at once.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Chunk {
+pub(crate) struct Chunk {
     /// Placements of the batch.
     pub placements: Range<usize>,
     /// Their sensors, counted over the whole batch.
@@ -174,7 +174,7 @@ pub struct Chunk {
 
 /// Limits of a chunk.
 #[derive(Debug, Clone, Copy)]
-pub struct ChunkLimits {
+pub(crate) struct ChunkLimits {
     /// Sensors whose buffers fit at once.
     pub sensors: usize,
     /// Placements whose buffers fit at once.
@@ -205,7 +205,7 @@ impl ChunkLimits {
 /// Cuts a batch into chunks within the limits, whole placements only, in order.
 ///
 /// `lidars[i]` is the number of sensors of placement i; none may exceed the limit alone.
-pub fn split(lidars: &[usize], limits: ChunkLimits) -> Vec<Chunk> {
+fn split(lidars: &[usize], limits: ChunkLimits) -> Vec<Chunk> {
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut first_sensor = 0;
     for (index, &count) in lidars.iter().enumerate() {

@@ -20,7 +20,7 @@ pub fn may_fail() -> bool {
 /// The least of: memory that is free on the machine, the rest of the process's control group (a
 /// container's limit, cgroup v1 or v2; file caches count as free), and the rest of its address space
 /// (`ulimit -v`).
-pub fn available_memory() -> Option<u64> {
+pub(crate) fn available_memory() -> Option<u64> {
     let mut system = System::new().ok()?;
     system.refresh_memory();
     let machine = Some(system.available_memory()).filter(|&bytes| bytes > 0);
@@ -98,8 +98,7 @@ pub fn room<T>(len: usize, what: &'static str) -> Result<Vec<T>, OutOfMemory> {
 
 /// `len` zeros.
 pub fn zeros<T: Clone + Default>(len: usize, what: &'static str) -> Result<Vec<T>, OutOfMemory> {
-    let mut vec = Vec::new();
-    reserve(&mut vec, len, what)?;
+    let mut vec = room(len, what)?;
     vec.resize(len, T::default());
     Ok(vec)
 }

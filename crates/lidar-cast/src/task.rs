@@ -15,9 +15,10 @@ use crate::sensor::Sensors;
 
 pub use content::{Content, RequiredArea, Requirement, StageTimes, Tally};
 pub use world::{
-    DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, NO_CROSSING, OccupiedVoxel, REPEATS,
-    SensorBatch, TINY_COMPONENT, World, beam_direction, beam_origin,
+    DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, OccupiedVoxel, REPEATS, SensorBatch,
+    World, beam_direction, beam_origin,
 };
+pub(crate) use world::{NO_CROSSING, TINY_COMPONENT};
 
 /// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.
 pub fn spread(count: usize, wanted: Option<u32>) -> Vec<usize> {

@@ -36,27 +36,13 @@ use kernels::{Kernels, Rewrite};
 use pipeline::{ChunkResult, Pipeline, in_flight};
 use readback::BatchTallies;
 
-pub use device::{AdapterSummary, TransferCounts, list_adapters};
+pub(super) use device::list_adapters;
+pub use device::{AdapterSummary, TransferCounts};
 pub(super) use firings::GpuFirings;
 pub use self_test::{SelfTest, TestedAdapter, WrongAnswer, test_adapters};
 
 /// Bytes of the largest bitmap whose bits have numbers of 32 bits.
 const MOST_BITMAP: u64 = 1 << 29;
-
-/// Requested Vulkan device.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct DeviceChoice<'a> {
-    /// Part of its name; `None` takes the best device.
-    pub name: Option<&'a str>,
-    /// True takes a device that fails its self-test, too: its name then says so.
-    pub inexact: bool,
-}
-
-impl<'a> From<&'a EngineChoice> for DeviceChoice<'a> {
-    fn from(choice: &'a EngineChoice) -> Self {
-        Self { name: choice.adapter.as_deref(), inexact: choice.inexact }
-    }
-}
 
 /// Evaluates batches on a Vulkan device.
 ///
@@ -79,20 +65,17 @@ impl GpuBackend {
     /// # Errors
     /// See [`Self::open`].
     pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self, BackendError> {
-        Self::open(task, DeviceChoice { name: adapter, inexact: false }, memory)
+        let adapter = adapter.map(str::to_owned);
+        Self::open(task, &EngineChoice { adapter, ..EngineChoice::default() }, memory)
     }
 
-    /// Opens a device, and uploads the task.
+    /// Opens the device of a choice, whose kind does not count, and uploads the task.
     ///
     /// Work buffers together stay below `memory` bytes.
     ///
     /// # Errors
     /// No such device, one that fails its self-test, or one that cannot hold the task.
-    pub fn open(
-        task: Arc<Task>,
-        choice: DeviceChoice<'_>,
-        memory: u64,
-    ) -> Result<Self, BackendError> {
+    pub fn open(task: Arc<Task>, choice: &EngineChoice, memory: u64) -> Result<Self, BackendError> {
         let device = self_test::open(choice)?;
         let need = 8 * BitOrder::bricks(task.roi()).words() as u64;
         if need > MOST_BITMAP {

@@ -7,10 +7,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Backend, BackendError, CpuBackend, TakeBitmap, available_memory};
+use super::{Backend, BackendError, CpuBackend, TakeBitmap};
 use crate::bvh::{Bvh, Hit};
 use crate::cast::FiringCaster;
 use crate::cover::BitOrder;
+use crate::memory::available_memory;
 use crate::sensor::{Placement, SensorPose};
 use crate::task::{StageTimes, Tally, Task};
 
@@ -87,19 +88,25 @@ pub fn open(
     on_change: impl Fn(&str) + Send + 'static,
 ) -> Result<OpenedEngine, BackendError> {
     let mut notes = Vec::new();
-    let engine = match choice.kind {
-        EngineKind::Cpu => cpu(task, choice),
+    let cpu = || Box::new(CpuBackend::new(task.clone(), choice.memory_budget()));
+    let engine: Box<dyn Backend> = match choice.kind {
+        EngineKind::Cpu => cpu(),
         EngineKind::Auto if choice.adapter.is_none() => {
-            match device::hardware(task, choice, on_change) {
-                Ok(engine) => engine,
+            let opened = match device::no_hardware() {
+                Some(why) => Err(why),
+                None => device::open(task, choice, on_change)
+                    .map_err(|error| format!("computing on the CPU: {error}")),
+            };
+            match opened {
+                Ok(device) => Box::new(device.cpu_for_too_large()),
                 Err(why) => {
                     notes.push(why);
-                    cpu(task, choice)
+                    cpu()
                 }
             }
         }
         // A requested device is not silently replaced by the CPU.
-        _ => device::asked_for(task, choice, on_change)?,
+        _ => Box::new(device::open(task, choice, on_change)?),
     };
     notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
     Ok(OpenedEngine { engine, notes })
@@ -133,10 +140,6 @@ pub fn open_caster(
         },
         _ => device::caster(trees, choice),
     }
-}
-
-fn cpu(task: &Arc<Task>, choice: &EngineChoice) -> Box<dyn Backend> {
-    Box::new(CpuBackend::new(task.clone(), choice.memory_budget()))
 }
 
 /// Devices, and engines that take the place of lost ones.
@@ -174,44 +177,22 @@ mod device {
         trees: &[&Arc<Bvh>],
         choice: &EngineChoice,
     ) -> Result<OpenedCaster, BackendError> {
-        let firings = GpuFirings::new(trees, choice.into())?;
+        let firings = GpuFirings::new(trees, choice)?;
         let note = Some(format!("casting on gpu: {}", firings.adapter()));
         Ok(OpenedCaster { caster: Some(Box::new(firings)), note })
     }
 
-    /// The best hardware device, or a sentence that says why the CPU computes.
-    pub(super) fn hardware(
-        task: &Arc<Task>,
-        choice: &EngineChoice,
-        on_change: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, String> {
-        if let Some(why) = no_hardware() {
-            return Err(why);
-        }
-        surviving(task, choice, on_change)
-            .map(|failover| Box::new(failover.cpu_for_too_large()) as Box<dyn Backend>)
-            .map_err(|error| format!("computing on the CPU: {error}"))
-    }
-
-    /// Requested device.
-    pub(super) fn asked_for(
-        task: &Arc<Task>,
-        choice: &EngineChoice,
-        on_change: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, BackendError> {
-        Ok(Box::new(surviving(task, choice, on_change)?))
-    }
-
-    fn surviving(
+    /// The requested device, which is opened again after a loss.
+    pub(super) fn open(
         task: &Arc<Task>,
         choice: &EngineChoice,
         on_change: impl Fn(&str) + Send + 'static,
     ) -> Result<Failover, BackendError> {
         let (choice, memory) = (choice.clone(), choice.memory_budget());
-        let first = doomed(GpuBackend::open(task.clone(), (&choice).into(), memory)?);
+        let first = doomed(GpuBackend::open(task.clone(), &choice, memory)?);
         let (for_gpu, for_cpu) = (task.clone(), task.clone());
         let reopen = move || -> Result<Box<dyn Backend>, BackendError> {
-            Ok(Box::new(GpuBackend::open(for_gpu.clone(), (&choice).into(), memory)?))
+            Ok(Box::new(GpuBackend::open(for_gpu.clone(), &choice, memory)?))
         };
         let cpu =
             move || -> Box<dyn Backend> { Box::new(CpuBackend::new(for_cpu.clone(), memory)) };
@@ -236,21 +217,11 @@ mod device {
 
     use super::{EngineChoice, OpenedCaster};
     use crate::bvh::Bvh;
-    use crate::engine::{Backend, BackendError};
+    use crate::engine::{BackendError, Failover};
     use crate::task::Task;
 
-    const NO_FEATURE: &str = "computing on the CPU: this build is without the feature `gpu`";
-
-    pub(super) fn hardware(
-        _: &Arc<Task>,
-        _: &EngineChoice,
-        _: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, String> {
-        Err(NO_FEATURE.into())
-    }
-
     pub(super) fn no_hardware() -> Option<String> {
-        Some(NO_FEATURE.into())
+        Some("computing on the CPU: this build is without the feature `gpu`".into())
     }
 
     pub(super) fn is_named(_: &str) -> bool {
@@ -264,11 +235,11 @@ mod device {
         Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 
-    pub(super) fn asked_for(
+    pub(super) fn open(
         _: &Arc<Task>,
         choice: &EngineChoice,
         _: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, BackendError> {
+    ) -> Result<Failover, BackendError> {
         Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 }
@@ -277,7 +248,7 @@ mod device {
 const MOST_LOSSES: u32 = 3;
 
 /// Opens the device again.
-pub type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Send>;
+type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Send>;
 
 /// A backend that outlives its device.
 ///

@@ -162,12 +162,14 @@ impl Content {
     }
 
     /// Voxels of all classes and areas, one set after the other.
-    pub fn class_voxels(&self) -> &[u32] {
+    #[cfg(feature = "gpu")]
+    pub(crate) fn class_voxels(&self) -> &[u32] {
         &self.class_voxels
     }
 
     /// Where each set begins in [`Self::class_voxels`], and where the last ends.
-    pub fn class_starts(&self) -> &[u32] {
+    #[cfg(feature = "gpu")]
+    pub(crate) fn class_starts(&self) -> &[u32] {
         &self.class_starts
     }
 

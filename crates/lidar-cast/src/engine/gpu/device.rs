@@ -200,7 +200,7 @@ pub struct AdapterSummary {
 
 /// Every Vulkan device of this machine, best first; none is opened. The first is the one that
 /// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
-pub fn list_adapters() -> Vec<AdapterSummary> {
+pub(in crate::engine) fn list_adapters() -> Vec<AdapterSummary> {
     let ranked = ranked_adapters(&instance());
     ranked.iter().enumerate().map(|(index, adapter)| summary(index, adapter)).collect()
 }

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::DeviceChoice;
 use super::chunk::Trees;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
@@ -10,7 +9,7 @@ use super::layout::{GpuInstance, MAX_WORKGROUPS, Sensor, UNFINISHED};
 use super::self_test;
 use crate::bvh::{Bvh, Hit};
 use crate::cast::{Firing, FiringCaster};
-use crate::engine::BackendError;
+use crate::engine::{BackendError, EngineChoice};
 
 /// Casts firings on a Vulkan device.
 pub(in crate::engine) struct GpuFirings {
@@ -52,7 +51,7 @@ impl GpuFirings {
     /// No such device, or one that cannot hold the trees.
     pub(in crate::engine) fn new(
         trees: &[&Arc<Bvh>],
-        choice: DeviceChoice<'_>,
+        choice: &EngineChoice,
     ) -> Result<Self, BackendError> {
         let device = self_test::open(choice)?;
         let trees = Trees::new(&device, trees)?;

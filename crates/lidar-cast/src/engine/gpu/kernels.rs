@@ -34,7 +34,7 @@ type Bound = (usize, Vec<wgpu::Buffer>);
 type Noted = (String, Vec<wgpu::Buffer>, [u32; 3]);
 
 /// Changes the source of a kernel, which is given by name, before it is compiled.
-pub type Rewrite = fn(kernel: &str, source: String) -> String;
+pub(super) type Rewrite = fn(kernel: &str, source: String) -> String;
 
 /// Kernels, each compiled at its first use, and their bind groups.
 pub(super) struct Kernels {

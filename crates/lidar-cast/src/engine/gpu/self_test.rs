@@ -8,11 +8,10 @@ use std::sync::Mutex;
 
 use serde::Serialize;
 
-use super::DeviceChoice;
 use super::device::{AdapterSummary, Device, instance, ranked_adapters, summary};
 use super::kernels::Kernels;
 use super::layout::WORKGROUP_SIZE;
-use crate::engine::BackendError;
+use crate::engine::{BackendError, EngineChoice};
 use crate::maths::mixed;
 
 /// Operations in the order of their numbers in `shaders/self_test.wgsl`.
@@ -296,8 +295,8 @@ pub fn test_adapters() -> Vec<TestedAdapter> {
 ///
 /// # Errors
 /// No such device, or one that does not keep the bits that the kernels need, unless that is allowed.
-pub(super) fn open(choice: DeviceChoice<'_>) -> Result<Device, BackendError> {
-    let device = Device::open(choice.name)?;
+pub(super) fn open(choice: &EngineChoice) -> Result<Device, BackendError> {
+    let device = Device::open(choice.adapter.as_deref())?;
     let result = self_test(&device)?;
     judged(device, &result, choice.inexact)
 }
