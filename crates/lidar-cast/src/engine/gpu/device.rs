@@ -172,6 +172,11 @@ impl Device {
     }
 }
 
+/// Usages of a buffer that kernels write, and that the host writes and reads.
+pub(super) const WORK: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
+    .union(wgpu::BufferUsages::COPY_DST)
+    .union(wgpu::BufferUsages::COPY_SRC);
+
 /// Usages of a buffer that the host only writes. Tests read these, too.
 pub(super) fn readable(usage: wgpu::BufferUsages) -> wgpu::BufferUsages {
     if cfg!(test) { usage | wgpu::BufferUsages::COPY_SRC } else { usage }
@@ -210,7 +215,7 @@ pub(super) fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
     let info = adapter.get_info();
     let limits = adapter.limits();
     AdapterSummary {
-        kind: kind(info.device_type),
+        kind: TYPES[rank(info.device_type)].1,
         auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
         name: info.name,
         driver: info.driver,
@@ -221,14 +226,19 @@ pub(super) fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
     }
 }
 
-fn kind(device_type: wgpu::DeviceType) -> &'static str {
-    match device_type {
-        wgpu::DeviceType::DiscreteGpu => "discrete",
-        wgpu::DeviceType::IntegratedGpu => "integrated",
-        wgpu::DeviceType::VirtualGpu => "virtual",
-        wgpu::DeviceType::Cpu => "software",
-        wgpu::DeviceType::Other => "other",
-    }
+/// Types of devices and their names, best first: dedicated hardware before shared before software.
+const TYPES: [(wgpu::DeviceType, &str); 5] = [
+    (wgpu::DeviceType::DiscreteGpu, "discrete"),
+    (wgpu::DeviceType::IntegratedGpu, "integrated"),
+    (wgpu::DeviceType::VirtualGpu, "virtual"),
+    (wgpu::DeviceType::Other, "other"),
+    (wgpu::DeviceType::Cpu, "software"),
+];
+
+/// Place of a type among [`TYPES`].
+fn rank(device_type: wgpu::DeviceType) -> usize {
+    let place = TYPES.iter().position(|(known, _)| *known == device_type);
+    place.expect("every type is in the list")
 }
 
 pub(super) fn instance() -> wgpu::Instance {
@@ -238,15 +248,9 @@ pub(super) fn instance() -> wgpu::Instance {
     wgpu::Instance::new(descriptor)
 }
 
-/// Best first: dedicated hardware before shared before software; ties keep the driver's order.
+/// Best first; ties keep the driver's order.
 pub(super) fn ranked_adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
     let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
-    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
-    });
+    adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
     adapters
 }

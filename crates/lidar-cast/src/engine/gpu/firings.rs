@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::chunk::Trees;
-use super::device::Device;
+use super::device::{Device, WORK};
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{GpuInstance, MAX_WORKGROUPS, Sensor, UNFINISHED};
 use super::self_test;
@@ -178,12 +178,9 @@ impl GrowingBuffer {
         if self.0.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
             kernels.unbind();
             self.0 = None;
-            let usage = wgpu::BufferUsages::STORAGE
-                | wgpu::BufferUsages::COPY_DST
-                | wgpu::BufferUsages::COPY_SRC;
             // Half as much again, so that slightly larger ones do not come one after the other.
             let room = (bytes + bytes / 2).min(device.max_binding()).max(bytes);
-            self.0 = Some(device.buffer(what, room, usage)?);
+            self.0 = Some(device.buffer(what, room, WORK)?);
         }
         Ok(self.0.as_ref().expect("made above"))
     }

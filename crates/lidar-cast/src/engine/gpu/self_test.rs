@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use serde::Serialize;
 
-use super::device::{AdapterSummary, Device, instance, ranked_adapters, summary};
+use super::device::{AdapterSummary, Device, WORK, instance, ranked_adapters, summary};
 use super::kernels::Kernels;
 use super::layout::WORKGROUP_SIZE;
 use crate::engine::{BackendError, EngineChoice};
@@ -323,9 +323,7 @@ fn run(device: &Device) -> Result<SelfTest, BackendError> {
     kernels.compile(device, |kernel| kernel == "self_test");
     device.check("compiling its self-test")?;
     let table = device.upload("cases", &words)?;
-    let usage =
-        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    let answers = device.buffer("answers", 4 * count as u64, usage)?;
+    let answers = device.buffer("answers", 4 * count as u64, WORK)?;
     // An answer that is never written is no right one.
     device.write(&answers, &vec![u32::MAX; count]);
     let record = |encoder: &mut wgpu::CommandEncoder| {

@@ -29,8 +29,18 @@ impl Pipeline<'_> {
         let (work, scene) = (self.work, self.scene);
         let geometry = self.task.geometry(frame);
         let (instances, sensors) =
-            chunk.sensors(standing, geometry, &scene.roots, &scene.first_directions);
-        self.write_uniforms();
+            chunk.sensors(standing, geometry, &scene.trees.roots, &scene.first_directions);
+        let (roi, content) = (self.task.roi(), self.task.content());
+        let uniforms = Uniforms {
+            shape: roi.shape(),
+            bitmap_words: bitmap_words(self.task),
+            voxel: roi.voxel().map(|v| v as f32),
+            occupied_count: content.occupied().len() as u32,
+            class_count: content.set_count() as u32,
+            ends_at_hits: u32::from(self.task.ends_at_hits()),
+            spare: [0; 2],
+        };
+        self.device.write(&work.uniforms, &[uniforms]);
         self.device.write(&work.placement_sensors, &chunk.placements);
         self.device.write(&work.poses, &standing.poses);
         self.device.write(&work.instances, &instances);
@@ -38,27 +48,9 @@ impl Pipeline<'_> {
         self.device.check("placing sensors")
     }
 
-    fn write_uniforms(&self) {
-        let (roi, content) = (self.task.roi(), self.task.content());
-        let uniforms = Uniforms {
-            shape: roi.shape(),
-            bitmap_words: self.bitmap_words(),
-            voxel: roi.voxel().map(|v| v as f32),
-            occupied_count: content.occupied().len() as u32,
-            class_count: content.set_count() as u32,
-            ends_at_hits: u32::from(self.task.ends_at_hits()),
-            spare: [0; 2],
-        };
-        self.device.write(&self.work.uniforms, &[uniforms]);
-    }
-
     /// Workgroups for the beams of a chunk.
     fn groups(&self, chunk: &GpuChunk<'_>) -> [u32; 3] {
         beam_workgroups(self.task.sensors().most_beams() as u32, chunk.batch.len() as u32)
-    }
-
-    fn bitmap_words(&self) -> u32 {
-        bitmap_words(self.task)
     }
 
     fn frame(&self, frame: usize) -> &Frame {
@@ -76,8 +68,8 @@ impl Pipeline<'_> {
         let (work, scene) = (self.work, self.scene);
         encoder.clear_buffer(&work.counters, 0, None);
         let buffers = [
-            &work.instances, &work.sensor_beams, &scene.directions, &scene.nodes, &scene.triangles,
-            &work.hits, &work.counters,
+            &work.instances, &work.sensor_beams, &scene.directions, &scene.trees.nodes,
+            &scene.trees.triangles, &work.hits, &work.counters,
         ];
         let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
         self.kernels.dispatch(self.device, encoder, "cast_closest", &buffers, groups, stamp);
@@ -197,7 +189,7 @@ impl Pipeline<'_> {
     /// Replaces the kernel's bitmaps of some sensors.
     pub(super) fn write_bitmaps(&self, bitmaps: &[(usize, Vec<u32>)]) {
         for (sensor, bitmap) in bitmaps {
-            let first = *sensor as u64 * u64::from(self.bitmap_words());
+            let first = *sensor as u64 * u64::from(bitmap_words(self.task));
             self.device.write_at(&self.work.bitmaps, first, bitmap);
         }
     }
@@ -225,7 +217,7 @@ impl Pipeline<'_> {
             let buffers = [&scene.class_voxels, &scene.class_runs, &work.totals];
             dispatch("reduce_classes", &buffers, scene.class_run_count, None);
         }
-        let words = self.bitmap_words().div_ceil(ITEMS_PER_WORKGROUP);
+        let words = bitmap_words(self.task).div_ceil(ITEMS_PER_WORKGROUP);
         dispatch("reduce_words", &[&work.totals], words, self.stamp(stage));
     }
 
@@ -237,7 +229,7 @@ impl Pipeline<'_> {
     ) -> Vec<BufferHead<'_>> {
         let (work, count) = (self.work, chunk.placements.len() as u64);
         if !batch.sums {
-            let bytes = 4 * chunk.batch.len() as u64 * u64::from(self.bitmap_words());
+            let bytes = 4 * chunk.batch.len() as u64 * u64::from(bitmap_words(self.task));
             return vec![(&work.bitmaps, bytes)];
         }
         let stride = 1 + self.task.content().set_count() as u64;
