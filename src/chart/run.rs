@@ -90,9 +90,9 @@ pub struct ChartRow {
     /// Triangles, a mean over frames.
     pub triangles: u64,
     /// Cost of casting a pose of an atlas; `None` for other engines.
-    pub pose: Option<PoseCost>,
+    pub(crate) pose: Option<PoseCost>,
     /// Against the reference.
-    pub error: RankingError,
+    pub(crate) error: RankingError,
     /// True if its scores mean the same as the reference's; otherwise only rankings compare.
     pub same_quantity: bool,
     /// No other setting that was measured to the end is cheaper and ranks at least as well.

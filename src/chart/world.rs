@@ -188,7 +188,7 @@ impl ChartWorld {
 /// A vertex moves by less than the cell's diagonal and one alone in its cell stays, so that walls and roads keep their
 /// corners; things smaller than a cell vanish. Triangles keep their order and class. A `cell` that is not above 0
 /// changes nothing.
-pub fn merge_vertices(soup: &TriangleSoup, cell: f64) -> TriangleSoup {
+pub(crate) fn merge_vertices(soup: &TriangleSoup, cell: f64) -> TriangleSoup {
     if cell.is_nan() || cell <= 0.0 {
         return soup.clone();
     }
