@@ -24,7 +24,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::{
-    Backend, BackendError, Chunk, ChunkLimits, EngineChoice, TakeBitmap, check_frame, split,
+    Backend, BackendError, Chunk, ChunkLimits, EngineChoice, Result, TakeBitmap, check_frame, split,
 };
 use crate::bvh::Hit;
 use crate::cover::BitOrder;
@@ -64,7 +64,7 @@ impl GpuBackend {
     ///
     /// # Errors
     /// See [`Self::open`].
-    pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self, BackendError> {
+    pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self> {
         let adapter = adapter.map(str::to_owned);
         Self::open(task, &EngineChoice { adapter, ..EngineChoice::default() }, memory)
     }
@@ -75,7 +75,7 @@ impl GpuBackend {
     ///
     /// # Errors
     /// No such device, one that fails its self-test, or one that cannot hold the task.
-    pub fn open(task: Arc<Task>, choice: &EngineChoice, memory: u64) -> Result<Self, BackendError> {
+    pub fn open(task: Arc<Task>, choice: &EngineChoice, memory: u64) -> Result<Self> {
         let device = self_test::open(choice)?;
         let need = 8 * BitOrder::bricks(task.roi()).words() as u64;
         if need > MOST_BITMAP {
@@ -103,7 +103,7 @@ impl GpuBackend {
     ///
     /// # Errors
     /// A device that failed since it was opened.
-    pub fn self_test(&self) -> Result<SelfTest, BackendError> {
+    pub fn self_test(&self) -> Result<SelfTest> {
         self_test::self_test(&self.device)
     }
 
@@ -128,7 +128,7 @@ impl GpuBackend {
     }
 
     /// Cuts placements into chunks and makes room for the largest.
-    fn cut(&mut self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+    fn cut(&mut self, placements: &[Placement]) -> Result<Vec<Chunk>> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = Sizes::of(&self.task);
@@ -146,7 +146,7 @@ impl GpuBackend {
     }
 
     /// Limits of a chunk whose placements have at most `widest` sensors.
-    fn limits(&self, widest: usize, sizes: &Sizes) -> Result<ChunkLimits, BackendError> {
+    fn limits(&self, widest: usize, sizes: &Sizes) -> Result<ChunkLimits> {
         let (binding, memory) = (self.device.max_binding(), self.memory);
         // Bitmaps on the device and their copy to the host; sums and instances there, of the steps in flight, and of the step
         // that the host has in hand.
@@ -189,11 +189,7 @@ impl Backend for GpuBackend {
         &self.device.adapter
     }
 
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
+    fn tally(&mut self, placements: &[Placement], range: Option<f32>) -> Result<Vec<Tally>> {
         self.count_down();
         let (frames, weights): (Vec<usize>, Vec<u64>) =
             self.task.distinct_frames().into_iter().unzip();
@@ -214,7 +210,7 @@ impl Backend for GpuBackend {
         Ok(sums.tallies)
     }
 
-    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>> {
         let frames = self.task.geometry_frame_count();
         if frame >= frames {
             return Err(BackendError::NoFrame { frame, frames });
@@ -238,7 +234,7 @@ impl Backend for GpuBackend {
         poses: &[SensorPose],
         frame: usize,
         take: &TakeBitmap<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         check_frame(&self.task, frame)?;
         let order = self.order();
         let range = None;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Backend, BackendError, CpuBackend, TakeBitmap};
+use super::{Backend, BackendError, CpuBackend, Result, TakeBitmap};
 use crate::bvh::{Bvh, Hit};
 use crate::cast::FiringCaster;
 use crate::cover::BitOrder;
@@ -54,7 +54,7 @@ impl EngineChoice {
     ///
     /// # Errors
     /// There is none.
-    pub fn check_adapter(&self) -> Result<(), BackendError> {
+    pub fn check_adapter(&self) -> Result<()> {
         let is_named = |name: &String| self.kind == EngineKind::Cpu || device::is_named(name);
         match &self.adapter {
             Some(name) if !is_named(name) => {
@@ -86,7 +86,7 @@ pub fn open(
     task: &Arc<Task>,
     choice: &EngineChoice,
     on_change: impl Fn(&str) + Send + 'static,
-) -> Result<OpenedEngine, BackendError> {
+) -> Result<OpenedEngine> {
     let mut notes = Vec::new();
     let cpu = || Box::new(CpuBackend::new(task.clone(), choice.memory_budget()));
     let engine: Box<dyn Backend> = match choice.kind {
@@ -126,10 +126,7 @@ pub struct OpenedCaster {
 ///
 /// # Errors
 /// The requested device is missing or fails.
-pub fn open_caster(
-    trees: &[&Arc<Bvh>],
-    choice: &EngineChoice,
-) -> Result<OpenedCaster, BackendError> {
+pub fn open_caster(trees: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<OpenedCaster> {
     let host = |note| OpenedCaster { caster: None, note };
     match choice.kind {
         EngineKind::Cpu => Ok(host(None)),
@@ -150,7 +147,7 @@ mod device {
     use super::{EngineChoice, OpenedCaster};
     use crate::bvh::Bvh;
     use crate::engine::gpu::{GpuBackend, GpuFirings, list_adapters};
-    use crate::engine::{Backend, BackendError, CpuBackend, Failover};
+    use crate::engine::{Backend, CpuBackend, Failover, Result};
     use crate::task::Task;
 
     /// A sentence that says why there is no hardware device; none where there is one.
@@ -173,10 +170,7 @@ mod device {
     }
 
     /// The device for the rays of a scanner, and which it is.
-    pub(super) fn caster(
-        trees: &[&Arc<Bvh>],
-        choice: &EngineChoice,
-    ) -> Result<OpenedCaster, BackendError> {
+    pub(super) fn caster(trees: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<OpenedCaster> {
         let firings = GpuFirings::new(trees, choice)?;
         let note = Some(format!("casting on gpu: {}", firings.adapter()));
         Ok(OpenedCaster { caster: Some(Box::new(firings)), note })
@@ -187,11 +181,11 @@ mod device {
         task: &Arc<Task>,
         choice: &EngineChoice,
         on_change: impl Fn(&str) + Send + 'static,
-    ) -> Result<Failover, BackendError> {
+    ) -> Result<Failover> {
         let (choice, memory) = (choice.clone(), choice.memory_budget());
         let first = doomed(GpuBackend::open(task.clone(), &choice, memory)?);
         let (for_gpu, for_cpu) = (task.clone(), task.clone());
-        let reopen = move || -> Result<Box<dyn Backend>, BackendError> {
+        let reopen = move || -> Result<Box<dyn Backend>> {
             Ok(Box::new(GpuBackend::open(for_gpu.clone(), &choice, memory)?))
         };
         let cpu =
@@ -217,7 +211,7 @@ mod device {
 
     use super::{EngineChoice, OpenedCaster};
     use crate::bvh::Bvh;
-    use crate::engine::{BackendError, Failover};
+    use crate::engine::{BackendError, Failover, Result};
     use crate::task::Task;
 
     pub(super) fn no_hardware() -> Option<String> {
@@ -228,10 +222,7 @@ mod device {
         false
     }
 
-    pub(super) fn caster(
-        _: &[&Arc<Bvh>],
-        choice: &EngineChoice,
-    ) -> Result<OpenedCaster, BackendError> {
+    pub(super) fn caster(_: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<OpenedCaster> {
         Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 
@@ -239,7 +230,7 @@ mod device {
         _: &Arc<Task>,
         choice: &EngineChoice,
         _: impl Fn(&str) + Send + 'static,
-    ) -> Result<Failover, BackendError> {
+    ) -> Result<Failover> {
         Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 }
@@ -248,7 +239,7 @@ mod device {
 const MOST_LOSSES: u32 = 3;
 
 /// Opens the device again.
-type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Send>;
+type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>> + Send>;
 
 /// A backend that outlives its device.
 ///
@@ -295,10 +286,7 @@ impl Failover {
         self
     }
 
-    fn attempt<T>(
-        &mut self,
-        work: impl Fn(&mut dyn Backend) -> Result<T, BackendError>,
-    ) -> Result<T, BackendError> {
+    fn attempt<T>(&mut self, work: impl Fn(&mut dyn Backend) -> Result<T>) -> Result<T> {
         let mut again = false;
         loop {
             match work(&mut *self.backend) {
@@ -346,15 +334,11 @@ impl Backend for Failover {
         self.backend.adapter()
     }
 
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
+    fn tally(&mut self, placements: &[Placement], range: Option<f32>) -> Result<Vec<Tally>> {
         self.attempt(|backend| backend.tally(placements, range))
     }
 
-    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>> {
         self.attempt(|backend| backend.hits(poses, frame))
     }
 
@@ -367,7 +351,7 @@ impl Backend for Failover {
         poses: &[SensorPose],
         frame: usize,
         take: &TakeBitmap<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         self.attempt(|backend| backend.each_bitmap(poses, frame, take))
     }
 

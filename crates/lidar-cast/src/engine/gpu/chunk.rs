@@ -13,7 +13,7 @@ use super::layout::{GpuInstance, ITEMS_PER_WORKGROUP, LONG_AXIS, PARTIAL_WORDS, 
 use crate::bvh::{Bvh, Bvh4, Hit, QuantizedNode, Triangle};
 use crate::cast::SightSphere;
 use crate::cover::BitOrder;
-use crate::engine::{self, BackendError};
+use crate::engine::{self, Result};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::sensor::{Placement, UnknownSensor};
@@ -186,7 +186,7 @@ pub(super) struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    pub(super) fn new(device: &Device, task: &Task) -> Result<Self, BackendError> {
+    pub(super) fn new(device: &Device, task: &Task) -> Result<Self> {
         let (mut directions, mut first_directions) = (Vec::new(), Vec::new());
         for model in task.sensors().models() {
             first_directions.push(directions.len() as u32);
@@ -234,7 +234,7 @@ pub(super) struct Trees {
 
 impl Trees {
     /// Uploads trees, each of them once in the list.
-    pub(super) fn new(device: &Device, trees: &[&Arc<Bvh>]) -> Result<Self, BackendError> {
+    pub(super) fn new(device: &Device, trees: &[&Arc<Bvh>]) -> Result<Self> {
         let mut built: Vec<Bvh4> = trees.iter().map(|tree| Bvh4::new(tree)).collect();
         let of = |what, count: usize, each: usize| {
             let usage = readable(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
@@ -301,7 +301,7 @@ impl WorkBuffers {
         sizes: &Sizes,
         sensors: usize,
         placements: usize,
-    ) -> Result<Self, BackendError> {
+    ) -> Result<Self> {
         let (s, p) = (sensors as u64, placements as u64);
         let buffer = |what, bytes| device.buffer(what, bytes, WORK);
         let uniform = readable(wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::stages::Stamps;
-use crate::engine::BackendError;
+use crate::engine::{BackendError, Result};
 
 /// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.
 pub(super) struct Device {
@@ -39,7 +39,7 @@ pub struct TransferCounts {
 
 impl Device {
     /// Opens the best device, or the one whose name contains `name`, whatever it is good for.
-    pub(super) fn open(name: Option<&str>) -> Result<Self, BackendError> {
+    pub(super) fn open(name: Option<&str>) -> Result<Self> {
         let wanted = name.map(str::to_lowercase);
         let adapter = ranked_adapters(&instance())
             .into_iter()
@@ -52,7 +52,7 @@ impl Device {
     }
 
     /// Opens a device.
-    pub(super) fn of(adapter: &wgpu::Adapter) -> Result<Self, BackendError> {
+    pub(super) fn of(adapter: &wgpu::Adapter) -> Result<Self> {
         let info = adapter.get_info();
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let descriptor = wgpu::DeviceDescriptor {
@@ -94,7 +94,7 @@ impl Device {
     }
 
     /// The first error since the device was opened, if any: a device that failed is not used again.
-    pub(super) fn check(&self, stage: &'static str) -> Result<(), BackendError> {
+    pub(super) fn check(&self, stage: &'static str) -> Result<()> {
         match self.failure.lock().ok().and_then(|slot| slot.clone()) {
             Some(message) => Err(self.failed(stage, message)),
             None => Ok(()),
@@ -112,7 +112,7 @@ impl Device {
         what: &'static str,
         bytes: u64,
         usage: wgpu::BufferUsages,
-    ) -> Result<wgpu::Buffer, BackendError> {
+    ) -> Result<wgpu::Buffer> {
         let limit = self.max_binding();
         if usage.contains(wgpu::BufferUsages::STORAGE) && bytes > limit {
             return Err(BackendError::TooLarge { what, need: bytes, limit });
@@ -132,7 +132,7 @@ impl Device {
         &self,
         what: &'static str,
         data: &[T],
-    ) -> Result<wgpu::Buffer, BackendError> {
+    ) -> Result<wgpu::Buffer> {
         let usage = readable(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
         let buffer = self.buffer(what, size_of_val(data) as u64, usage)?;
         self.write(&buffer, data);

@@ -9,7 +9,7 @@ use super::layout::{GpuInstance, MAX_WORKGROUPS, Sensor, UNFINISHED};
 use super::self_test;
 use crate::bvh::{Bvh, Hit};
 use crate::cast::{Firing, FiringCaster};
-use crate::engine::{BackendError, EngineChoice};
+use crate::engine::{EngineChoice, Result};
 
 /// Casts firings on a Vulkan device.
 pub(in crate::engine) struct GpuFirings {
@@ -49,10 +49,7 @@ impl GpuFirings {
     ///
     /// # Errors
     /// No such device, or one that cannot hold the trees.
-    pub(in crate::engine) fn new(
-        trees: &[&Arc<Bvh>],
-        choice: &EngineChoice,
-    ) -> Result<Self, BackendError> {
+    pub(in crate::engine) fn new(trees: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<Self> {
         let device = self_test::open(choice)?;
         let trees = Trees::new(&device, trees)?;
         let kernels = Kernels::new();
@@ -106,7 +103,7 @@ impl GpuFirings {
         packed
     }
 
-    fn cast(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, BackendError> {
+    fn cast(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>> {
         let packed = self.pack(firings, range);
         let (sensors, rays) = (packed.sensors.len(), packed.directions.len());
         let sizes = [
@@ -154,7 +151,7 @@ impl FiringBuffers {
         device: &Device,
         kernels: &Kernels,
         bytes: [usize; 5],
-    ) -> Result<[&wgpu::Buffer; 5], BackendError> {
+    ) -> Result<[&wgpu::Buffer; 5]> {
         let Self { instances, sensors, directions, hits, counters } = self;
         let names = ["instances", "sensors", "directions of rays", "hits", "hit counters"];
         let rooms = [instances, sensors, directions, hits, counters];
@@ -174,7 +171,7 @@ impl GrowingBuffer {
         kernels: &Kernels,
         what: &'static str,
         bytes: u64,
-    ) -> Result<&wgpu::Buffer, BackendError> {
+    ) -> Result<&wgpu::Buffer> {
         if self.0.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
             kernels.unbind();
             self.0 = None;

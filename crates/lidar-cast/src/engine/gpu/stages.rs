@@ -12,7 +12,7 @@ use super::readback::ReadBack;
 use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
 use crate::cover::{BitOrder, cover_voxels};
-use crate::engine::BackendError;
+use crate::engine::Result;
 use crate::task::{Air, Frame};
 
 /// A buffer whose first bytes are read back, and their number.
@@ -25,7 +25,7 @@ impl Pipeline<'_> {
         chunk: &GpuChunk<'_>,
         standing: &ChunkSensors,
         frame: usize,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         let (work, scene) = (self.work, self.scene);
         let geometry = self.task.geometry(frame);
         let (instances, sensors) =
@@ -86,7 +86,7 @@ impl Pipeline<'_> {
     }
 
     /// Hands over the casting alone; the counters are read.
-    pub(super) fn cast(&self, chunk: &GpuChunk<'_>) -> Result<ReadBack, BackendError> {
+    pub(super) fn cast(&self, chunk: &GpuChunk<'_>) -> Result<ReadBack> {
         let record = |encoder: &mut wgpu::CommandEncoder| self.record_cast(encoder, chunk, None);
         self.device.start("casting", record, &[self.counters(chunk)])
     }
@@ -98,7 +98,7 @@ impl Pipeline<'_> {
         standing: &ChunkSensors,
         frame: usize,
         counters: ReadBack,
-    ) -> Result<Vec<u32>, BackendError> {
+    ) -> Result<Vec<u32>> {
         let counters: Vec<u32> =
             self.device.finish(counters, |parts| bytemuck::pod_collect_to_vec(parts[0]))?;
         let mut hits = counters[1..].to_vec();
@@ -129,7 +129,7 @@ impl Pipeline<'_> {
         chunk: &GpuChunk<'_>,
         standing: &ChunkSensors,
         frame: usize,
-    ) -> Result<Vec<u32>, BackendError> {
+    ) -> Result<Vec<u32>> {
         let (batch, number) = (&chunk.batch, self.task.number_of(frame));
         let mut beams = self.read_hits(chunk)?;
         air.dim(batch, &standing.ego_from_sensors, self.frame(frame), number, &mut beams);
@@ -139,7 +139,7 @@ impl Pipeline<'_> {
     }
 
     /// Hits of every beam of the chunk that was cast last.
-    pub(super) fn read_hits(&self, chunk: &GpuChunk<'_>) -> Result<Vec<Hit>, BackendError> {
+    pub(super) fn read_hits(&self, chunk: &GpuChunk<'_>) -> Result<Vec<Hit>> {
         let beams = chunk.batch.beams() as u64;
         self.device.read("read-back", &self.work.hits, size_of::<Hit>() as u64 * beams)
     }
@@ -166,7 +166,7 @@ impl Pipeline<'_> {
         &self,
         chunk: &GpuChunk<'_>,
         standing: &ChunkSensors,
-    ) -> Result<Vec<(usize, Vec<u32>)>, BackendError> {
+    ) -> Result<Vec<(usize, Vec<u32>)>> {
         if standing.covered_by_host.is_empty() {
             return Ok(Vec::new());
         }
