@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 /// Most voxels of a grid: indices fit 31 bits.
-pub const VOXEL_LIMIT: u64 = 1 << 31;
+const VOXEL_LIMIT: u64 = 1 << 31;
 /// Most voxels along one axis: plane numbers are exact in `f32`.
 const AXIS_LIMIT: u32 = 1 << 24;
 

@@ -51,7 +51,7 @@ fn address_space() -> Option<u64> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "out of memory: {what} need {} MiB and {} MiB are left to this process; raise its limit, or use fewer \
-     placements at once, fewer frames or beams, larger voxels or a coarser mesh", mebibytes(*.need), mebibytes(*.left)
+     placements at once, fewer frames or beams, larger voxels or a coarser mesh", *.need >> 20, *.left >> 20
 )]
 pub struct OutOfMemory {
     /// Contents of the memory, in the plural.
@@ -60,10 +60,6 @@ pub struct OutOfMemory {
     pub need: u64,
     /// Bytes that this process may still have; 0 where the system does not say.
     pub left: u64,
-}
-
-fn mebibytes(bytes: u64) -> u64 {
-    bytes >> 20
 }
 
 /// Checks that `need` bytes are left.

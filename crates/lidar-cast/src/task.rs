@@ -184,7 +184,12 @@ impl Task {
     pub fn mirrored(&self) -> Self {
         let content = match self.content.areas() {
             [] => self.content.clone(),
-            _ => Arc::new(self.content.with_mirrored_areas(&self.roi)),
+            areas => {
+                let image = |area: &RequiredArea| area.required.mirrored();
+                let images: Vec<Requirement> = areas.iter().map(image).collect();
+                let content = Content::clone(&self.content).without_areas();
+                Arc::new(content.with_areas(&self.roi, &images))
+            }
         };
         Self { sensors: self.sensors.mirrored(), content, ..self.clone() }
     }

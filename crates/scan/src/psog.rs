@@ -18,7 +18,7 @@ use sightline_scene::vehicle::BeamTable;
 const FRAMES_TOGETHER: usize = 32;
 /// Beams whose voxels are looked up at once.
 const LANES: usize = 32;
-/// No voxel: no grid has as many, see [`sightline_scene::psog::VOXEL_LIMIT`].
+/// No voxel: no grid has as many.
 const OUTSIDE: u32 = u32::MAX;
 
 /// Most beams of the scans of a frame whose spacing is given: minutes on a core.

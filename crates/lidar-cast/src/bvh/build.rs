@@ -427,7 +427,7 @@ pub struct Triangle {
 
 impl Triangle {
     /// A triangle from its corners in metres and its index in the soup.
-    pub fn new([a, b, c]: [[f32; 3]; 3], prim: u32) -> Self {
+    pub(crate) fn new([a, b, c]: [[f32; 3]; 3], prim: u32) -> Self {
         let corner = |v: [f32; 3]| Vec3::from(v).as_dvec3();
         let normal = (corner(b) - corner(a)).cross(corner(c) - corner(a)).normalize_or_zero();
         let normal = normal.as_vec3().to_array();

@@ -84,7 +84,7 @@ impl Content {
     }
 
     /// Takes all required areas away.
-    pub fn without_areas(mut self) -> Self {
+    pub(super) fn without_areas(mut self) -> Self {
         self.class_starts.truncate(self.classes.len() + 1);
         self.class_voxels.truncate(self.class_starts[self.classes.len()] as usize);
         self.areas.clear();
@@ -115,13 +115,6 @@ impl Content {
             self.class_starts.push(self.class_voxels.len() as u32);
         }
         self
-    }
-
-    /// A copy with every area mirrored at the plane y = 0.
-    pub(super) fn with_mirrored_areas(&self, roi: &Roi) -> Self {
-        let mirrored: Vec<Requirement> =
-            self.areas.iter().map(|area| area.required.mirrored()).collect();
-        self.clone().without_areas().with_areas(roi, &mirrored)
     }
 
     /// Areas with a required coverage.

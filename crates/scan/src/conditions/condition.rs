@@ -168,7 +168,7 @@ pub enum ConditionKind {
 
 impl ConditionKind {
     /// All of them.
-    pub const ALL: [Self; 7] =
+    pub(crate) const ALL: [Self; 7] =
         [Self::Fog, Self::Wet, Self::Snow, Self::Rain, Self::Blur, Self::Crosstalk, Self::Echo];
 
     /// Name on the command line.
