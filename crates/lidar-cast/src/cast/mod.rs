@@ -10,7 +10,7 @@ mod reference;
 mod sight;
 mod walk;
 
-pub use batch::{Caster, Casting};
+pub use batch::Caster;
 pub use bundle::{
     BundleOrigin, BundleTree, Firing, FiringCaster, TraversalStack, all_hit, closer_hits_of_beams,
     closer_hits_of_bundle,
