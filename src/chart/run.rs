@@ -220,8 +220,7 @@ pub fn chart(
     }
     check_resumed(&mut bench, &ladder, state)?;
     let rule = StoppingRule::new(settings.full, tolerance, settings.seed);
-    let ChartProgress { missing, skipped } =
-        measure(&mut bench, &mut ladder, rule, edge, state, observer)?;
+    let (missing, skipped) = measure(&mut bench, &mut ladder, rule, edge, state, observer)?;
     let rated = rate(&state.measured, tolerance, settings.seed);
     Ok(Chart {
         scene: name,
@@ -291,15 +290,8 @@ fn check_resumed(
     if same { Ok(()) } else { Err(ChartError::OtherState) }
 }
 
-/// Settings that a chart did not measure.
-struct ChartProgress {
-    /// Settings that are missing because the observer said stop.
-    missing: usize,
-    skipped: Vec<Skipped>,
-}
-
-/// Measures the settings that are missing as far as `rule` says, until the observer says stop. Settings that are left
-/// out for a reason are not among those then missing.
+/// Measures the settings that are missing as far as `rule` says, until the observer says stop. Returns the number of
+/// those then missing, without a reason, and the settings that were skipped for one.
 fn measure(
     bench: &mut Bench,
     settings: &mut Ladder,
@@ -307,7 +299,7 @@ fn measure(
     edge: f64,
     state: &mut ChartState,
     observer: &dyn ChartObserver,
-) -> Result<ChartProgress, ChartError> {
+) -> Result<(usize, Vec<Skipped>), ChartError> {
     let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(&bench.world.scene)).collect();
     let order = rule.order(&efforts);
     let count = bench.placements.len();
@@ -323,7 +315,7 @@ fn measure(
         let is_missing = |&&i: &&usize| state.measured.iter().all(|m| m.setting != settings.all[i]);
         if !observer.goes_on() {
             let missing = order[place..].iter().filter(is_missing).count();
-            return Ok(ChartProgress { missing, skipped });
+            return Ok((missing, skipped));
         }
         let held = state.measured.iter().position(|m| m.setting == setting);
         if held.is_none() && rule.skips(&setting, effort) {
@@ -342,7 +334,7 @@ fn measure(
                 },
                 Ok(None) => {
                     let missing = order[place..].iter().filter(is_missing).count();
-                    return Ok(ChartProgress { missing, skipped });
+                    return Ok((missing, skipped));
                 }
                 Err(error) if error.spares_others(&setting) => {
                     settings.left_out.push(format!("{words}: {error}"));
@@ -358,7 +350,7 @@ fn measure(
         }
         observer.progress(before / (before + later));
     }
-    Ok(ChartProgress { missing: 0, skipped })
+    Ok((0, skipped))
 }
 
 /// Measures one setting as far as the rule says.

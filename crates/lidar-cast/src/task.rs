@@ -143,12 +143,7 @@ impl Task {
     }
 
     /// Weather or crosstalk that keeps beams from returning; `None` in clear air.
-    pub fn air(&self) -> Option<&dyn Air> {
-        self.air.as_deref()
-    }
-
-    /// Like [`Self::air`], to be shared.
-    pub fn shared_air(&self) -> Option<&Arc<dyn Air>> {
+    pub fn air(&self) -> Option<&Arc<dyn Air>> {
         self.air.as_ref()
     }
 

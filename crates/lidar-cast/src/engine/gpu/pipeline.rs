@@ -254,7 +254,7 @@ impl<'a> Pipeline<'a> {
             let counters = self.cast(chunk)?;
             let mut hits = self.settle(chunk, standing, *frame, counters)?;
             if let Some(air) = self.task.air() {
-                hits = self.dim(air, chunk, standing, *frame)?;
+                hits = self.dim(&**air, chunk, standing, *frame)?;
             }
             take(chunk, *turn, ChunkResult::Hits(&hits));
             lap(&mut clock.slow.cast);
