@@ -182,11 +182,7 @@ impl<'a> Pipeline<'a> {
         }
         let record = |encoder: &mut wgpu::CommandEncoder| {
             for (number, &stage) in stages.iter().enumerate() {
-                match stage {
-                    StepStage::Cast => self.record_cast(encoder, &step.chunk, Some(number)),
-                    StepStage::Cover => self.record_cover(encoder, &step.chunk, Some(number)),
-                    StepStage::Reduce => self.record_reduce(encoder, &step.chunk, Some(number)),
-                }
+                self.record(encoder, &step.chunk, stage, Some(number));
             }
             if let Some(stamps) = &self.device.stamps {
                 stamps.resolve(encoder, stages.len());
@@ -260,16 +256,18 @@ impl<'a> Pipeline<'a> {
             lap(&mut clock.slow.cast);
         }
         let by_host = self.cover_by_host(chunk, standing)?;
-        let covered = self.device.enqueue(|encoder| self.record_cover(encoder, chunk, None));
+        let record =
+            |encoder: &mut wgpu::CommandEncoder, stage| self.record(encoder, chunk, stage, None);
+        let covered = self.device.enqueue(|encoder| record(encoder, StepStage::Cover));
         self.write_bitmaps(&by_host);
         self.device.wait("covering", &covered)?;
         lap(&mut clock.slow.cover);
-        let record = |encoder: &mut wgpu::CommandEncoder| {
+        let sums = |encoder: &mut wgpu::CommandEncoder| {
             if batch.sums {
-                self.record_reduce(encoder, chunk, None);
+                record(encoder, StepStage::Reduce);
             }
         };
-        let results = self.device.start("summing", record, &self.results(chunk, batch))?;
+        let results = self.device.start("summing", sums, &self.results(chunk, batch))?;
         self.device.finish(results, |parts| {
             take(chunk, *turn, ChunkResult::made(parts, batch.sums));
         })?;

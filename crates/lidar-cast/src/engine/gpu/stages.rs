@@ -48,36 +48,45 @@ impl Pipeline<'_> {
         self.device.check("placing sensors")
     }
 
-    /// Workgroups for the beams of a chunk.
-    fn groups(&self, chunk: &GpuChunk<'_>) -> [u32; 3] {
-        beam_workgroups(self.task.sensors().most_beams() as u32, chunk.batch.len() as u32)
-    }
-
     fn frame(&self, frame: usize) -> &Frame {
         self.task.geometry(frame).expect("only frames with geometry are cast")
     }
 
-    /// Records the casting of a chunk that is placed in a frame; `stage` is its number in the step where the device is to
+    /// Records a stage of a chunk that is placed in a frame; `number` is its number in the step where the device is to
     /// write down its time.
-    pub(super) fn record_cast(
+    pub(super) fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         chunk: &GpuChunk<'_>,
-        stage: Option<usize>,
+        stage: StepStage,
+        number: Option<usize>,
     ) {
         let (work, scene) = (self.work, self.scene);
-        encoder.clear_buffer(&work.counters, 0, None);
-        let buffers = [
-            &work.instances, &work.sensor_beams, &scene.directions, &scene.trees.nodes,
-            &scene.trees.triangles, &work.hits, &work.counters,
-        ];
-        let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
-        self.kernels.dispatch(self.device, encoder, "cast_closest", &buffers, groups, stamp);
-    }
-
-    /// Begin and end of a stage, where the device is to write them down.
-    fn stamp(&self, stage: Option<usize>) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
-        self.device.stamps.as_ref().zip(stage).map(|(stamps, stage)| stamps.of(stage))
+        let stamps = self.device.stamps.as_ref().zip(number);
+        let stamp = stamps.map(|(stamps, number)| stamps.of(number));
+        let most = self.task.sensors().most_beams() as u32;
+        let groups = beam_workgroups(most, chunk.batch.len() as u32);
+        match stage {
+            StepStage::Cast => {
+                encoder.clear_buffer(&work.counters, 0, None);
+                let buffers = [
+                    &work.instances, &work.sensor_beams, &scene.directions, &scene.trees.nodes,
+                    &scene.trees.triangles, &work.hits, &work.counters,
+                ];
+                let kernel = "cast_closest";
+                self.kernels.dispatch(self.device, encoder, kernel, &buffers, groups, stamp);
+            }
+            StepStage::Cover => {
+                encoder.clear_buffer(&work.bitmaps, 0, None);
+                let buffers = [
+                    &work.uniforms, &work.poses, &work.sensor_beams, &scene.directions, &work.hits,
+                    &work.bitmaps,
+                ];
+                let kernel = "cover_voxels";
+                self.kernels.dispatch(self.device, encoder, kernel, &buffers, groups, stamp);
+            }
+            StepStage::Reduce => self.record_reduce(encoder, chunk, stamp),
+        }
     }
 
     /// Counters of the casting: unfinished beams, then hits by sensor.
@@ -87,7 +96,8 @@ impl Pipeline<'_> {
 
     /// Hands over the casting alone; the counters are read.
     pub(super) fn cast(&self, chunk: &GpuChunk<'_>) -> Result<ReadBack> {
-        let record = |encoder: &mut wgpu::CommandEncoder| self.record_cast(encoder, chunk, None);
+        let record =
+            |encoder: &mut wgpu::CommandEncoder| self.record(encoder, chunk, StepStage::Cast, None);
         self.device.start("casting", record, &[self.counters(chunk)])
     }
 
@@ -144,23 +154,6 @@ impl Pipeline<'_> {
         self.device.read("read-back", &self.work.hits, size_of::<Hit>() as u64 * beams)
     }
 
-    /// Records the coverage of a chunk whose beams are cast.
-    pub(super) fn record_cover(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        chunk: &GpuChunk<'_>,
-        stage: Option<usize>,
-    ) {
-        let work = self.work;
-        encoder.clear_buffer(&work.bitmaps, 0, None);
-        let buffers = [
-            &work.uniforms, &work.poses, &work.sensor_beams, &self.scene.directions, &work.hits,
-            &work.bitmaps,
-        ];
-        let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
-        self.kernels.dispatch(self.device, encoder, "cover_voxels", &buffers, groups, stamp);
-    }
-
     /// Bitmaps of the sensors that the kernel leaves, by its CPU twin.
     pub(super) fn cover_by_host(
         &self,
@@ -195,11 +188,11 @@ impl Pipeline<'_> {
     }
 
     /// Records the sums over the covered voxels.
-    pub(super) fn record_reduce(
+    fn record_reduce(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         chunk: &GpuChunk<'_>,
-        stage: Option<usize>,
+        stamp: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         let (work, scene) = (self.work, self.scene);
         let count = chunk.placements.len() as u32;
@@ -218,7 +211,7 @@ impl Pipeline<'_> {
             dispatch("reduce_classes", &buffers, scene.class_run_count, None);
         }
         let words = bitmap_words(self.task).div_ceil(ITEMS_PER_WORKGROUP);
-        dispatch("reduce_words", &[&work.totals], words, self.stamp(stage));
+        dispatch("reduce_words", &[&work.totals], words, stamp);
     }
 
     /// Results of a chunk in a frame: totals and partial sums, or bitmaps.
