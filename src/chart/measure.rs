@@ -120,12 +120,6 @@ impl Bench {
         Ok(Self { world, placements, objective, engine, repeats, unit, unit_seconds })
     }
 
-    /// The problem that the scene poses at its own fidelity.
-    pub(super) fn own_problem(&mut self) -> Result<Arc<Problem>, ChartError> {
-        let own = SceneDetail::of_scene(&self.world.scene);
-        Ok(Arc::new(self.world.problem(&own)?))
-    }
-
     fn scorer(&mut self, setting: &Setting) -> Result<Scorer, ChartError> {
         let Self { world, objective, engine, placements, .. } = self;
         Scorer::new(world, setting, objective, engine, placements)

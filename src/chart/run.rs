@@ -9,7 +9,7 @@ use super::early::StoppingRule;
 use super::measure::{Bench, MeasureLimits};
 use super::{
     Advice, ChartError, ChartWorld, Engine, Ladder, Left, Measured, PoseCost, RankingError, Rated,
-    Setting, Skipped, cheapest, rate,
+    SceneDetail, Setting, Skipped, cheapest, rate,
 };
 use crate::engine::{EngineChoice, EngineKind, open};
 use crate::psog::Psog;
@@ -268,7 +268,8 @@ fn why_no_gpu(bench: &mut Bench, choice: &EngineChoice) -> Result<Option<String>
         EngineKind::Gpu => return Ok(None),
         EngineKind::Auto => {}
     }
-    let opened = open(bench.own_problem()?.task(), choice, |_| {})?;
+    let own = SceneDetail::of_scene(&bench.world.scene);
+    let opened = open(bench.world.problem(&own)?.task(), choice, |_| {})?;
     let is_gpu = opened.engine.name() == "gpu";
     Ok((!is_gpu).then(|| opened.notes.into_iter().next().unwrap_or_default()))
 }

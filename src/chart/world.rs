@@ -9,8 +9,7 @@ use super::{Engine, SceneDetail, Setting};
 use crate::engine::BackendError;
 use crate::geom::TriangleSoup;
 use crate::memory::OutOfMemory;
-use crate::problem;
-use crate::problem::{Content, Problem, ProblemError, content_of, spread};
+use crate::problem::{self, Problem, ProblemError, spread};
 use crate::psog::{Psog, PsogError, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, PsogSource, ScanSettings, Scene};
@@ -143,11 +142,6 @@ impl ChartWorld {
     /// Frames that a setting casts into.
     pub(super) fn frames(&self, fidelity: &SceneDetail) -> Vec<usize> {
         spread(self.scene.frame_count(), Some(fidelity.frames))
-    }
-
-    /// Entropies and classes of the voxels of one of the scene's P-SOGs.
-    pub(super) fn content(&self, psog: &Psog) -> Content {
-        content_of(psog, &self.scene.detection_among(psog.classes()))
     }
 
     /// All frames with every triangle, built on first use.
