@@ -1,4 +1,4 @@
-//! Each way of casting a batch against the reference: the same bits for every soup, table and set of poses.
+//! Casting a batch against the reference: the same bits for every soup, table and set of poses.
 
 use std::sync::Arc;
 
