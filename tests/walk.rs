@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use lidar_cast::bvh::{Bvh, Hit, NO_HIT, Ray};
-use lidar_cast::cast::{Caster, Casting, Instructions, TreeView, cast_closest};
+use lidar_cast::cast::{Caster, Instructions, TreeView, cast_closest};
 use lidar_cast::task::{DevicePose, beam_direction};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -153,7 +153,7 @@ fn compare(soups: &[TriangleSoup], seed: u64, count: usize) -> [usize; 2] {
             let range = [RANGE, 7.0][which % 2];
             let want = cast_closest(&poses, table, &bvh, range);
             for instructions in ALL {
-                let caster = Caster::by(Casting::Walk, instructions, table);
+                let caster = Caster::by(instructions, table);
                 let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5];
                 caster.closest_hits(&poses, &bvh, range, &mut got);
                 let what = format!("{instructions:?}, seed {seed}, scene {index}, table {which}");
@@ -211,7 +211,7 @@ fn beams_along_edges_and_into_corners_have_the_same_bits() {
         .collect();
     let want = cast_closest(&poses, &table, &bvh, RANGE);
     for instructions in ALL {
-        let caster = Caster::by(Casting::Walk, instructions, &table);
+        let caster = Caster::by(instructions, &table);
         let mut got = Vec::new();
         caster.closest_hits(&poses, &bvh, RANGE, &mut got);
         assert_same(&got, &want, &format!("{instructions:?}"));
@@ -252,7 +252,7 @@ fn hits_are_replaced_where_others_are_closer() {
                 .map(|((bvh, pose), first_prim)| TreeView { bvh, pose, first_prim })
                 .collect();
             for instructions in ALL {
-                let caster = Caster::by(Casting::Walk, instructions, &table);
+                let caster = Caster::by(instructions, &table);
                 let mut got = vec![Hit { t: 9.0, prim: NO_HIT }; want.len()];
                 caster.closer_hits(&parts, &mut got);
                 assert_same(&got, &want, &format!("{instructions:?}, at once"));

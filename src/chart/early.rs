@@ -35,7 +35,7 @@ pub enum Left {
 
 impl Left {
     /// The reason in words.
-    pub fn words(self) -> &'static str {
+    pub(crate) fn words(self) -> &'static str {
         match self {
             Self::Swaps => "swaps more pairs than allowed even at the lower end of its interval",
             Self::Slower => "takes over 1.5 times as long as a setting that keeps the ranking",
@@ -162,7 +162,7 @@ impl StoppingRule {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -177,19 +177,16 @@ mod tests {
         Setting { fidelity, engine }
     }
 
-    fn measured(engine: Engine, seconds: f64, scores: &[Option<f64>]) -> Measured {
-        Measured {
-            setting: setting(engine),
-            seconds,
-            spread: [seconds; 2],
-            bytes: 0,
-            beams: 0,
-            triangles: 0,
-            pose: None,
-            repeats: 1,
-            left: None,
-            scores: scores.to_vec(),
-        }
+    /// A setting that was measured to the end.
+    pub(in crate::chart) fn measured(
+        engine: Engine,
+        seconds: f64,
+        scores: &[Option<f64>],
+    ) -> Measured {
+        let (setting, scores) = (setting(engine), scores.to_vec());
+        let (spread, pose, repeats, left) = ([seconds; 2], None, 1, None);
+        let (bytes, beams, triangles) = (0, 0, 0);
+        Measured { setting, seconds, spread, bytes, beams, triangles, pose, repeats, left, scores }
     }
 
     /// Scores of 111 placements, and the same with noise of up to `noise`.

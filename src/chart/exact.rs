@@ -7,7 +7,7 @@ use super::exact_tree::ExactTree;
 use super::{ChartError, ChartWorld, SceneDetail, merge_vertices};
 use crate::geom::TriangleSoup;
 use crate::maths;
-use crate::problem::{Content, Entropy, KINDS, Tally};
+use crate::problem::{Content, Entropy, KINDS, Tally, content_of};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, Psog, Roi};
 use crate::scene::{EgoBody, Ground, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose, Sensors, UnknownSensor};
@@ -79,7 +79,7 @@ impl Exact {
             numbers,
             frames: trees.collect(),
             occupied: occupied(scene, &psog),
-            content: world.content(&psog),
+            content: content_of(&psog, &scene.detection_among(psog.classes())),
         })
     }
 

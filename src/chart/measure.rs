@@ -28,7 +28,7 @@ const UNIT_FRAMES: u32 = 4;
 
 /// Cost of one pose of an atlas.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct PoseCost {
+pub(crate) struct PoseCost {
     /// Wall time of casting it, once, all threads at work.
     pub seconds: f64,
     /// Bytes of its bitmaps.
@@ -55,7 +55,7 @@ pub struct Measured {
     pub triangles: u64,
     /// Cost of casting a pose of an atlas, once; `seconds` is with every pose cast. `None` for other engines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pose: Option<PoseCost>,
+    pub(crate) pose: Option<PoseCost>,
     /// Repeats of the timing; 0 where the scoring of the placements was timed instead, eight at a time.
     pub repeats: usize,
     /// Reason for which only the first placements were scored; `None` where all were.
@@ -118,12 +118,6 @@ impl Bench {
         let setting = Setting { fidelity, engine: Engine::Cpu };
         let unit = Scorer::new(&mut world, &setting, &objective, &engine, &placements)?;
         Ok(Self { world, placements, objective, engine, repeats, unit, unit_seconds })
-    }
-
-    /// The problem that the scene poses at its own fidelity.
-    pub(super) fn own_problem(&mut self) -> Result<Arc<Problem>, ChartError> {
-        let own = SceneDetail::of_scene(&self.world.scene);
-        Ok(Arc::new(self.world.problem(&own)?))
     }
 
     fn scorer(&mut self, setting: &Setting) -> Result<Scorer, ChartError> {

@@ -13,7 +13,7 @@ const RESAMPLES: usize = 500;
 
 /// A value with the 95 % interval of its bootstrap over placements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct BootstrapInterval {
+pub(crate) struct BootstrapInterval {
     /// Over all placements.
     pub value: f64,
     /// 2.5 % of the resamples lie below.
@@ -24,7 +24,7 @@ pub struct BootstrapInterval {
 
 /// Errors of a setting's scores and ranking against the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct RankingError {
+pub(crate) struct RankingError {
     /// Largest |score − reference| / |reference|.
     pub score_largest: f64,
     /// Median of |score − reference| / |reference|.
@@ -40,7 +40,7 @@ pub struct RankingError {
 
 impl RankingError {
     /// Compares scores of the same placements; `None` ranks last. `None` if there are none to compare.
-    pub fn new(
+    pub(crate) fn new(
         reference: &[Option<f64>],
         scores: &[Option<f64>],
         tolerance: f64,
@@ -151,7 +151,7 @@ pub struct Rated {
     /// Cost and scores.
     pub measured: Measured,
     /// Against the reference.
-    pub error: RankingError,
+    pub(crate) error: RankingError,
     /// No other setting is cheaper and ranks at least as well.
     pub on_front: bool,
 }
@@ -169,11 +169,11 @@ pub struct Advice {
 
 /// Largest share of the pairs farther apart than the tolerance that may change places in a ranking that counts as
 /// kept.
-pub const MOST_SWAPPED: f64 = 0.05;
+pub(crate) const MOST_SWAPPED: f64 = 0.05;
 
 /// Compares every setting with the first, which is the reference; scores within `tolerance` of the best
 /// one of each other need not be told apart.
-pub fn rate(measured: &[Measured], tolerance: f64, seed: u64) -> Vec<Rated> {
+pub(crate) fn rate(measured: &[Measured], tolerance: f64, seed: u64) -> Vec<Rated> {
     let Some(reference) = measured.first() else { return Vec::new() };
     let mut rated: Vec<Rated> = measured
         .par_iter()
@@ -201,7 +201,7 @@ fn is_general(rated: &Rated) -> bool {
 
 /// Settings that no other one beats in both seconds a placement and 1 − τ, the cheapest first; a warm
 /// atlas is none of them, nor is a setting that was left early.
-pub fn pareto(rated: &[Rated]) -> Vec<usize> {
+pub(crate) fn pareto(rated: &[Rated]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..rated.len()).filter(|&i| is_general(&rated[i])).collect();
     let key = |i: usize| (rated[i].measured.seconds, misranked(&rated[i]));
     order.sort_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)));
@@ -217,7 +217,7 @@ pub fn pareto(rated: &[Rated]) -> Vec<usize> {
 /// The cheapest setting that keeps the ranking. Up to the upper ends of the intervals, its top-1 regret stays within
 /// `tolerance`, and at most [`MOST_SWAPPED`] of the pairs farther apart change places. The reference itself always
 /// does; a warm atlas and a setting that was left early do not count. `None` of an empty list.
-pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Advice> {
+pub(crate) fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Advice> {
     let reference = rated.first()?;
     let seconds = |i: usize| rated[i].measured.seconds;
     let setting = (0..rated.len())
@@ -243,7 +243,6 @@ pub(super) fn keeps_ranking(error: &RankingError, tolerance: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SceneDetail, Setting};
     use super::*;
 
     fn some(values: &[f64]) -> Vec<Option<f64>> {
@@ -290,20 +289,7 @@ mod tests {
     }
 
     fn measured(seconds: f64, scores: &[f64]) -> Measured {
-        let fidelity =
-            SceneDetail { voxel: 1.0, azimuth: 1, frames: 1, through: false, detail: 0.0 };
-        Measured {
-            setting: Setting { fidelity, engine: Engine::Cpu },
-            seconds,
-            spread: [seconds; 2],
-            bytes: 0,
-            beams: 0,
-            triangles: 0,
-            pose: None,
-            left: None,
-            repeats: 1,
-            scores: scores.iter().copied().map(Some).collect(),
-        }
+        super::super::early::tests::measured(Engine::Cpu, seconds, &some(scores))
     }
 
     #[test]

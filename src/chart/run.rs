@@ -9,7 +9,7 @@ use super::early::StoppingRule;
 use super::measure::{Bench, MeasureLimits};
 use super::{
     Advice, ChartError, ChartWorld, Engine, Ladder, Left, Measured, PoseCost, RankingError, Rated,
-    Setting, Skipped, cheapest, rate,
+    SceneDetail, Setting, Skipped, cheapest, rate,
 };
 use crate::engine::{EngineChoice, EngineKind, open};
 use crate::psog::Psog;
@@ -90,9 +90,9 @@ pub struct ChartRow {
     /// Triangles, a mean over frames.
     pub triangles: u64,
     /// Cost of casting a pose of an atlas; `None` for other engines.
-    pub pose: Option<PoseCost>,
+    pub(crate) pose: Option<PoseCost>,
     /// Against the reference.
-    pub error: RankingError,
+    pub(crate) error: RankingError,
     /// True if its scores mean the same as the reference's; otherwise only rankings compare.
     pub same_quantity: bool,
     /// No other setting that was measured to the end is cheaper and ranks at least as well.
@@ -220,8 +220,7 @@ pub fn chart(
     }
     check_resumed(&mut bench, &ladder, state)?;
     let rule = StoppingRule::new(settings.full, tolerance, settings.seed);
-    let ChartProgress { missing, skipped } =
-        measure(&mut bench, &mut ladder, rule, edge, state, observer)?;
+    let (missing, skipped) = measure(&mut bench, &mut ladder, rule, edge, state, observer)?;
     let rated = rate(&state.measured, tolerance, settings.seed);
     Ok(Chart {
         scene: name,
@@ -269,7 +268,8 @@ fn why_no_gpu(bench: &mut Bench, choice: &EngineChoice) -> Result<Option<String>
         EngineKind::Gpu => return Ok(None),
         EngineKind::Auto => {}
     }
-    let opened = open(bench.own_problem()?.task(), choice, |_| {})?;
+    let own = SceneDetail::of_scene(&bench.world.scene);
+    let opened = open(bench.world.problem(&own)?.task(), choice, |_| {})?;
     let is_gpu = opened.engine.name() == "gpu";
     Ok((!is_gpu).then(|| opened.notes.into_iter().next().unwrap_or_default()))
 }
@@ -291,15 +291,8 @@ fn check_resumed(
     if same { Ok(()) } else { Err(ChartError::OtherState) }
 }
 
-/// Settings that a chart did not measure.
-struct ChartProgress {
-    /// Settings that are missing because the observer said stop.
-    missing: usize,
-    skipped: Vec<Skipped>,
-}
-
-/// Measures the settings that are missing as far as `rule` says, until the observer says stop. Settings that are left
-/// out for a reason are not among those then missing.
+/// Measures the settings that are missing as far as `rule` says, until the observer says stop. Returns the number of
+/// those then missing, without a reason, and the settings that were skipped for one.
 fn measure(
     bench: &mut Bench,
     settings: &mut Ladder,
@@ -307,7 +300,7 @@ fn measure(
     edge: f64,
     state: &mut ChartState,
     observer: &dyn ChartObserver,
-) -> Result<ChartProgress, ChartError> {
+) -> Result<(usize, Vec<Skipped>), ChartError> {
     let efforts: Vec<f64> = settings.all.iter().map(|s| s.effort(&bench.world.scene)).collect();
     let order = rule.order(&efforts);
     let count = bench.placements.len();
@@ -323,7 +316,7 @@ fn measure(
         let is_missing = |&&i: &&usize| state.measured.iter().all(|m| m.setting != settings.all[i]);
         if !observer.goes_on() {
             let missing = order[place..].iter().filter(is_missing).count();
-            return Ok(ChartProgress { missing, skipped });
+            return Ok((missing, skipped));
         }
         let held = state.measured.iter().position(|m| m.setting == setting);
         if held.is_none() && rule.skips(&setting, effort) {
@@ -342,7 +335,7 @@ fn measure(
                 },
                 Ok(None) => {
                     let missing = order[place..].iter().filter(is_missing).count();
-                    return Ok(ChartProgress { missing, skipped });
+                    return Ok((missing, skipped));
                 }
                 Err(error) if error.spares_others(&setting) => {
                     settings.left_out.push(format!("{words}: {error}"));
@@ -358,7 +351,7 @@ fn measure(
         }
         observer.progress(before / (before + later));
     }
-    Ok(ChartProgress { missing: 0, skipped })
+    Ok((0, skipped))
 }
 
 /// Measures one setting as far as the rule says.

@@ -67,7 +67,7 @@ pub struct Setting {
 
 /// Settings from fine to coarse.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ladder {
+pub(crate) struct Ladder {
     /// Setting after setting: the finest in `f64` first, then the finest in `f32`.
     pub all: Vec<Setting>,
     /// Why settings are missing, one sentence each.
@@ -83,7 +83,7 @@ impl SceneDetail {
     }
 
     /// True if this models no more than `other` in any respect.
-    pub fn is_within(&self, other: &Self) -> bool {
+    pub(crate) fn is_within(&self, other: &Self) -> bool {
         self.voxel >= other.voxel
             && self.azimuth >= other.azimuth
             && self.frames <= other.frames
@@ -93,12 +93,12 @@ impl SceneDetail {
 
     /// True if a score means the same as at `other`. Another voxel size, sensor or kind of coverage changes the
     /// quantity itself, and only rankings compare.
-    pub fn same_quantity(&self, other: &Self) -> bool {
+    pub(crate) fn same_quantity(&self, other: &Self) -> bool {
         self.voxel == other.voxel && self.azimuth == other.azimuth && self.through == other.through
     }
 
     /// The setting in words; `edge` is the scene's own voxel edge in metres.
-    pub fn words(&self, edge: f64) -> String {
+    pub(crate) fn words(&self, edge: f64) -> String {
         let mut words = vec![format!("{} m", round(self.voxel * edge))];
         if self.azimuth > 1 {
             words.push(format!("azimuth 1/{}", self.azimuth));
@@ -121,7 +121,7 @@ fn round(metres: f64) -> f64 {
 
 impl Setting {
     /// Estimated time of a placement on the CPU from its beams and voxels, in beams of one LiDAR that are cast.
-    pub fn effort(&self, scene: &Scene) -> f64 {
+    pub(crate) fn effort(&self, scene: &Scene) -> f64 {
         let SceneDetail { voxel, azimuth, frames, through, .. } = self.fidelity;
         let most = scene.lidars().iter().map(|lidar| lidar.beam_count()).max().unwrap_or(0);
         let beams = most as f64 / f64::from(azimuth);
@@ -135,7 +135,7 @@ impl Setting {
     }
 
     /// The setting in words; `edge` is the scene's own voxel edge in metres.
-    pub fn words(&self, edge: f64) -> String {
+    pub(crate) fn words(&self, edge: f64) -> String {
         let engine = match self.engine {
             Engine::F64 => "f64",
             Engine::Cpu => "CPU",
@@ -151,7 +151,7 @@ impl Ladder {
     ///
     /// `finest` is the edge of the finest voxels in metres; `None` takes half of the scene's own where
     /// that is not below 0.1 m.
-    pub fn new(scene: &Scene, finest: Option<f64>) -> Self {
+    pub(crate) fn new(scene: &Scene, finest: Option<f64>) -> Self {
         let own = SceneDetail::of_scene(scene);
         let mut left_out = Vec::new();
         let voxels = voxel_factors(scene, finest, &mut left_out);

@@ -9,8 +9,7 @@ use super::{Engine, SceneDetail, Setting};
 use crate::engine::BackendError;
 use crate::geom::TriangleSoup;
 use crate::memory::OutOfMemory;
-use crate::problem;
-use crate::problem::{Content, Problem, ProblemError, content_of, spread};
+use crate::problem::{self, Problem, ProblemError, spread};
 use crate::psog::{Psog, PsogError, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, PsogSource, ScanSettings, Scene};
@@ -145,11 +144,6 @@ impl ChartWorld {
         spread(self.scene.frame_count(), Some(fidelity.frames))
     }
 
-    /// Entropies and classes of the voxels of one of the scene's P-SOGs.
-    pub(super) fn content(&self, psog: &Psog) -> Content {
-        content_of(psog, &self.scene.detection_among(psog.classes()))
-    }
-
     /// All frames with every triangle, built on first use.
     fn whole(&mut self, far: f32) -> Result<&problem::World, OutOfMemory> {
         if !self.whole.iter().any(|(f, _)| *f == far) {
@@ -188,7 +182,7 @@ impl ChartWorld {
 /// A vertex moves by less than the cell's diagonal and one alone in its cell stays, so that walls and roads keep their
 /// corners; things smaller than a cell vanish. Triangles keep their order and class. A `cell` that is not above 0
 /// changes nothing.
-pub fn merge_vertices(soup: &TriangleSoup, cell: f64) -> TriangleSoup {
+pub(crate) fn merge_vertices(soup: &TriangleSoup, cell: f64) -> TriangleSoup {
     if cell.is_nan() || cell <= 0.0 {
         return soup.clone();
     }

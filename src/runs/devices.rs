@@ -151,7 +151,7 @@ fn of_scene(
         None => usual(),
     };
     let memory = computing.engine.memory_budget() / 2;
-    let gpu = GpuBackend::open(problem.task().clone(), (&computing.engine).into(), memory);
+    let gpu = GpuBackend::open(problem.task().clone(), &computing.engine, memory);
     let mut gpu = gpu.map_err(needs_device)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
     computing.watcher.note(&format!(
@@ -325,7 +325,7 @@ fn bench_of_scene(
     let job = opening::job(&files, computing)?.job;
     let memory = computing.engine.memory_budget() / 2;
     let open = |task: &_| {
-        let gpu = GpuBackend::open(Clone::clone(task), (&computing.engine).into(), memory);
+        let gpu = GpuBackend::open(Clone::clone(task), &computing.engine, memory);
         gpu.map_err(needs_device)
     };
     let rounds = (1 + request.rounds as usize) * request.placements.len();

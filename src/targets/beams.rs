@@ -112,7 +112,7 @@ impl TargetSite {
     /// Models and own body of a problem. In weather a beam counts if enough light comes back. A problem of a mirror
     /// image would give another vehicle's body.
     pub fn of(problem: &Problem) -> Self {
-        let receiving = problem.shared_air().map(|air| Receiving(Through::Air(air.clone())));
+        let receiving = problem.air().map(|air| Receiving(Through::Air(air.clone())));
         Self::new(problem.sensors().clone(), problem.body().clone()).receiving(receiving)
     }
 

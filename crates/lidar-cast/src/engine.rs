@@ -28,10 +28,10 @@ use crate::task::{StageTimes, Tally, Task};
 
 pub use crate::bvh::{Hit, NO_HIT};
 pub use crate::cast::{RayScene, cast_rays};
-pub use crate::memory::{OutOfMemory, available_memory};
+pub use crate::memory::OutOfMemory;
 pub use cpu::CpuBackend;
 pub use opening::{
-    EngineChoice, EngineKind, Failover, OpenedCaster, OpenedEngine, Reopen, open, open_caster,
+    EngineChoice, EngineKind, Failover, OpenedCaster, OpenedEngine, open, open_caster,
 };
 pub use reference::ReferenceBackend;
 
@@ -70,11 +70,14 @@ pub enum BackendError {
     NoFrame { frame: usize, frames: usize },
 }
 
+/// Outcome of work that an engine may fail at.
+pub(crate) type Result<T, E = BackendError> = std::result::Result<T, E>;
+
 fn named(name: &Option<String>) -> String {
     name.as_ref().map(|n| format!(" named `{n}`")).unwrap_or_default()
 }
 
-fn check_frame(task: &Task, frame: usize) -> Result<(), BackendError> {
+fn check_frame(task: &Task, frame: usize) -> Result<()> {
     let frames = task.frame_count();
     if frame < frames { Ok(()) } else { Err(BackendError::NoFrame { frame, frames }) }
 }
@@ -97,18 +100,14 @@ pub trait Backend: Send {
     ///
     /// # Errors
     /// One placement does not fit, or the device failed.
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError>;
+    fn tally(&mut self, placements: &[Placement], range: Option<f32>) -> Result<Vec<Tally>>;
 
     /// Closest hits of every beam of each sensor pose in one frame, pose after pose, by channel and
     /// azimuth step.
     ///
     /// # Errors
     /// No such frame, one sensor does not fit, or the device failed.
-    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError>;
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>>;
 
     /// The order in which this engine marks voxels; another one once a device is lost.
     fn order(&self) -> BitOrder;
@@ -126,13 +125,13 @@ pub trait Backend: Send {
         poses: &[SensorPose],
         frame: usize,
         take: &TakeBitmap<'_>,
-    ) -> Result<(), BackendError>;
+    ) -> Result<()>;
 
     /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose, in this engine's order.
     ///
     /// # Errors
     /// See [`Self::hits`].
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps> {
         let order = self.order();
         let mut words = memory::zeros(poses.len() * order.words(), "coverage bitmaps")?;
         let of_poses: Vec<Mutex<&mut [u64]>> =
@@ -150,7 +149,7 @@ pub trait Backend: Send {
     ///
     /// # Errors
     /// See [`Self::hits`].
-    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
+    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>> {
         Ok(self.bitmaps(&placement.lidars, frame)?.union())
     }
 
@@ -165,7 +164,7 @@ pub trait Backend: Send {
 
 /// Part of a batch that is evaluated at once.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Chunk {
+pub(crate) struct Chunk {
     /// Placements of the batch.
     pub placements: Range<usize>,
     /// Their sensors, counted over the whole batch.
@@ -174,7 +173,7 @@ pub struct Chunk {
 
 /// Limits of a chunk.
 #[derive(Debug, Clone, Copy)]
-pub struct ChunkLimits {
+pub(crate) struct ChunkLimits {
     /// Sensors whose buffers fit at once.
     pub sensors: usize,
     /// Placements whose buffers fit at once.
@@ -186,10 +185,7 @@ impl ChunkLimits {
     ///
     /// # Errors
     /// `lidars` sensors, one placement, do not fit somewhere.
-    pub(crate) fn from_bytes(
-        lidars: usize,
-        bounds: &[(&'static str, u64, u64)],
-    ) -> Result<Self, BackendError> {
+    pub(crate) fn from_bytes(lidars: usize, bounds: &[(&'static str, u64, u64)]) -> Result<Self> {
         let mut sensors = u64::from(u16::MAX);
         for &(what, each, limit) in bounds {
             let need = each.saturating_mul(lidars as u64);
@@ -205,7 +201,7 @@ impl ChunkLimits {
 /// Cuts a batch into chunks within the limits, whole placements only, in order.
 ///
 /// `lidars[i]` is the number of sensors of placement i; none may exceed the limit alone.
-pub fn split(lidars: &[usize], limits: ChunkLimits) -> Vec<Chunk> {
+fn split(lidars: &[usize], limits: ChunkLimits) -> Vec<Chunk> {
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut first_sensor = 0;
     for (index, &count) in lidars.iter().enumerate() {

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 /// Most voxels of a grid: indices fit 31 bits.
-pub const VOXEL_LIMIT: u64 = 1 << 31;
+const VOXEL_LIMIT: u64 = 1 << 31;
 /// Most voxels along one axis: plane numbers are exact in `f32`.
 const AXIS_LIMIT: u32 = 1 << 24;
 
@@ -54,6 +54,17 @@ pub const HIT_PUSH: f64 = 1e-3;
 
 const AXES: [char; 3] = ['x', 'y', 'z'];
 
+/// Checks that numbers along an axis are finite, and that an edge is a voxel's.
+fn check(axis: char, fields: &[(&'static str, f64)], edge: f64) -> Result<(), GridError> {
+    if let Some(&(field, value)) = fields.iter().find(|(_, value)| !value.is_finite()) {
+        return Err(GridError::NotFinite { field, axis, value });
+    }
+    match edge > 0.0 && edge <= EDGE_LIMIT {
+        true => Ok(()),
+        false => Err(GridError::VoxelSize { axis, value: edge }),
+    }
+}
+
 /// Region of interest: a box in the ego frame, cut into voxels.
 ///
 /// Voxel (i, j, k) is the half-open box `min + [i, i+1)·voxel_x × [j, j+1)·voxel_y × [k, k+1)·voxel_z`
@@ -73,14 +84,7 @@ impl Roi {
     /// voxels, more than 2³¹ voxels in all, or voxels too fine for `f64` at `min`.
     pub fn new(min: [f64; 3], voxel: [f64; 3], shape: [u32; 3]) -> Result<Self, GridError> {
         for (a, axis) in AXES.into_iter().enumerate() {
-            for (field, value) in [("roi_min", min[a]), ("voxel", voxel[a])] {
-                if !value.is_finite() {
-                    return Err(GridError::NotFinite { field, axis, value });
-                }
-            }
-            if voxel[a] <= 0.0 || voxel[a] > EDGE_LIMIT {
-                return Err(GridError::VoxelSize { axis, value: voxel[a] });
-            }
+            check(axis, &[("roi_min", min[a]), ("voxel", voxel[a])], voxel[a])?;
             if shape[a] == 0 {
                 return Err(GridError::NoVoxels { axis });
             }
@@ -111,14 +115,8 @@ impl Roi {
     pub fn from_bounds(min: [f64; 3], max: [f64; 3], voxel: [f64; 3]) -> Result<Self, GridError> {
         let mut shape = [0; 3];
         for (a, axis) in AXES.into_iter().enumerate() {
-            for (field, value) in [("roi_min", min[a]), ("roi_max", max[a]), ("voxel", voxel[a])] {
-                if !value.is_finite() {
-                    return Err(GridError::NotFinite { field, axis, value });
-                }
-            }
-            if voxel[a] <= 0.0 || voxel[a] > EDGE_LIMIT {
-                return Err(GridError::VoxelSize { axis, value: voxel[a] });
-            }
+            let fields = [("roi_min", min[a]), ("roi_max", max[a]), ("voxel", voxel[a])];
+            check(axis, &fields, voxel[a])?;
             if max[a] <= min[a] {
                 return Err(GridError::Reversed { axis, min: min[a], max: max[a] });
             }

@@ -20,7 +20,7 @@ pub fn may_fail() -> bool {
 /// The least of: memory that is free on the machine, the rest of the process's control group (a
 /// container's limit, cgroup v1 or v2; file caches count as free), and the rest of its address space
 /// (`ulimit -v`).
-pub fn available_memory() -> Option<u64> {
+pub(crate) fn available_memory() -> Option<u64> {
     let mut system = System::new().ok()?;
     system.refresh_memory();
     let machine = Some(system.available_memory()).filter(|&bytes| bytes > 0);
@@ -51,7 +51,7 @@ fn address_space() -> Option<u64> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "out of memory: {what} need {} MiB and {} MiB are left to this process; raise its limit, or use fewer \
-     placements at once, fewer frames or beams, larger voxels or a coarser mesh", mebibytes(*.need), mebibytes(*.left)
+     placements at once, fewer frames or beams, larger voxels or a coarser mesh", *.need >> 20, *.left >> 20
 )]
 pub struct OutOfMemory {
     /// Contents of the memory, in the plural.
@@ -60,10 +60,6 @@ pub struct OutOfMemory {
     pub need: u64,
     /// Bytes that this process may still have; 0 where the system does not say.
     pub left: u64,
-}
-
-fn mebibytes(bytes: u64) -> u64 {
-    bytes >> 20
 }
 
 /// Checks that `need` bytes are left.
@@ -98,8 +94,7 @@ pub fn room<T>(len: usize, what: &'static str) -> Result<Vec<T>, OutOfMemory> {
 
 /// `len` zeros.
 pub fn zeros<T: Clone + Default>(len: usize, what: &'static str) -> Result<Vec<T>, OutOfMemory> {
-    let mut vec = Vec::new();
-    reserve(&mut vec, len, what)?;
+    let mut vec = room(len, what)?;
     vec.resize(len, T::default());
     Ok(vec)
 }

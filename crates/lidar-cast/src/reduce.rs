@@ -1,7 +1,7 @@
 //! Integer sums over covered voxels: the plain reference and the fast copy that gives its bits.
 //!
-//! [`reduce`] takes a voxel at a time and is the specification; [`take_sums`] takes a word of 64 voxels at a time, by an
-//! [`EntropyIndex`]. `README.md` in the folder of this name tells how.
+//! [`reduce`] takes a voxel at a time and is the specification; `take_sums` takes a word of 64 voxels at a time, by an
+//! `EntropyIndex`. `README.md` in the folder of this name tells how.
 
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -109,7 +109,7 @@ impl Words {
 
 /// A [`Content`] by words of the bitmaps: entropies and classes are looked up for the covered voxels
 /// of a word at once, where [`reduce()`] asks for one voxel after another.
-pub struct EntropyIndex {
+pub(crate) struct EntropyIndex {
     occupied: Words,
     entropy: Vec<[u32; KINDS]>,
     classes: Vec<Words>,
@@ -117,7 +117,7 @@ pub struct EntropyIndex {
 
 impl EntropyIndex {
     /// For bitmaps of an order.
-    pub fn new(content: &Content, order: &BitOrder) -> Self {
+    pub(crate) fn new(content: &Content, order: &BitOrder) -> Self {
         let of_class = |class: usize| {
             let voxels = content.voxels_of_class(class).iter();
             Words::new(&order.bitmap(voxels.map(|&voxel| order.bit_of(voxel))))
@@ -138,7 +138,12 @@ impl EntropyIndex {
 /// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
 ///
 /// `bitmaps` is `[sensors × words]`. The sums equal the sums of [`reduce()`] bit for bit.
-pub fn take_sums(bitmaps: &mut [u64], words: usize, index: &EntropyIndex, tally: &mut Tally) {
+pub(crate) fn take_sums(
+    bitmaps: &mut [u64],
+    words: usize,
+    index: &EntropyIndex,
+    tally: &mut Tally,
+) {
     let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
     for (block, first) in (0..words).step_by(BLOCK).enumerate() {
         let range = first..words.min(first + BLOCK);

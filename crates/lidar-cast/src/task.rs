@@ -15,9 +15,10 @@ use crate::sensor::Sensors;
 
 pub use content::{Content, RequiredArea, Requirement, StageTimes, Tally};
 pub use world::{
-    DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, NO_CROSSING, OccupiedVoxel, REPEATS,
-    SensorBatch, TINY_COMPONENT, World, beam_direction, beam_origin,
+    DevicePose, Entropy, Frame, HIT_PUSH, Instance, KINDS, OccupiedVoxel, REPEATS, SensorBatch,
+    World, beam_direction, beam_origin,
 };
+pub(crate) use world::{NO_CROSSING, TINY_COMPONENT};
 
 /// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.
 pub fn spread(count: usize, wanted: Option<u32>) -> Vec<usize> {
@@ -142,12 +143,7 @@ impl Task {
     }
 
     /// Weather or crosstalk that keeps beams from returning; `None` in clear air.
-    pub fn air(&self) -> Option<&dyn Air> {
-        self.air.as_deref()
-    }
-
-    /// Like [`Self::air`], to be shared.
-    pub fn shared_air(&self) -> Option<&Arc<dyn Air>> {
+    pub fn air(&self) -> Option<&Arc<dyn Air>> {
         self.air.as_ref()
     }
 
@@ -183,7 +179,12 @@ impl Task {
     pub fn mirrored(&self) -> Self {
         let content = match self.content.areas() {
             [] => self.content.clone(),
-            _ => Arc::new(self.content.with_mirrored_areas(&self.roi)),
+            areas => {
+                let image = |area: &RequiredArea| area.required.mirrored();
+                let images: Vec<Requirement> = areas.iter().map(image).collect();
+                let content = Content::clone(&self.content).without_areas();
+                Arc::new(content.with_areas(&self.roi, &images))
+            }
         };
         Self { sensors: self.sensors.mirrored(), content, ..self.clone() }
     }

@@ -7,29 +7,21 @@ mod snow;
 use crate::fires::Purpose;
 use crate::{ScanError, Status};
 
-pub use condition::{
-    Condition, ConditionKind, Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water,
-};
-pub use fog::Fog;
-pub use snow::{FallEffect, Falling, Flake, JoinedEcho};
+pub use condition::{Condition, ConditionKind};
+pub(crate) use condition::{Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water};
+pub(crate) use fog::Fog;
+pub(crate) use snow::{FallEffect, Falling, Flake, JoinedEcho};
 
 /// Weather and sensor faults of a scan; clear air by default.
 #[derive(Debug, Clone, Default)]
 pub struct Weather {
-    /// Fog in the air.
-    pub fog: Option<Fog>,
-    /// Water on the ground.
-    pub wet: Option<WetGround>,
-    /// Snow in the air.
-    pub snow: Option<Falling>,
-    /// Rain in the air.
-    pub rain: Option<Falling>,
-    /// The sensor's motion left in the points.
-    pub blur: Option<MotionBlur>,
-    /// Pulses of other sensors.
-    pub crosstalk: Option<Crosstalk>,
-    /// Vehicles that mirror beams away.
-    pub echo: Option<IncompleteEcho>,
+    pub(crate) fog: Option<Fog>,
+    pub(crate) wet: Option<WetGround>,
+    pub(crate) snow: Option<Falling>,
+    pub(crate) rain: Option<Falling>,
+    pub(crate) blur: Option<MotionBlur>,
+    pub(crate) crosstalk: Option<Crosstalk>,
+    pub(crate) echo: Option<IncompleteEcho>,
 }
 
 /// Conditions as they are written, one after the other.
@@ -47,7 +39,7 @@ pub fn under(conditions: &[String]) -> String {
 
 impl Weather {
     /// Snow and rain, each with the purpose of its draws and the status of its echoes.
-    pub fn falls(&self) -> impl Iterator<Item = (&Falling, Purpose, Status)> {
+    pub(crate) fn falls(&self) -> impl Iterator<Item = (&Falling, Purpose, Status)> {
         let snow = self.snow.iter().map(|snow| (snow, Purpose::Snow, Status::Snow));
         snow.chain(self.rain.iter().map(|rain| (rain, Purpose::Rain, Status::Rain)))
     }

@@ -3,8 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use lidar_cast::maths;
-use lidar_cast::maths::mixed;
+use lidar_cast::maths::{self, mixed};
 use sightline_scene::vehicle::BeamTable;
 
 /// Pieces of a list of beams that fire one after the other.
@@ -50,7 +49,7 @@ pub(super) struct BeamPlace {
 impl Fires {
     /// An azimuth step of all channels fires together; of a list of directions so many that follow each other.
     /// Beams have a divergence in radians: full widths across and along.
-    pub fn new(table: &BeamTable, divergence: [f64; 2]) -> Self {
+    pub(crate) fn new(table: &BeamTable, divergence: [f64; 2]) -> Self {
         let beams = table.directions().len();
         match table.grid() {
             Some(grid) => {
@@ -87,16 +86,16 @@ impl Fires {
         }
     }
 
-    pub fn firings(&self) -> usize {
+    pub(crate) fn firings(&self) -> usize {
         (self.columns * self.channels).div_ceil(self.size)
     }
 
     /// Beams that have fired before a firing.
-    pub fn before(&self, firing: usize) -> usize {
+    pub(crate) fn before(&self, firing: usize) -> usize {
         firing * self.size
     }
 
-    pub fn together(&self, firing: usize) -> impl Iterator<Item = BeamPlace> + use<> {
+    pub(crate) fn together(&self, firing: usize) -> impl Iterator<Item = BeamPlace> + use<> {
         let (first, beams) = (self.before(firing), self.columns * self.channels);
         let (columns, in_grid) = (self.columns, self.azimuths.is_some());
         (first..(first + self.size).min(beams)).map(move |fired| {
@@ -124,7 +123,7 @@ impl Fires {
 
     /// Neighbours of a beam in azimuth and in elevation, by their numbers in firing order. If steps are finer than half of the
     /// beam's width, all that it overlaps and one more.
-    pub fn beside(&self, place: &BeamPlace) -> impl Iterator<Item = usize> + use<> {
+    pub(crate) fn beside(&self, place: &BeamPlace) -> impl Iterator<Item = usize> + use<> {
         let Self { columns, channels, turns, overlaps, .. } = *self;
         let BeamPlace { channel, column, fired, .. } = *place;
         let in_azimuth = (1..=overlaps[0].min(columns - 1)).flat_map(move |step| {
@@ -145,12 +144,12 @@ impl Fires {
     }
 
     /// Azimuth of a firing in radians; none in particular of a list of directions.
-    pub fn azimuth(&self, firing: usize) -> f64 {
+    pub(crate) fn azimuth(&self, firing: usize) -> f64 {
         self.azimuths.map_or(0.0, |Azimuths { start, step, .. }| start + firing as f64 * step)
     }
 
     /// Farthest that a beam lies beside the azimuth of its firing, in radians.
-    pub fn wide(&self) -> f64 {
+    pub(crate) fn wide(&self) -> f64 {
         self.azimuths.map_or(TAU, |Azimuths { wide, .. }| wide)
     }
 }
@@ -158,7 +157,7 @@ impl Fires {
 /// Use of a random number; draws for different purposes are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
-pub enum Purpose {
+pub(crate) enum Purpose {
     /// Detection of an echo near the threshold.
     Detection,
     /// Error of a range.
@@ -177,26 +176,26 @@ pub enum Purpose {
 
 /// A source of numbers for one beam of a frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Chance {
+pub(crate) struct Chance {
     state: u64,
 }
 
 impl Chance {
     /// Random numbers of one beam of a LiDAR in a frame.
-    pub fn new(seed: u64, frame: u32, lidar: u32, beam: u32) -> Self {
+    pub(crate) fn new(seed: u64, frame: u32, lidar: u32, beam: u32) -> Self {
         let state = mixed(seed ^ 0x5ca9_0000_0000_0000);
         let state = mixed(state ^ (u64::from(frame) << 32 | u64::from(lidar)));
         Self { state: mixed(state ^ u64::from(beam)) }
     }
 
     /// The `k`-th number of a purpose, evenly from 0 to below 1.
-    pub fn draw(&self, purpose: Purpose, k: u32) -> f64 {
+    pub(crate) fn draw(&self, purpose: Purpose, k: u32) -> f64 {
         let word = mixed(self.state ^ (u64::from(purpose as u32) << 32 | u64::from(k)));
         (word >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// The numbers of a purpose, one after the other.
-    pub fn draws(&self, purpose: Purpose) -> impl FnMut() -> f64 {
+    pub(crate) fn draws(&self, purpose: Purpose) -> impl FnMut() -> f64 {
         let (chance, mut next) = (*self, 0);
         move || {
             next += 1;
@@ -205,7 +204,7 @@ impl Chance {
     }
 
     /// The `k`-th number of a purpose from the standard normal distribution (Box and Muller 1958).
-    pub fn normal(&self, purpose: Purpose, k: u32) -> f64 {
+    pub(crate) fn normal(&self, purpose: Purpose, k: u32) -> f64 {
         // 1 − u is never 0.
         let radius = (-2.0 * maths::ln(1.0 - self.draw(purpose, 2 * k))).sqrt();
         radius * maths::cos(std::f64::consts::TAU * self.draw(purpose, 2 * k + 1))

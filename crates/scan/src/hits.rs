@@ -7,7 +7,7 @@ use lidar_cast::engine::OutOfMemory;
 use lidar_cast::geom::TriangleSoup;
 use lidar_cast::memory;
 use sightline_scene::problem::{DevicePose, Problem, SensorBatch, beam_direction};
-use sightline_scene::psog::{NpzOut, write_npz};
+use sightline_scene::psog::write_npz;
 use sightline_scene::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Beams that are cast in one batch: sensors that share directions are cast together.
@@ -145,25 +145,19 @@ impl BeamHits {
     /// # Errors
     /// See `out`.
     pub fn write(&self, out: impl Write + Seek, soup: &TriangleSoup) -> std::io::Result<()> {
-        write_npz(out, false, |npz| self.put_all(npz, soup))
-    }
-
-    fn put_all<W: Write + Seek>(
-        &self,
-        npz: &mut NpzOut<W>,
-        soup: &TriangleSoup,
-    ) -> std::io::Result<()> {
         let beams = self.beams() as u64;
-        npz.put("origin", &[beams, 3], &self.origin)?;
-        npz.put("direction", &[beams, 3], &self.direction)?;
-        npz.put("distance", &[beams], &self.distance)?;
-        npz.put("triangle", &[beams], &self.triangle)?;
-        npz.put("class", &[beams], &self.class)?;
-        npz.put("placement", &[beams], &self.placement)?;
-        npz.put("lidar", &[beams], &self.lidar)?;
-        npz.put("vertices", &[soup.vertices.len() as u64, 3], soup.vertices.as_flattened())?;
-        npz.put("faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
-        npz.put("face_class", &[soup.face_class.len() as u64], &soup.face_class)
+        write_npz(out, false, |npz| {
+            npz.put("origin", &[beams, 3], &self.origin)?;
+            npz.put("direction", &[beams, 3], &self.direction)?;
+            npz.put("distance", &[beams], &self.distance)?;
+            npz.put("triangle", &[beams], &self.triangle)?;
+            npz.put("class", &[beams], &self.class)?;
+            npz.put("placement", &[beams], &self.placement)?;
+            npz.put("lidar", &[beams], &self.lidar)?;
+            npz.put("vertices", &[soup.vertices.len() as u64, 3], soup.vertices.as_flattened())?;
+            npz.put("faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
+            npz.put("face_class", &[soup.face_class.len() as u64], &soup.face_class)
+        })
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    pub fn new(scene: &Scene, weather: Weather) -> Self {
+    pub(crate) fn new(scene: &Scene, weather: Weather) -> Self {
         let classes = scene.classes();
         Self {
             weather,
@@ -121,7 +121,7 @@ pub(super) struct Reflectance {
 
 impl Reflectance {
     /// Table values of `classes`, overridden by the scene's values for classes and actors.
-    pub fn new(classes: &[String], said: &Reflectances) -> Self {
+    pub(crate) fn new(classes: &[String], said: &Reflectances) -> Self {
         let mixed = classes.iter().map(|class| MIXED.contains(&class.as_str())).collect();
         let of = |(id, class): (usize, &String)| {
             if let Some(&Some(reflectance)) = said.classes.get(id) {
@@ -139,7 +139,7 @@ impl Reflectance {
 
     /// Reflectance of an object, 0 to 1; the same in all frames of a seed. Surfaces of the static world have the mean
     /// of their class.
-    pub fn of(&self, class: u16, instance: u16, seed: u64) -> f64 {
+    pub(crate) fn of(&self, class: u16, instance: u16, seed: u64) -> f64 {
         let actor = usize::from(instance).checked_sub(1).and_then(|actor| self.by_actor.get(actor));
         if let Some(&Some(reflectance)) = actor {
             return reflectance;

@@ -9,8 +9,7 @@ use lidar_cast::bvh::Hit;
 use lidar_cast::cast::{Caster, TreeView};
 use lidar_cast::geom::Pose;
 use lidar_cast::grid::HIT_PUSH;
-use sightline_scene::problem::world_of;
-use sightline_scene::problem::{Instance, World};
+use sightline_scene::problem::{Instance, World, world_of};
 use sightline_scene::psog::{BuildReport, FrameVotes, Psog, PsogBuilder, PsogError, Roi};
 use sightline_scene::scene::{EgoBody, ScanSettings, Scene};
 use sightline_scene::vehicle::BeamTable;
@@ -19,7 +18,7 @@ use sightline_scene::vehicle::BeamTable;
 const FRAMES_TOGETHER: usize = 32;
 /// Beams whose voxels are looked up at once.
 const LANES: usize = 32;
-/// No voxel: no grid has as many, see [`sightline_scene::psog::VOXEL_LIMIT`].
+/// No voxel: no grid has as many.
 const OUTSIDE: u32 = u32::MAX;
 
 /// Most beams of the scans of a frame whose spacing is given: minutes on a core.
@@ -92,7 +91,8 @@ struct Band {
 impl VirtualScanner<'_> {
     /// The votes of some frames; `None` once `go_on`, which is asked before each band of rings, says no.
     fn scan(&self, frames: &[usize], go_on: impl Fn() -> bool) -> Option<Vec<FrameVotes>> {
-        let mut stands: Vec<usize> = frames.iter().flat_map(|&frame| self.stands(frame)).collect();
+        let of_frame = |&frame: &usize| stands(frame, self.scene.frame_count(), self.settings);
+        let mut stands: Vec<usize> = frames.iter().flat_map(of_frame).collect();
         stands.sort_unstable();
         stands.dedup();
         let mut votes = vec![FrameVotes::new(); frames.len()];
@@ -105,12 +105,12 @@ impl VirtualScanner<'_> {
             let band = Band { caster: Caster::new(&table), table };
             let fixed: Vec<Vec<Hit>> =
                 stands.par_iter().map(|&stand| self.fixed_hits(&band, stand)).collect();
-            votes.par_iter_mut().zip(frames).for_each(|(votes, &frame)| {
+            votes.par_iter_mut().zip(frames).for_each(|(votes, frame)| {
                 let (mut hits, mut voxels) = (Vec::new(), Vec::new());
-                for stand in self.stands(frame) {
+                for stand in of_frame(frame) {
                     let Ok(place) = stands.binary_search(&stand) else { continue };
                     hits.clone_from(&fixed[place]);
-                    self.vote(&band, frame, stand, &mut hits, &mut voxels, votes);
+                    self.vote(&band, *frame, stand, &mut hits, &mut voxels, votes);
                 }
             });
         }
@@ -158,11 +158,6 @@ impl VirtualScanner<'_> {
         votes.extend(found.map(|(&voxel, hit)| {
             ((voxel != OUTSIDE).then_some(voxel.into()), self.classes[hit.prim as usize])
         }));
-    }
-
-    /// Frames at whose ego poses the scanner stands for a frame.
-    fn stands(&self, frame: usize) -> Vec<usize> {
-        stands(frame, self.scene.frame_count(), self.settings)
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Receiver<'a> {
 
 impl Receiver<'_> {
     /// Reports the returns of a beam, one at least.
-    pub fn returns(&self, beam: &BeamPlace, mut report: impl FnMut(Return)) {
+    pub(crate) fn returns(&self, beam: &BeamPlace, mut report: impl FnMut(Return)) {
         let surface = self.sweep.surfaces[beam.fired];
         if self.ideal {
             let reflectance = &self.optics.reflectance;
@@ -230,7 +230,7 @@ impl Receiver<'_> {
     ) -> (Vec3, Vec3) {
         let direction = self.sweeper.model.table.directions()[beam.beam].map(f64::from);
         let point = DVec3::from(direction) * range;
-        let raw = self.sweep.first().start_from_sensor.apply(point).as_vec3();
+        let raw = self.sweep.station(0).start_from_sensor.apply(point).as_vec3();
         let own = &rays[0];
         let position = if echo.ray == Some(0) && range == f64::from(own.t) {
             // To the bit where nothing has moved it.
@@ -282,7 +282,7 @@ impl Echo {
     }
 
     /// Adds the power of another, and moves to the mean of both by power.
-    pub fn join(&mut self, other: &Self) {
+    fn join(&mut self, other: &Self) {
         let power = self.power + other.power;
         let share = if power > 0.0 { other.power / power } else { 0.0 };
         self.range += share * (other.range - self.range);
@@ -303,26 +303,26 @@ impl Default for EchoList {
 }
 
 impl EchoList {
-    pub fn push(&mut self, echo: Echo) {
+    fn push(&mut self, echo: Echo) {
         if let Some(place) = self.list.get_mut(self.len) {
             *place = echo;
             self.len += 1;
         }
     }
 
-    pub fn len(&self) -> usize {
+    fn len(&self) -> usize {
         self.len
     }
 
-    pub fn last_mut(&mut self) -> Option<&mut Echo> {
+    fn last_mut(&mut self) -> Option<&mut Echo> {
         self.as_mut_slice().last_mut()
     }
 
-    pub fn as_slice(&self) -> &[Echo] {
+    fn as_slice(&self) -> &[Echo] {
         &self.list[..self.len]
     }
 
-    pub fn as_mut_slice(&mut self) -> &mut [Echo] {
+    fn as_mut_slice(&mut self) -> &mut [Echo] {
         &mut self.list[..self.len]
     }
 }

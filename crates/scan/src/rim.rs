@@ -34,7 +34,7 @@ struct RimHits {
 impl<'r> Rims<'r> {
     /// Casts rim rays for beams at an edge, unless the beam sees the nearer surface and all its rays surely hit
     /// one triangle. `None` if beams have no width.
-    pub fn meet(
+    pub(crate) fn meet(
         sweeper: &'r Sweeper,
         stage: &'r Stage,
         device: &'r ScanDevice,
@@ -65,7 +65,7 @@ impl<'r> Rims<'r> {
     }
 
     /// Surfaces met by a beam's seven rays, the known centre ray first; `None` if the centre ray is enough.
-    pub fn rays(&self, place: &BeamPlace) -> Option<[SurfaceHit; RAYS]> {
+    pub(crate) fn rays(&self, place: &BeamPlace) -> Option<[SurfaceHit; RAYS]> {
         let hits = self.hits(place)?;
         let RimCaster { sweeper, stage, sweep, .. } = self.turn;
         let rays = &sweeper.rays[place.fired];

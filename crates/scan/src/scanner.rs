@@ -65,10 +65,6 @@ struct ColumnReturns {
 }
 
 impl ColumnReturns {
-    fn with_room(channels: usize, columns: usize) -> Self {
-        Self { returns: Vec::with_capacity(channels * columns), ends: Vec::with_capacity(channels) }
-    }
-
     fn row(&self, channel: usize) -> &[Return] {
         let from = if channel == 0 { 0 } else { self.ends[channel - 1] };
         &self.returns[from..self.ends[channel]]
@@ -304,7 +300,8 @@ impl<'a> Scanner<'a> {
         let windows = (0..columns.div_ceil(together)).into_par_iter().map(|window| {
             let from = window * together;
             let columns = from..(from + together).min(columns);
-            let mut window = ColumnReturns::with_room(channels, columns.len());
+            let returns = Vec::with_capacity(channels * columns.len());
+            let mut window = ColumnReturns { returns, ends: Vec::with_capacity(channels) };
             for channel in 0..channels {
                 for beam in sweeper.fires.in_row(channel, columns.clone()) {
                     receiver.returns(&beam, |found| window.returns.push(found));

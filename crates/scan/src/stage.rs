@@ -7,10 +7,9 @@ use glam::{DVec2, DVec3, Vec3};
 
 use crate::{EGO_INSTANCE, NO_INSTANCE, ScanError};
 use lidar_cast::bvh::{Bvh, Triangle};
-use lidar_cast::cast::{BundleOrigin, BundleTree, SweptPart, TreeView};
 use lidar_cast::geom::{Glide, Pose};
 use lidar_cast::maths;
-use sightline_scene::problem::{DevicePose, Instance, world_of};
+use sightline_scene::problem::{Instance, world_of};
 use sightline_scene::scene::{EgoBody, PartOwner, Scene};
 
 /// A rigid part of the scene, not empty.
@@ -19,7 +18,7 @@ pub(super) struct Thing {
     pub(super) tree: Arc<Bvh>,
     /// Number of the part in the scene.
     part: usize,
-    first_prim: u32,
+    pub(super) first_prim: u32,
     pub(super) instance: u16,
     /// Sphere around it in its own frame.
     center: DVec3,
@@ -129,45 +128,15 @@ fn places(tree: &Bvh) -> Vec<u32> {
 
 impl Thing {
     /// A face as the tree has it, by its number in the frame.
-    pub fn triangle(&self, prim: u32) -> &Triangle {
+    pub(crate) fn triangle(&self, prim: u32) -> &Triangle {
         &self.tree.triangles[self.places[(prim - self.first_prim) as usize] as usize]
     }
 
     /// Class of a face, by its number in the frame, and its unit normal in the thing's frame, zero of a face
     /// without area.
-    pub fn face(&self, prim: u32) -> (u16, Vec3) {
+    pub(crate) fn face(&self, prim: u32) -> (u16, Vec3) {
         let Face { normal, class } = self.faces[(prim - self.first_prim) as usize];
         (class, Vec3::from(normal))
-    }
-
-    /// The thing's tree as a sensor sees it; `thing_from_sensor` takes the sensor's frame to the thing's. `None` if the thing
-    /// is out of range.
-    pub fn standing(
-        &self,
-        thing_from_sensor: &Pose,
-        range: f32,
-        width: f32,
-    ) -> Option<BundleOrigin> {
-        BundleOrigin::new(&self.tree, thing_from_sensor, range, width)
-    }
-
-    /// The tree where it lies for a sensor.
-    pub(crate) fn as_target<'a>(&'a self, standing: &'a BundleOrigin) -> BundleTree<'a> {
-        BundleTree { tree: &self.tree, first_prim: self.first_prim, standing }
-    }
-
-    /// The tree under poses that take a sensor's frame to the thing's while azimuth steps fire.
-    pub(crate) fn as_swept(&self, poses: Vec<Option<DevicePose>>) -> SweptPart<'_> {
-        SweptPart { bvh: &self.tree, first_prim: self.first_prim, poses }
-    }
-
-    /// The tree under a pose that takes a sensor's frame to the thing's.
-    pub(crate) fn as_part(&self, thing_from_sensor: &Pose) -> TreeView<'_> {
-        TreeView {
-            bvh: &self.tree,
-            pose: DevicePose::from(thing_from_sensor),
-            first_prim: self.first_prim,
-        }
     }
 }
 
@@ -184,7 +153,7 @@ pub(super) struct Motions {
 }
 
 impl Motions {
-    pub fn new(scene: &Scene, stage: &Stage, frame: usize) -> Self {
+    pub(crate) fn new(scene: &Scene, stage: &Stage, frame: usize) -> Self {
         let ego = scene.ego_glide(frame);
         let still = Glide::new(&Pose::IDENTITY, &Pose::IDENTITY);
         let glide = |thing: &Thing| match scene.owner(thing.part) {
@@ -253,7 +222,7 @@ impl AzimuthsInView {
     ///
     /// The thing's sphere moves in the sensor's frame; all of its way lies in a sphere around its middle
     /// position, larger by the farthest that the ends are from there, and half as much again for the curve.
-    pub fn of(
+    pub(crate) fn of(
         motions: &Motions,
         thing: usize,
         sphere: &Thing,
@@ -285,7 +254,7 @@ impl AzimuthsInView {
     }
 
     /// True if a beam may meet it, by the unit vector of its azimuth.
-    pub fn at(&self, azimuth: DVec2) -> bool {
+    pub(crate) fn at(&self, azimuth: DVec2) -> bool {
         match *self {
             Self::Never => false,
             Self::Always => true,

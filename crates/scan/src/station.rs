@@ -59,7 +59,7 @@ pub(super) enum Edge {
 
 impl Station {
     /// The sensor `share` of the way from one frame to the next, and the things that it may see.
-    pub fn new(
+    pub(crate) fn new(
         motions: &Motions,
         visible: impl Iterator<Item = usize>,
         ego_from_sensor: &Pose,
@@ -86,13 +86,17 @@ impl Station {
     }
 
     /// Trees as the sensor sees them, all of its beams together.
-    pub fn parts<'s>(&self, stage: &'s Stage) -> Vec<TreeView<'s>> {
-        let things = self.numbers.iter().map(|&number| &stage.things[number as usize]);
-        things.zip(&self.poses).map(|(thing, pose)| thing.as_part(pose)).collect()
+    pub(crate) fn parts<'s>(&self, stage: &'s Stage) -> Vec<TreeView<'s>> {
+        let part = |(&number, pose): (&u32, &Pose)| {
+            let thing = &stage.things[number as usize];
+            let (first_prim, pose) = (thing.first_prim, DevicePose::from(pose));
+            TreeView { bvh: &thing.tree, pose, first_prim }
+        };
+        self.numbers.iter().zip(&self.poses).map(part).collect()
     }
 
     /// Rays that leave the sensor here, for a device.
-    pub fn firing<'s>(
+    pub(crate) fn firing<'s>(
         &'s self,
         stage: &'s Stage,
         rays: impl Iterator<Item = [f32; 3]>,
@@ -101,15 +105,18 @@ impl Station {
     }
 
     /// Trees as single beams and bundles see them.
-    pub fn targets<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = BundleTree<'s>> {
+    pub(crate) fn targets<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = BundleTree<'s>> {
         let standing = |(&number, pose): (&u32, &Pose)| {
             let [range, width] = self.reach;
-            let standing = stage.things[number as usize].standing(pose, range, width)?;
-            Some((number, standing))
+            let tree = &stage.things[number as usize].tree;
+            Some((number, BundleOrigin::new(tree, pose, range, width)?))
         };
         let all = || self.numbers.iter().zip(&self.poses).filter_map(standing).collect();
         let standings = self.standings.get_or_init(all);
-        standings.iter().map(|(number, s)| stage.things[*number as usize].as_target(s))
+        standings.iter().map(|(number, standing)| {
+            let thing = &stage.things[*number as usize];
+            BundleTree { tree: &thing.tree, first_prim: thing.first_prim, standing }
+        })
     }
 
     /// The thing that a face belongs to: its tree, and the pose of the sensor in its frame.
@@ -157,7 +164,10 @@ pub(super) fn swept_parts<'s>(
             parts[*place].1[column] = Some(DevicePose::from(pose));
         }
     }
-    let part = |(number, poses): (u32, Vec<_>)| stage.things[number as usize].as_swept(poses);
+    let part = |(number, poses): (u32, Vec<_>)| {
+        let thing = &stage.things[number as usize];
+        SweptPart { bvh: &thing.tree, first_prim: thing.first_prim, poses }
+    };
     parts.into_iter().map(part).collect()
 }
 
@@ -169,12 +179,12 @@ pub(super) struct Faces<'a> {
 }
 
 impl<'a> Faces<'a> {
-    pub fn new(station: &'a Station, stage: &'a Stage) -> Self {
+    pub(crate) fn new(station: &'a Station, stage: &'a Stage) -> Self {
         Self { station, stage, last: (NO_HIT, None) }
     }
 
     /// The face that is hit; none where nothing is.
-    pub fn of(&mut self, hit: &Hit) -> Option<&SeenFace> {
+    pub(crate) fn of(&mut self, hit: &Hit) -> Option<&SeenFace> {
         if hit.prim != self.last.0 {
             self.last = (hit.prim, self.station.face(self.stage, hit));
         }
@@ -182,7 +192,7 @@ impl<'a> Faces<'a> {
     }
 
     /// The surface that a beam of the sensor's frame hits.
-    pub fn surface(&mut self, direction: [f32; 3], hit: &Hit) -> SurfaceHit {
+    pub(crate) fn surface(&mut self, direction: [f32; 3], hit: &Hit) -> SurfaceHit {
         let start_from_sensor = &self.station.start_from_sensor;
         let Some(face) = self.of(hit) else { return SurfaceHit::none(hit.t) };
         let (surface, normal) = face.met(direction, hit);
@@ -226,7 +236,7 @@ impl SeenFace {
 }
 
 impl SurfaceHit {
-    pub fn is_hit(&self) -> bool {
+    pub(crate) fn is_hit(&self) -> bool {
         self.prim != NO_HIT
     }
 

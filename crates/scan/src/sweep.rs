@@ -50,13 +50,8 @@ pub(super) struct FiredBeams {
 }
 
 impl FiredBeams {
-    /// Where the sensor stands at the frame's time.
-    pub fn first(&self) -> &Station {
-        &self.stations[0]
-    }
-
     /// Where beams of a firing are cast from.
-    pub fn station(&self, firing: usize) -> &Station {
+    pub(crate) fn station(&self, firing: usize) -> &Station {
         station(&self.stations, firing)
     }
 }
@@ -66,7 +61,7 @@ fn station(stations: &[Station], firing: usize) -> &Station {
 }
 
 impl Sweeper {
-    pub fn new(model: &SensorModel) -> Self {
+    pub(crate) fn new(model: &SensorModel) -> Self {
         let table = &model.table;
         // A tenth more than half of the divergence, for rounding.
         let width = 1.1 * model.response.divergence.into_iter().fold(0.0, f64::max) / 2.0;
@@ -89,7 +84,7 @@ impl Sweeper {
 
     /// Casts all beams of a sensor in a frame that lasts `frame_time` seconds. If nothing moves or `rolling` is off, all are
     /// cast at once; else each column from the sensor's pose, and among the things, at its own time.
-    pub fn sweep(
+    pub(crate) fn sweep(
         &self,
         stage: &Stage,
         device: &ScanDevice,
@@ -248,7 +243,7 @@ pub(super) struct ScanDevice {
 
 impl ScanDevice {
     /// A device at work.
-    pub fn new(caster: Box<dyn FiringCaster>) -> Self {
+    pub(crate) fn new(caster: Box<dyn FiringCaster>) -> Self {
         Self { caster: Some(Mutex::new(caster)), failure: OnceLock::new() }
     }
 
@@ -258,7 +253,7 @@ impl ScanDevice {
     }
 
     /// Why the device casts no more, where it does not.
-    pub fn failure(&self) -> Option<&str> {
+    pub(crate) fn failure(&self) -> Option<&str> {
         self.failure.get().map(String::as_str)
     }
 
@@ -266,7 +261,7 @@ impl ScanDevice {
     ///
     /// `firings` are put together before the device is taken: a thread that holds the device must not take up other
     /// tasks of the pool, which may want the device too.
-    pub fn closest_hits<'a>(
+    pub(crate) fn closest_hits<'a>(
         &self,
         range: f32,
         firings: impl FnOnce() -> Vec<Firing<'a>>,

@@ -34,7 +34,7 @@ const HALVINGS: usize = 20;
 /// luck. LiDARs of one model share the draws: where two beams of one number meet in a voxel, both return or neither.
 /// Other seeds give other draws, also of dark vehicles; their mean is the expectation.
 #[derive(Debug)]
-pub struct Visibility {
+struct Visibility {
     optics: Optics,
     stage: Stage,
     /// Cached reach tables, one for each pair of response and range seen so far.
@@ -73,7 +73,7 @@ impl Visibility {
     ///
     /// # Errors
     /// Beams that end at nothing, a condition given twice.
-    pub fn new(
+    fn new(
         scene: &Scene,
         problem: &Problem,
         conditions: &[Condition],

@@ -19,7 +19,7 @@ const MAX_LEAF: usize = 4;
 const HALVING_DEPTH: usize = MAX_DEPTH / 2;
 /// Pad as a share of the largest distance that enters a hit test: several times the rounding of
 /// `(bound − origin) · inverse`.
-pub const PAD_SHARE: f32 = 1.0 / (1 << 20) as f32;
+pub(crate) const PAD_SHARE: f32 = 1.0 / (1 << 20) as f32;
 /// Fewest triangles of a subtree that is worth a parallel task.
 const TASK: usize = 1 << 13;
 
@@ -311,7 +311,7 @@ pub struct Bvh {
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
     /// The triangles again in a tree of sixteen-wide nodes, for packets of beams.
-    pub bvh16: Bvh16,
+    pub(crate) bvh16: Bvh16,
     /// The triangles in a tree of eight-wide nodes, for single rays; made when the first one comes.
     bvh8: OnceLock<Bvh8>,
 }
@@ -427,7 +427,7 @@ pub struct Triangle {
 
 impl Triangle {
     /// A triangle from its corners in metres and its index in the soup.
-    pub fn new([a, b, c]: [[f32; 3]; 3], prim: u32) -> Self {
+    pub(crate) fn new([a, b, c]: [[f32; 3]; 3], prim: u32) -> Self {
         let corner = |v: [f32; 3]| Vec3::from(v).as_dvec3();
         let normal = (corner(b) - corner(a)).cross(corner(c) - corner(a)).normalize_or_zero();
         let normal = normal.as_vec3().to_array();

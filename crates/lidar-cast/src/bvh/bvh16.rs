@@ -12,7 +12,7 @@ pub(crate) const BLOCK: u32 = 1 << 31;
 /// The binary tree with its nodes merged sixteen by sixteen, and its lowest subtrees made blocks of
 /// triangles. Boxes are middle and half extents, since they are bounded around their middle.
 #[derive(Debug, Clone, Default)]
-pub struct Bvh16 {
+pub(crate) struct Bvh16 {
     /// The root comes first; none without triangles.
     pub nodes: Vec<Node16>,
     /// Leaves.
@@ -25,7 +25,7 @@ pub struct Bvh16 {
 /// 64 of children, 4 of `valid`, and 60 that fill the last cache line.
 #[repr(C, align(64))]
 #[derive(Debug, Clone)]
-pub struct Node16 {
+pub(crate) struct Node16 {
     /// Middles by axis and child.
     pub middle: [[f32; WIDTH]; 3],
     /// Half extents by axis and child, rounded up.
@@ -40,7 +40,7 @@ pub struct Node16 {
 /// `valid`, and 62 that fill the last cache line.
 #[repr(C, align(64))]
 #[derive(Debug, Clone)]
-pub struct Block16 {
+pub(crate) struct Block16 {
     /// Corners by corner, axis and triangle; unused slots repeat the first triangle.
     pub corners: [[[f32; WIDTH]; 3]; 3],
     /// Normals by axis and triangle.
@@ -73,7 +73,7 @@ impl Bvh16 {
     }
 
     /// Bytes of nodes and blocks.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
     }
 }
@@ -137,7 +137,7 @@ impl Block16 {
     }
 
     /// The triangle of a slot as it was built.
-    pub fn triangle(&self, slot: usize) -> Triangle {
+    pub(crate) fn triangle(&self, slot: usize) -> Triangle {
         let at = |numbers: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot]);
         let [a, b, c] = &self.corners;
         let (normal, prim) = (at(&self.normal), self.prim[slot] as u32);
@@ -192,7 +192,7 @@ pub(super) struct TreeCuts<'a, const WIDTH: usize> {
 const NO_WIDE_NODE: u32 = u32::MAX;
 
 impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
-    pub fn new(nodes: &'a [BvhNode]) -> Self {
+    pub(crate) fn new(nodes: &'a [BvhNode]) -> Self {
         let (below, rows) = (LeafRange::all(nodes), vec![NO_WIDE_NODE; nodes.len()]);
         let mut cuts = Self { nodes, below, rows, places: Vec::new() };
         // Row by row: least sum of areas for k + 1 places.
@@ -228,18 +228,18 @@ impl<'a, const WIDTH: usize> TreeCuts<'a, WIDTH> {
     }
 
     /// A binary node.
-    pub fn node(&self, index: usize) -> &'a BvhNode {
+    pub(crate) fn node(&self, index: usize) -> &'a BvhNode {
         &self.nodes[index]
     }
 
     /// Triangles below a binary node, in leaf order.
-    pub fn triangles(&self, index: usize) -> std::ops::Range<usize> {
+    pub(crate) fn triangles(&self, index: usize) -> std::ops::Range<usize> {
         let LeafRange { first, count } = self.below[index];
         first as usize..(first + count) as usize
     }
 
     /// The children of a wide node that begins at a binary one, at most `WIDTH`; a block is its own only child.
-    pub fn children(&self, from: usize) -> Vec<usize> {
+    pub(crate) fn children(&self, from: usize) -> Vec<usize> {
         let mut children = Vec::with_capacity(WIDTH);
         self.gather(from, WIDTH, &mut children);
         children

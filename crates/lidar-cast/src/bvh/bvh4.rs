@@ -41,7 +41,7 @@ const STEPS: u32 = 255;
 /// Pads of a tree by which boxes are grown beyond its own, see the module.
 const ROOM: f32 = 2.0;
 /// Bit of a child that marks a triangle.
-pub const TRIANGLE: u32 = 1 << 31;
+pub(crate) const TRIANGLE: u32 = 1 << 31;
 
 /// Lower and upper side by axis with room: x low, x high, y low, y high, z low, z high.
 type Sides = [f32; 6];
@@ -52,7 +52,7 @@ type ExactNode = [Option<(u32, Sides)>; WIDTH];
 /// One node, 64 bytes; see the module for each bit.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct QuantizedNode {
+pub(crate) struct QuantizedNode {
     /// Lower corner of the common box in metres.
     pub corner: [f32; 3],
     /// Lower sides along x in steps, a byte a child, the first child in the lowest.
@@ -71,14 +71,14 @@ pub struct QuantizedNode {
 
 /// A tree of nodes with four children; triangles stay in the order of the binary tree's leaves.
 #[derive(Debug, Clone)]
-pub struct Bvh4 {
+pub(crate) struct Bvh4 {
     /// The root first, also of a tree without triangles; children after their parents.
     pub nodes: Vec<QuantizedNode>,
 }
 
 impl Bvh4 {
     /// Merges the nodes of a binary tree into nodes of four.
-    pub fn new(bvh: &Bvh) -> Self {
+    pub(crate) fn new(bvh: &Bvh) -> Self {
         Self { nodes: collapse(bvh).iter().map(QuantizedNode::new).collect() }
     }
 

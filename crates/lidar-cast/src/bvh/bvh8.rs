@@ -14,7 +14,7 @@ const COUNT: usize = 7;
 
 /// The binary tree with its nodes merged eight by eight, and its lowest subtrees made blocks of triangles.
 #[derive(Debug, Clone, Default)]
-pub struct Bvh8 {
+pub(crate) struct Bvh8 {
     /// Index of a node, or of a block with bit 31 set; none without triangles.
     pub root: Option<u32>,
     /// Inner nodes.
@@ -31,7 +31,7 @@ pub struct Bvh8 {
 /// cache line. No ray meets the box of an unused slot.
 #[repr(C, align(64))]
 #[derive(Debug, Clone)]
-pub struct Node8 {
+pub(crate) struct Node8 {
     /// Lower sides by axis, upper sides by axis, children.
     pub rows: [[f32; WIDTH]; 8],
 }
@@ -40,7 +40,7 @@ pub struct Node8 {
 /// cache line. An unused slot is a point, which no ray hits.
 #[repr(C, align(64))]
 #[derive(Debug, Clone)]
-pub struct Block8 {
+pub(crate) struct Block8 {
     /// Corners by corner, axis and triangle.
     pub corners: [[[f32; WIDTH]; 3]; 3],
     /// Indices of the faces.
@@ -64,7 +64,7 @@ impl Bvh8 {
     }
 
     /// Bytes of nodes and blocks.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
     }
 
@@ -92,7 +92,7 @@ impl Node8 {
     };
 
     /// Puts a child with its box into a slot.
-    pub fn set(&mut self, slot: usize, node: &BvhNode, child: u32) {
+    pub(crate) fn set(&mut self, slot: usize, node: &BvhNode, child: u32) {
         for axis in 0..3 {
             self.rows[axis][slot] = node.min[axis];
             self.rows[axis + 3][slot] = node.max[axis];
@@ -103,7 +103,7 @@ impl Node8 {
 
     /// Number of children, which lie in the first slots.
     #[inline(always)]
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.rows[COUNT][0].to_bits() as usize % (WIDTH + 1)
     }
 
@@ -115,7 +115,7 @@ impl Node8 {
     }
 
     #[inline(always)]
-    pub fn child(&self, slot: usize) -> u32 {
+    pub(crate) fn child(&self, slot: usize) -> u32 {
         self.rows[CHILDREN][slot % WIDTH].to_bits()
     }
 }
@@ -148,7 +148,7 @@ impl Block8 {
 
     /// The triangle of a slot as it was built.
     #[inline(always)]
-    pub fn triangle(&self, slot: usize) -> Triangle {
+    pub(crate) fn triangle(&self, slot: usize) -> Triangle {
         let at =
             |numbers: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot % WIDTH]);
         let [a, b, c] = &self.corners;

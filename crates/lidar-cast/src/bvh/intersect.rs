@@ -13,7 +13,7 @@ const ENDED: u32 = NO_HIT - 1;
 
 /// Stands for 1/0: larger than any quotient a scene can give, and still finite when multiplied by a
 /// distance, because shaders may assume that no infinity occurs.
-pub const FAR_INVERSE: f32 = 1e20;
+pub(crate) const FAR_INVERSE: f32 = 1e20;
 
 /// Closest hit of a ray.
 #[repr(C)]
@@ -76,7 +76,7 @@ impl Ray {
     }
 
     /// Where the ray is inside a box, clipped to t ≥ 0: (enter, leave), empty when enter > leave.
-    pub fn slab(&self, min: Vec3, max: Vec3) -> (f32, f32) {
+    pub(crate) fn slab(&self, min: Vec3, max: Vec3) -> (f32, f32) {
         let t0 = (min - self.origin) * self.inverse;
         let t1 = (max - self.origin) * self.inverse;
         let near = t0.min(t1);
@@ -90,7 +90,7 @@ impl Ray {
     /// Woop, Benthin, Wald: "Watertight ray/triangle intersection", JCGT 2013: the edge function of
     /// a shared edge is the same number for both neighbours but for its sign, so no ray passes
     /// between them. Departure: the distance comes from the triangle's plane, clamped to its box (see the module).
-    pub fn intersect(&self, triangle: &Triangle, pad: f32, first_prim: u32, best: &mut Hit) {
+    pub(crate) fn intersect(&self, triangle: &Triangle, pad: f32, first_prim: u32, best: &mut Hit) {
         let a = permute(Vec3::from(triangle.a) - self.origin, self.major);
         let b = permute(Vec3::from(triangle.b) - self.origin, self.major);
         let c = permute(Vec3::from(triangle.c) - self.origin, self.major);
@@ -139,7 +139,7 @@ impl Ray {
 
 /// Axis of the largest component.
 #[inline]
-pub fn major_axis(direction: Vec3) -> usize {
+fn major_axis(direction: Vec3) -> usize {
     let size = direction.abs();
     // Without branches, which rays of random directions would mispredict.
     let (x_over_y, x_over_z, y_over_z) = (size.x > size.y, size.x > size.z, size.y > size.z);
@@ -150,7 +150,7 @@ pub fn major_axis(direction: Vec3) -> usize {
 
 /// The two axes of the shear, and the one of the largest component.
 #[inline(always)]
-pub fn axes_of(major: usize) -> [usize; 3] {
+pub(crate) fn axes_of(major: usize) -> [usize; 3] {
     [(major + 1) % 3, (major + 2) % 3, major]
 }
 

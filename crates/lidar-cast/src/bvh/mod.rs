@@ -20,8 +20,9 @@ mod bvh4;
 pub(crate) mod bvh8;
 mod intersect;
 
-pub use build::{Bvh, BvhNode, MAX_DEPTH, PAD_SHARE, Triangle};
-pub use intersect::{FAR_INVERSE, Hit, NO_HIT, Ray, axes_of, major_axis};
-
+pub(crate) use build::PAD_SHARE;
+pub use build::{Bvh, BvhNode, MAX_DEPTH, Triangle};
 #[cfg(feature = "gpu")]
-pub use bvh4::{Bvh4, QuantizedNode, TRIANGLE};
+pub(crate) use bvh4::{Bvh4, QuantizedNode, TRIANGLE};
+pub(crate) use intersect::{FAR_INVERSE, axes_of};
+pub use intersect::{Hit, NO_HIT, Ray};

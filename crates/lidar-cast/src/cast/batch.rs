@@ -12,15 +12,6 @@ use crate::task::{DevicePose, Frame};
 /// Sensors for each thread from which on a sensor's windows are not shared out too.
 const SENSORS_A_THREAD: usize = 4;
 
-/// A way to find closest hits; each gives the same bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Casting {
-    /// Beam by beam, as [`super::cast_closest`] does.
-    Beams,
-    /// One walk down the tree a sensor; beam by beam where the table is no grid.
-    Walk,
-}
-
 /// Casts the beams of a table: the bits of [`super::cast_frame_closest`].
 ///
 /// Each sensor walks the tree once with all of its beams. Beams that lie in no grid go alone.
@@ -53,13 +44,12 @@ impl<'a> PlacedTree<'a> {
 impl Caster {
     /// A caster for all sensors of a table.
     pub fn new(table: &BeamTable) -> Self {
-        Self::by(Casting::Walk, Instructions::Best, table)
+        Self::by(Instructions::Best, table)
     }
 
-    /// A caster that goes one way alone, to compare the ways.
-    pub fn by(way: Casting, instructions: Instructions, table: &BeamTable) -> Self {
-        let walk = (way == Casting::Walk).then(|| Walk::new(table, instructions)).flatten();
-        Self { table: table.clone(), walk }
+    /// A caster that uses some instructions, to compare them.
+    pub fn by(instructions: Instructions, table: &BeamTable) -> Self {
+        Self { table: table.clone(), walk: Walk::new(table, instructions) }
     }
 
     /// Closest hits of many sensors up to `range` in a frame; `sensors` lead to the ego frame, `hits`

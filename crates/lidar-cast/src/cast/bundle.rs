@@ -30,7 +30,7 @@ pub struct BundleOrigin {
     /// Takes the sensor's frame to the tree's.
     pub pose: DevicePose,
     /// The sphere that most beams miss.
-    pub sight: SightSphere,
+    pub(crate) sight: SightSphere,
     wide: SightSphere,
 }
 

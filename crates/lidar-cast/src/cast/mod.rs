@@ -10,7 +10,7 @@ mod reference;
 mod sight;
 mod walk;
 
-pub use batch::{Caster, Casting};
+pub use batch::Caster;
 pub use bundle::{
     BundleOrigin, BundleTree, Firing, FiringCaster, TraversalStack, all_hit, closer_hits_of_beams,
     closer_hits_of_bundle,
@@ -18,5 +18,5 @@ pub use bundle::{
 pub use rays::{RayScene, cast_rays};
 pub use reference::{cast_closest, cast_frame_closest, closest_hit_in};
 #[cfg(feature = "gpu")]
-pub use sight::SightSphere;
+pub(crate) use sight::SightSphere;
 pub use walk::{FiringWalk, Instructions, RAYS, Rays, SweptPart, TreeView};

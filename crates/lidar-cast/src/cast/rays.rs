@@ -148,7 +148,8 @@ impl RayScene {
     }
 
     /// A copy that uses other instructions than the best; AVX-512 is not used.
-    pub fn with_instructions(self, instructions: Instructions) -> Self {
+    #[cfg(test)]
+    fn with_instructions(self, instructions: Instructions) -> Self {
         Self { instructions, ..self }
     }
 

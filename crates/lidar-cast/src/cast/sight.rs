@@ -27,7 +27,7 @@ const SQUARE_SLACK: f64 = 1.0 / (1 << 18) as f64;
 /// |c|² − (c·d)² ≤ r² and c·d − r ≤ t ≤ c·d + r. A beam that violates either skips the sphere. It also
 /// skips one that begins behind its best hit, where no triangle can be as close.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SightSphere {
+pub(crate) struct SightSphere {
     /// c in metres.
     pub center: [f32; 3],
     /// r in metres.
@@ -39,7 +39,7 @@ pub struct SightSphere {
 impl SightSphere {
     /// The tree as seen by a sensor whose `pose` takes it to the tree's frame; `None` where the tree is
     /// empty or more than `range` metres away.
-    pub fn new(pose: &DevicePose, bvh: &Bvh, range: f32) -> Option<Self> {
+    pub(crate) fn new(pose: &DevicePose, bvh: &Bvh, range: f32) -> Option<Self> {
         let bounds = bvh.bounds()?;
         let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let origin = beam_origin(pose).as_dvec3();
@@ -63,7 +63,7 @@ impl SightSphere {
 
     /// True if a beam surely hits nothing here up to `t` metres; `direction` is the table's.
     #[inline(always)]
-    pub fn misses(&self, direction: [f32; 3], t: f32) -> bool {
+    pub(crate) fn misses(&self, direction: [f32; 3], t: f32) -> bool {
         let ([x, y, z], [dx, dy, dz]) = (self.center, direction);
         let along = x * dx + y * dy + z * dz;
         along < -self.radius || along - self.radius > t || along * along < self.least_square
@@ -71,7 +71,7 @@ impl SightSphere {
 
     /// Sphere for rays within `angle` radians around a beam (a small angle): the radius grows by the
     /// arc at its far side.
-    pub fn widened(&self, angle: f32) -> Self {
+    pub(crate) fn widened(&self, angle: f32) -> Self {
         let center = DVec3::from(self.center.map(f64::from));
         let (far, radius) = (center.length(), f64::from(self.radius));
         let radius = radius + 1.01 * f64::from(angle) * (far + radius);

@@ -54,7 +54,7 @@ impl BitOrder {
 
     /// Bricks of 4 × 4 × 2 voxels, as devices mark them: a 32-bit word a brick, bricks and the voxels
     /// in a brick in C order. The bit of (x, y, z) in its brick is 8·(x % 4) + 2·(y % 4) + z % 2.
-    pub fn bricks(roi: &Roi) -> Self {
+    pub(crate) fn bricks(roi: &Roi) -> Self {
         Self { layout: BitLayout::Bricks, shape: roi.shape() }
     }
 

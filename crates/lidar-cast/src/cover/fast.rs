@@ -58,10 +58,14 @@ pub fn cover_sensor(
 ) {
     let order = BitOrder::rows(roi);
     if !walks_in_lockstep(pose, roi, &order) {
-        visit_all(pose, directions, roi, hits, range, |voxel| {
-            let bit = order.bit_of(voxel as u32);
-            bitmap[bit as usize / 64] |= 1 << (bit % 64);
-        });
+        for (index, &direction) in directions.iter().enumerate() {
+            let end = beam_end(hits.map(|hits| hits[index]), range);
+            let walk = VoxelWalk::new(roi, grid_origin(pose), beam_direction(pose, direction));
+            walk.visit(end, |voxel| {
+                let bit = order.bit_of(voxel as u32);
+                bitmap[bit as usize / 64] |= 1 << (bit % 64);
+            });
+        }
         return;
     }
     let bitmap: &mut [u32] = bytemuck::cast_slice_mut(bitmap);
@@ -89,22 +93,6 @@ fn walks_in_lockstep(pose: &DevicePose, roi: &Roi, order: &BitOrder) -> bool {
         (0.0..n).contains(&grid_origin(pose)[k]) && n < SLOPE_LIMIT
     };
     order.has_rows() && (0..3).all(inside)
-}
-
-/// Calls `mark` with the linear index of each voxel that a beam traverses.
-fn visit_all(
-    pose: &DevicePose,
-    directions: &[[f32; 3]],
-    roi: &Roi,
-    hits: Option<&[Hit]>,
-    range: f32,
-    mut mark: impl FnMut(usize),
-) {
-    for (index, &direction) in directions.iter().enumerate() {
-        let end = beam_end(hits.map(|hits| hits[index]), range);
-        VoxelWalk::new(roi, grid_origin(pose), beam_direction(pose, direction))
-            .visit(end, &mut mark);
-    }
 }
 
 impl WalkScratch {

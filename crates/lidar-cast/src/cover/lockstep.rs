@@ -20,7 +20,7 @@ const LANE_STRIDE: usize = 6;
 pub(crate) const WORD: i32 = 32;
 /// Margin taken off the number of planes that a slope says are crossed, in voxels: it may be one too
 /// low, which one exact crossing then mends, and is never too high.
-pub const PLANES_MARGIN: f32 = 1.0 / 64.0;
+pub(crate) const PLANES_MARGIN: f32 = 1.0 / 64.0;
 /// 1.5 · 2²³: its last place is 1, so that x + ROUND holds the integer nearest to x (|x| < 2²²) in its
 /// lowest bits, e.g. (5.2 + ROUND).to_bits() − ROUND.to_bits() = 5.
 pub(crate) const ROUND: f32 = (3 << 22) as f32;
@@ -28,7 +28,7 @@ pub(crate) const ROUND: f32 = (3 << 22) as f32;
 pub(crate) const NEVER: f32 = f32::NEG_INFINITY;
 
 /// The start of a sensor's beams: by axis, and by whether they go backward (0) or forward (1).
-pub struct BeamStart {
+pub(crate) struct BeamStart {
     pub p: [f32; 3],
     /// First plane ahead.
     plane: [[f32; 2]; 3],
@@ -39,7 +39,7 @@ pub struct BeamStart {
 }
 
 impl BeamStart {
-    pub fn new(roi: &Roi, p: [f32; 3]) -> Self {
+    pub(crate) fn new(roi: &Roi, p: [f32; 3]) -> Self {
         // A beam that starts on a plane and goes backward has crossed it.
         let cell = p.map(|p| [p.ceil() as i32 - 1, p.floor() as i32]);
         let plane = cell.map(|[back, ahead]| [back as f32, (ahead + 1) as f32]);
@@ -51,7 +51,7 @@ impl BeamStart {
 ///
 /// Where beams go backward along an axis, planes and voxels count down: plane i is −i, voxel i is −i − 1 (`!i`).
 /// Both then rise along every beam, and (i − p) · d⁻¹ is (−i + p) · |d⁻¹|, the same number.
-pub struct Way {
+pub(crate) struct Way {
     u: usize,
     v: usize,
     /// Minus the origin and the first plane along `u`, the first voxel.
@@ -74,7 +74,7 @@ pub struct Way {
 }
 
 impl Way {
-    pub fn new(roi: &Roi, start: &BeamStart, u: usize, back: bool) -> Self {
+    pub(crate) fn new(roi: &Roi, start: &BeamStart, u: usize, back: bool) -> Self {
         let (v, side) = (1 - u, usize::from(!back));
         let n = roi.shape().map(|n| n as i32);
         let layer = (n[u] as u32).div_ceil(WORD as u32) as i32 * n[v];

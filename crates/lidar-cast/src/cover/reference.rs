@@ -60,7 +60,7 @@ pub(crate) fn grid_origin(pose: &DevicePose) -> Vec3 {
 /// across and does not traverse the voxels that it only touches. (Amanatides, Woo 1987, without the
 /// accumulated `t`.)
 #[derive(Debug, Clone, Copy)]
-pub struct VoxelWalk {
+pub(crate) struct VoxelWalk {
     shape: [i32; 3],
     /// Origin in voxels.
     p: [f32; 3],
@@ -72,7 +72,7 @@ pub struct VoxelWalk {
 }
 
 impl VoxelWalk {
-    pub fn new(roi: &Roi, in_grid: Vec3, direction: Vec3) -> Self {
+    pub(crate) fn new(roi: &Roi, in_grid: Vec3, direction: Vec3) -> Self {
         let voxel = roi.voxel().map(|v| v as f32);
         let mut walk = Self {
             shape: roi.shape().map(|n| n as i32),
@@ -147,7 +147,7 @@ impl VoxelWalk {
     }
 
     /// Calls `mark` with the linear index of every voxel from the entry to `t_end`, in order.
-    pub fn visit(&self, t_end: f32, mut mark: impl FnMut(usize)) {
+    pub(crate) fn visit(&self, t_end: f32, mut mark: impl FnMut(usize)) {
         let Some(entry) = self.entry() else { return };
         if entry > t_end {
             return;

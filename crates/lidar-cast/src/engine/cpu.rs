@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{Backend, BackendError, Chunk, ChunkLimits, TakeBitmap, check_frame, split};
+use super::{Backend, BackendError, Chunk, ChunkLimits, Result, TakeBitmap, check_frame, split};
 use crate::bvh::Hit;
 use crate::cast::Caster;
 use crate::cover::{BitOrder, WalkScratch, cover_sensor};
@@ -90,7 +90,7 @@ impl CpuBackend {
         Self { task, order, entropies, memory, times, hits, casters, walks, bitmaps }
     }
 
-    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let bitmap = 8 * self.order.words() as u64;
@@ -110,7 +110,7 @@ impl CpuBackend {
         batch: &SensorBatch<'_>,
         sensors: &[Pose],
         frame: usize,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         let start = Instant::now();
         if let Some(geometry) = self.task.ends(frame) {
             memory::reserve(&mut self.hits, batch.beams(), "hits")?;
@@ -128,11 +128,7 @@ impl CpuBackend {
     ///
     /// # Errors
     /// Like [`Backend::tally`], or no such frame.
-    pub fn tally_frame(
-        &mut self,
-        placements: &[Placement],
-        frame: usize,
-    ) -> Result<Vec<Tally>, BackendError> {
+    pub fn tally_frame(&mut self, placements: &[Placement], frame: usize) -> Result<Vec<Tally>> {
         check_frame(&self.task, frame)?;
         self.tally_over(&[(frame, 1)], placements, None)
     }
@@ -143,7 +139,7 @@ impl CpuBackend {
         frames: &[(usize, u64)],
         placements: &[Placement],
         range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
+    ) -> Result<Vec<Tally>> {
         let task = self.task.clone();
         let classes = task.content().set_count();
         let mut tallies: Vec<Tally> =
@@ -283,15 +279,11 @@ impl Backend for CpuBackend {
         "host processor"
     }
 
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
+    fn tally(&mut self, placements: &[Placement], range: Option<f32>) -> Result<Vec<Tally>> {
         self.tally_over(&self.task.distinct_frames(), placements, range)
     }
 
-    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>> {
         let frames = self.task.geometry_frame_count();
         let geometry = self.task.geometry(frame);
         let geometry = geometry.ok_or(BackendError::NoFrame { frame, frames })?;
@@ -313,7 +305,7 @@ impl Backend for CpuBackend {
         poses: &[SensorPose],
         frame: usize,
         take: &TakeBitmap<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         check_frame(&self.task, frame)?;
         let task = self.task.clone();
         let batch = SensorBatch::new(&task, poses, None)?;

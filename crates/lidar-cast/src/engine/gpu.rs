@@ -24,7 +24,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::{
-    Backend, BackendError, Chunk, ChunkLimits, EngineChoice, TakeBitmap, check_frame, split,
+    Backend, BackendError, Chunk, ChunkLimits, EngineChoice, Result, TakeBitmap, check_frame, split,
 };
 use crate::bvh::Hit;
 use crate::cover::BitOrder;
@@ -36,27 +36,13 @@ use kernels::{Kernels, Rewrite};
 use pipeline::{ChunkResult, Pipeline, in_flight};
 use readback::BatchTallies;
 
-pub use device::{AdapterSummary, TransferCounts, list_adapters};
+pub(super) use device::list_adapters;
+pub use device::{AdapterSummary, TransferCounts};
 pub(super) use firings::GpuFirings;
 pub use self_test::{SelfTest, TestedAdapter, WrongAnswer, test_adapters};
 
 /// Bytes of the largest bitmap whose bits have numbers of 32 bits.
 const MOST_BITMAP: u64 = 1 << 29;
-
-/// Requested Vulkan device.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct DeviceChoice<'a> {
-    /// Part of its name; `None` takes the best device.
-    pub name: Option<&'a str>,
-    /// True takes a device that fails its self-test, too: its name then says so.
-    pub inexact: bool,
-}
-
-impl<'a> From<&'a EngineChoice> for DeviceChoice<'a> {
-    fn from(choice: &'a EngineChoice) -> Self {
-        Self { name: choice.adapter.as_deref(), inexact: choice.inexact }
-    }
-}
 
 /// Evaluates batches on a Vulkan device.
 ///
@@ -78,21 +64,18 @@ impl GpuBackend {
     ///
     /// # Errors
     /// See [`Self::open`].
-    pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self, BackendError> {
-        Self::open(task, DeviceChoice { name: adapter, inexact: false }, memory)
+    pub fn new(task: Arc<Task>, adapter: Option<&str>, memory: u64) -> Result<Self> {
+        let adapter = adapter.map(str::to_owned);
+        Self::open(task, &EngineChoice { adapter, ..EngineChoice::default() }, memory)
     }
 
-    /// Opens a device, and uploads the task.
+    /// Opens the device of a choice, whose kind does not count, and uploads the task.
     ///
     /// Work buffers together stay below `memory` bytes.
     ///
     /// # Errors
     /// No such device, one that fails its self-test, or one that cannot hold the task.
-    pub fn open(
-        task: Arc<Task>,
-        choice: DeviceChoice<'_>,
-        memory: u64,
-    ) -> Result<Self, BackendError> {
+    pub fn open(task: Arc<Task>, choice: &EngineChoice, memory: u64) -> Result<Self> {
         let device = self_test::open(choice)?;
         let need = 8 * BitOrder::bricks(task.roi()).words() as u64;
         if need > MOST_BITMAP {
@@ -120,7 +103,7 @@ impl GpuBackend {
     ///
     /// # Errors
     /// A device that failed since it was opened.
-    pub fn self_test(&self) -> Result<SelfTest, BackendError> {
+    pub fn self_test(&self) -> Result<SelfTest> {
         self_test::self_test(&self.device)
     }
 
@@ -145,7 +128,7 @@ impl GpuBackend {
     }
 
     /// Cuts placements into chunks and makes room for the largest.
-    fn cut(&mut self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+    fn cut(&mut self, placements: &[Placement]) -> Result<Vec<Chunk>> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = Sizes::of(&self.task);
@@ -163,7 +146,7 @@ impl GpuBackend {
     }
 
     /// Limits of a chunk whose placements have at most `widest` sensors.
-    fn limits(&self, widest: usize, sizes: &Sizes) -> Result<ChunkLimits, BackendError> {
+    fn limits(&self, widest: usize, sizes: &Sizes) -> Result<ChunkLimits> {
         let (binding, memory) = (self.device.max_binding(), self.memory);
         // Bitmaps on the device and their copy to the host; sums and instances there, of the steps in flight, and of the step
         // that the host has in hand.
@@ -206,11 +189,7 @@ impl Backend for GpuBackend {
         &self.device.adapter
     }
 
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
+    fn tally(&mut self, placements: &[Placement], range: Option<f32>) -> Result<Vec<Tally>> {
         self.count_down();
         let (frames, weights): (Vec<usize>, Vec<u64>) =
             self.task.distinct_frames().into_iter().unzip();
@@ -231,7 +210,7 @@ impl Backend for GpuBackend {
         Ok(sums.tallies)
     }
 
-    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>> {
         let frames = self.task.geometry_frame_count();
         if frame >= frames {
             return Err(BackendError::NoFrame { frame, frames });
@@ -255,7 +234,7 @@ impl Backend for GpuBackend {
         poses: &[SensorPose],
         frame: usize,
         take: &TakeBitmap<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         check_frame(&self.task, frame)?;
         let order = self.order();
         let range = None;

@@ -7,10 +7,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Backend, BackendError, CpuBackend, TakeBitmap, available_memory};
+use super::{Backend, BackendError, CpuBackend, Result, TakeBitmap};
 use crate::bvh::{Bvh, Hit};
 use crate::cast::FiringCaster;
 use crate::cover::BitOrder;
+use crate::memory::available_memory;
 use crate::sensor::{Placement, SensorPose};
 use crate::task::{StageTimes, Tally, Task};
 
@@ -53,7 +54,7 @@ impl EngineChoice {
     ///
     /// # Errors
     /// There is none.
-    pub fn check_adapter(&self) -> Result<(), BackendError> {
+    pub fn check_adapter(&self) -> Result<()> {
         let is_named = |name: &String| self.kind == EngineKind::Cpu || device::is_named(name);
         match &self.adapter {
             Some(name) if !is_named(name) => {
@@ -85,21 +86,27 @@ pub fn open(
     task: &Arc<Task>,
     choice: &EngineChoice,
     on_change: impl Fn(&str) + Send + 'static,
-) -> Result<OpenedEngine, BackendError> {
+) -> Result<OpenedEngine> {
     let mut notes = Vec::new();
-    let engine = match choice.kind {
-        EngineKind::Cpu => cpu(task, choice),
+    let cpu = || Box::new(CpuBackend::new(task.clone(), choice.memory_budget()));
+    let engine: Box<dyn Backend> = match choice.kind {
+        EngineKind::Cpu => cpu(),
         EngineKind::Auto if choice.adapter.is_none() => {
-            match device::hardware(task, choice, on_change) {
-                Ok(engine) => engine,
+            let opened = match device::no_hardware() {
+                Some(why) => Err(why),
+                None => device::open(task, choice, on_change)
+                    .map_err(|error| format!("computing on the CPU: {error}")),
+            };
+            match opened {
+                Ok(device) => Box::new(device.cpu_for_too_large()),
                 Err(why) => {
                     notes.push(why);
-                    cpu(task, choice)
+                    cpu()
                 }
             }
         }
         // A requested device is not silently replaced by the CPU.
-        _ => device::asked_for(task, choice, on_change)?,
+        _ => Box::new(device::open(task, choice, on_change)?),
     };
     notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
     Ok(OpenedEngine { engine, notes })
@@ -119,10 +126,7 @@ pub struct OpenedCaster {
 ///
 /// # Errors
 /// The requested device is missing or fails.
-pub fn open_caster(
-    trees: &[&Arc<Bvh>],
-    choice: &EngineChoice,
-) -> Result<OpenedCaster, BackendError> {
+pub fn open_caster(trees: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<OpenedCaster> {
     let host = |note| OpenedCaster { caster: None, note };
     match choice.kind {
         EngineKind::Cpu => Ok(host(None)),
@@ -135,10 +139,6 @@ pub fn open_caster(
     }
 }
 
-fn cpu(task: &Arc<Task>, choice: &EngineChoice) -> Box<dyn Backend> {
-    Box::new(CpuBackend::new(task.clone(), choice.memory_budget()))
-}
-
 /// Devices, and engines that take the place of lost ones.
 #[cfg(feature = "gpu")]
 mod device {
@@ -147,7 +147,7 @@ mod device {
     use super::{EngineChoice, OpenedCaster};
     use crate::bvh::Bvh;
     use crate::engine::gpu::{GpuBackend, GpuFirings, list_adapters};
-    use crate::engine::{Backend, BackendError, CpuBackend, Failover};
+    use crate::engine::{Backend, CpuBackend, Failover, Result};
     use crate::task::Task;
 
     /// A sentence that says why there is no hardware device; none where there is one.
@@ -170,48 +170,23 @@ mod device {
     }
 
     /// The device for the rays of a scanner, and which it is.
-    pub(super) fn caster(
-        trees: &[&Arc<Bvh>],
-        choice: &EngineChoice,
-    ) -> Result<OpenedCaster, BackendError> {
-        let firings = GpuFirings::new(trees, choice.into())?;
+    pub(super) fn caster(trees: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<OpenedCaster> {
+        let firings = GpuFirings::new(trees, choice)?;
         let note = Some(format!("casting on gpu: {}", firings.adapter()));
         Ok(OpenedCaster { caster: Some(Box::new(firings)), note })
     }
 
-    /// The best hardware device, or a sentence that says why the CPU computes.
-    pub(super) fn hardware(
+    /// The requested device, which is opened again after a loss.
+    pub(super) fn open(
         task: &Arc<Task>,
         choice: &EngineChoice,
         on_change: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, String> {
-        if let Some(why) = no_hardware() {
-            return Err(why);
-        }
-        surviving(task, choice, on_change)
-            .map(|failover| Box::new(failover.cpu_for_too_large()) as Box<dyn Backend>)
-            .map_err(|error| format!("computing on the CPU: {error}"))
-    }
-
-    /// Requested device.
-    pub(super) fn asked_for(
-        task: &Arc<Task>,
-        choice: &EngineChoice,
-        on_change: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, BackendError> {
-        Ok(Box::new(surviving(task, choice, on_change)?))
-    }
-
-    fn surviving(
-        task: &Arc<Task>,
-        choice: &EngineChoice,
-        on_change: impl Fn(&str) + Send + 'static,
-    ) -> Result<Failover, BackendError> {
+    ) -> Result<Failover> {
         let (choice, memory) = (choice.clone(), choice.memory_budget());
-        let first = doomed(GpuBackend::open(task.clone(), (&choice).into(), memory)?);
+        let first = doomed(GpuBackend::open(task.clone(), &choice, memory)?);
         let (for_gpu, for_cpu) = (task.clone(), task.clone());
-        let reopen = move || -> Result<Box<dyn Backend>, BackendError> {
-            Ok(Box::new(GpuBackend::open(for_gpu.clone(), (&choice).into(), memory)?))
+        let reopen = move || -> Result<Box<dyn Backend>> {
+            Ok(Box::new(GpuBackend::open(for_gpu.clone(), &choice, memory)?))
         };
         let cpu =
             move || -> Box<dyn Backend> { Box::new(CpuBackend::new(for_cpu.clone(), memory)) };
@@ -236,39 +211,26 @@ mod device {
 
     use super::{EngineChoice, OpenedCaster};
     use crate::bvh::Bvh;
-    use crate::engine::{Backend, BackendError};
+    use crate::engine::{BackendError, Failover, Result};
     use crate::task::Task;
 
-    const NO_FEATURE: &str = "computing on the CPU: this build is without the feature `gpu`";
-
-    pub(super) fn hardware(
-        _: &Arc<Task>,
-        _: &EngineChoice,
-        _: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, String> {
-        Err(NO_FEATURE.into())
-    }
-
     pub(super) fn no_hardware() -> Option<String> {
-        Some(NO_FEATURE.into())
+        Some("computing on the CPU: this build is without the feature `gpu`".into())
     }
 
     pub(super) fn is_named(_: &str) -> bool {
         false
     }
 
-    pub(super) fn caster(
-        _: &[&Arc<Bvh>],
-        choice: &EngineChoice,
-    ) -> Result<OpenedCaster, BackendError> {
+    pub(super) fn caster(_: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<OpenedCaster> {
         Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 
-    pub(super) fn asked_for(
+    pub(super) fn open(
         _: &Arc<Task>,
         choice: &EngineChoice,
         _: impl Fn(&str) + Send + 'static,
-    ) -> Result<Box<dyn Backend>, BackendError> {
+    ) -> Result<Failover> {
         Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 }
@@ -277,7 +239,7 @@ mod device {
 const MOST_LOSSES: u32 = 3;
 
 /// Opens the device again.
-pub type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Send>;
+type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>> + Send>;
 
 /// A backend that outlives its device.
 ///
@@ -324,10 +286,7 @@ impl Failover {
         self
     }
 
-    fn attempt<T>(
-        &mut self,
-        work: impl Fn(&mut dyn Backend) -> Result<T, BackendError>,
-    ) -> Result<T, BackendError> {
+    fn attempt<T>(&mut self, work: impl Fn(&mut dyn Backend) -> Result<T>) -> Result<T> {
         let mut again = false;
         loop {
             match work(&mut *self.backend) {
@@ -375,15 +334,11 @@ impl Backend for Failover {
         self.backend.adapter()
     }
 
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
+    fn tally(&mut self, placements: &[Placement], range: Option<f32>) -> Result<Vec<Tally>> {
         self.attempt(|backend| backend.tally(placements, range))
     }
 
-    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>> {
         self.attempt(|backend| backend.hits(poses, frame))
     }
 
@@ -396,7 +351,7 @@ impl Backend for Failover {
         poses: &[SensorPose],
         frame: usize,
         take: &TakeBitmap<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         self.attempt(|backend| backend.each_bitmap(poses, frame, take))
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{Backend, BackendError, TakeBitmap, check_frame};
+use super::{Backend, BackendError, Result, TakeBitmap, check_frame};
 use crate::bvh::Hit;
 use crate::cast::cast_frame_closest;
 use crate::cover::{BitOrder, cover_voxels};
@@ -73,11 +73,7 @@ impl Backend for ReferenceBackend {
         "CPU reference, plain functions"
     }
 
-    fn tally(
-        &mut self,
-        placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<Vec<Tally>, BackendError> {
+    fn tally(&mut self, placements: &[Placement], range: Option<f32>) -> Result<Vec<Tally>> {
         let (task, mut tallies) = (self.task.clone(), Vec::with_capacity(placements.len()));
         for placement in placements {
             let batch = SensorBatch::new(&task, &placement.lidars, range)?;
@@ -97,7 +93,7 @@ impl Backend for ReferenceBackend {
         Ok(tallies)
     }
 
-    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>> {
         let frames = self.task.geometry_frame_count();
         let ends = self.task.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
         Ok(cast(&SensorBatch::new(&self.task, poses, None)?, frame, ends))
@@ -112,7 +108,7 @@ impl Backend for ReferenceBackend {
         poses: &[SensorPose],
         frame: usize,
         take: &TakeBitmap<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         check_frame(&self.task, frame)?;
         let task = self.task.clone();
         let batch = SensorBatch::new(&task, poses, None)?;

@@ -53,10 +53,8 @@ impl BeamTable {
         range: f64,
     ) -> Result<Self, SensorError> {
         let steps = f64::from(azimuth_steps);
-        let azimuth = |j| TAU * f64::from(j) / steps;
-        let mut table = Self::of_channels(channels, azimuth_steps, range, azimuth)?;
-        table.keep_grid(channels, 0.0, TAU / steps, azimuth_steps, true);
-        Ok(table)
+        let grid = Some((0.0, TAU / steps, true));
+        Self::of_channels(channels, azimuth_steps, range, grid, |j| TAU * f64::from(j) / steps)
     }
 
     /// A sensor that looks to one side: beams ordered by channel, then azimuth step, as
@@ -71,47 +69,39 @@ impl BeamTable {
         range: f64,
     ) -> Result<Self, SensorError> {
         let [start, step] = [start.to_radians(), step.to_radians()];
-        let azimuth = |j| start + step * f64::from(j);
-        let mut table = Self::of_channels(channels, azimuth_steps, range, azimuth)?;
         // Beams that overlap, or run backwards, stay a list.
-        if step > 0.0 && step * f64::from(azimuth_steps) <= TAU {
-            table.keep_grid(channels, start, step, azimuth_steps, false);
-        }
-        Ok(table)
+        let in_grid = step > 0.0 && step * f64::from(azimuth_steps) <= TAU;
+        let grid = in_grid.then_some((start, step, false));
+        Self::of_channels(channels, azimuth_steps, range, grid, |j| start + step * f64::from(j))
     }
 
+    /// Beams by channel, then step, at some azimuth. `grid` has start, step and turn of a [`BeamGrid`]; channels that lean
+    /// over backwards have none.
     fn of_channels(
         channels: &[(f64, f64)],
         steps: u32,
         range: f64,
+        grid: Option<(f64, f64, bool)>,
         azimuth: impl Fn(u32) -> f64,
     ) -> Result<Self, SensorError> {
+        let radians =
+            |&(elevation, offset): &(f64, f64)| (elevation.to_radians(), offset.to_radians());
+        let channels: Vec<(f64, f64)> = channels.iter().map(radians).collect();
         let azimuth = &azimuth;
         let directions = channels.iter().flat_map(|&(elevation, offset)| {
-            let (sin_e, cos_e) = maths::sin_cos(elevation.to_radians());
+            let (sin_e, cos_e) = maths::sin_cos(elevation);
             (0..steps).map(move |j| {
-                let (sin_a, cos_a) = maths::sin_cos(azimuth(j) + offset.to_radians());
+                let (sin_a, cos_a) = maths::sin_cos(azimuth(j) + offset);
                 DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
             })
         });
-        Self::from_directions(directions, range)
-    }
-
-    /// Notes where the directions came from, unless channels lean over backwards.
-    fn keep_grid(
-        &mut self,
-        channels: &[(f64, f64)],
-        start: f64,
-        step: f64,
-        steps: u32,
-        turn: bool,
-    ) {
-        let channels: Vec<_> =
-            channels.iter().map(|(e, offset)| (e.to_radians(), offset.to_radians())).collect();
-        if channels.iter().all(|(elevation, _)| elevation.abs() <= FRAC_PI_2) {
+        let mut table = Self::from_directions(directions, range)?;
+        let is_upright = channels.iter().all(|(elevation, _)| elevation.abs() <= FRAC_PI_2);
+        if let Some((start, step, turn)) = grid.filter(|_| is_upright) {
             let steps = steps as usize;
-            self.grid = Some(Arc::new(BeamGrid { channels, start, step, steps, turn }));
+            table.grid = Some(Arc::new(BeamGrid { channels, start, step, steps, turn }));
         }
+        Ok(table)
     }
 
     /// An explicit list of directions, each scaled to unit length. `range` is in metres.

@@ -313,7 +313,7 @@ impl Sensors {
 impl BeamTable {
     /// The least turn about the sensor's axis that leaves its beams as they are, in radians: one azimuth
     /// step of a spinning sensor, a whole turn of any other.
-    pub fn period(&self) -> f64 {
+    fn period(&self) -> f64 {
         self.grid().filter(|grid| grid.turn).map_or(TAU, |grid| grid.step)
     }
 }

@@ -84,7 +84,7 @@ impl Content {
     }
 
     /// Takes all required areas away.
-    pub fn without_areas(mut self) -> Self {
+    pub(super) fn without_areas(mut self) -> Self {
         self.class_starts.truncate(self.classes.len() + 1);
         self.class_voxels.truncate(self.class_starts[self.classes.len()] as usize);
         self.areas.clear();
@@ -115,13 +115,6 @@ impl Content {
             self.class_starts.push(self.class_voxels.len() as u32);
         }
         self
-    }
-
-    /// A copy with every area mirrored at the plane y = 0.
-    pub(super) fn with_mirrored_areas(&self, roi: &Roi) -> Self {
-        let mirrored: Vec<Requirement> =
-            self.areas.iter().map(|area| area.required.mirrored()).collect();
-        self.clone().without_areas().with_areas(roi, &mirrored)
     }
 
     /// Areas with a required coverage.
@@ -162,12 +155,14 @@ impl Content {
     }
 
     /// Voxels of all classes and areas, one set after the other.
-    pub fn class_voxels(&self) -> &[u32] {
+    #[cfg(feature = "gpu")]
+    pub(crate) fn class_voxels(&self) -> &[u32] {
         &self.class_voxels
     }
 
     /// Where each set begins in [`Self::class_voxels`], and where the last ends.
-    pub fn class_starts(&self) -> &[u32] {
+    #[cfg(feature = "gpu")]
+    pub(crate) fn class_starts(&self) -> &[u32] {
         &self.class_starts
     }
 
@@ -209,22 +204,22 @@ impl Tally {
 
     /// Adds the sums of a frame that stands for `times` equal ones.
     pub(crate) fn add_times(&mut self, other: &Self, times: u64) {
-        self.covered += times * other.covered;
-        self.covered_nonzero += times * other.covered_nonzero;
-        for (sum, value) in self.entropy.iter_mut().zip(other.entropy) {
-            *sum += times * value;
-        }
-        for (sum, value) in self.near_repeated.iter_mut().zip(other.near_repeated) {
-            *sum += times * value;
-        }
-        for (sum, value) in self.by_class.iter_mut().zip(&other.by_class) {
-            *sum += times * value;
-        }
-        for (sum, value) in self.unique.iter_mut().zip(&other.unique) {
-            *sum += times * value;
-        }
-        self.hits += times * other.hits;
-        self.beams += times * other.beams;
+        self.change(other, |sum, value| *sum += times * value);
+    }
+
+    /// Changes each sum by its counterpart.
+    fn change(&mut self, other: &Self, by: impl Fn(&mut u64, u64)) {
+        by(&mut self.covered, other.covered);
+        by(&mut self.covered_nonzero, other.covered_nonzero);
+        by(&mut self.hits, other.hits);
+        by(&mut self.beams, other.beams);
+        let each = |sums: &mut [u64], values: &[u64]| {
+            sums.iter_mut().zip(values).for_each(|(sum, &value)| by(sum, value));
+        };
+        each(&mut self.entropy, &other.entropy);
+        each(&mut self.near_repeated, &other.near_repeated);
+        each(&mut self.by_class, &other.by_class);
+        each(&mut self.unique, &other.unique);
     }
 }
 
@@ -237,15 +232,7 @@ impl AddAssign<&Self> for Tally {
 impl SubAssign<&Self> for Tally {
     /// Takes the sums of a frame out again that were added before.
     fn sub_assign(&mut self, other: &Self) {
-        self.covered -= other.covered;
-        self.covered_nonzero -= other.covered_nonzero;
-        self.entropy.iter_mut().zip(other.entropy).for_each(|(sum, value)| *sum -= value);
-        let repeated = self.near_repeated.iter_mut().zip(other.near_repeated);
-        repeated.for_each(|(sum, value)| *sum -= value);
-        self.by_class.iter_mut().zip(&other.by_class).for_each(|(sum, value)| *sum -= value);
-        self.unique.iter_mut().zip(&other.unique).for_each(|(sum, value)| *sum -= value);
-        self.hits -= other.hits;
-        self.beams -= other.beams;
+        self.change(other, |sum, value| *sum -= value);
     }
 }
 

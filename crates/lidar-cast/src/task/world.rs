@@ -216,7 +216,8 @@ impl<'a> SensorBatch<'a> {
     }
 
     /// The sensor that a beam is of.
-    pub fn sensor_of(&self, beam: usize) -> usize {
+    #[cfg(feature = "gpu")]
+    pub(crate) fn sensor_of(&self, beam: usize) -> usize {
         self.starts.partition_point(|&start| start <= beam) - 1
     }
 
@@ -262,9 +263,9 @@ impl<'a> SensorBatch<'a> {
 /// Metres by which a hit is pushed along the beam before its voxel is looked up.
 pub const HIT_PUSH: f32 = crate::grid::HIT_PUSH as f32;
 /// Direction components smaller than this count as zero: below a micrometre in a kilometre.
-pub const TINY_COMPONENT: f32 = 1e-9;
+pub(crate) const TINY_COMPONENT: f32 = 1e-9;
 /// Stands for 1/0 in planes a beam never reaches; finite, as shaders may assume.
-pub const NO_CROSSING: f32 = 1e20;
+pub(crate) const NO_CROSSING: f32 = 1e20;
 /// Grid coordinates closer to zero than this are zero, so that `NO_CROSSING` keeps its meaning.
 const TINY_COORDINATE: f64 = 1e-12;
 /// Grid coordinates stay convertible to `i32`.

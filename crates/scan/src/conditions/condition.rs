@@ -168,20 +168,12 @@ pub enum ConditionKind {
 
 impl ConditionKind {
     /// All of them.
-    pub const ALL: [Self; 7] =
+    pub(crate) const ALL: [Self; 7] =
         [Self::Fog, Self::Wet, Self::Snow, Self::Rain, Self::Blur, Self::Crosstalk, Self::Echo];
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Fog => "fog",
-            Self::Wet => "wet",
-            Self::Snow => "snow",
-            Self::Rain => "rain",
-            Self::Blur => "blur",
-            Self::Crosstalk => "crosstalk",
-            Self::Echo => "echo",
-        }
+        KINDS[self as usize].0
     }
 }
 
@@ -191,14 +183,14 @@ const LEVELS: [&str; 3] = ["light", "moderate", "heavy"];
 /// A number that a condition takes.
 #[derive(Debug, PartialEq)]
 struct ConditionKey {
-    pub name: &'static str,
-    pub unit: &'static str,
+    name: &'static str,
+    unit: &'static str,
     /// Least and greatest value.
-    pub limits: [f64; 2],
+    limits: [f64; 2],
     /// Value at each level, the weakest first.
-    pub levels: [f64; 3],
+    levels: [f64; 3],
     /// Value without a level.
-    pub usual: f64,
+    usual: f64,
 }
 
 const fn key(
@@ -211,30 +203,35 @@ const fn key(
     ConditionKey { name, unit, limits, levels, usual }
 }
 
-/// Keys of a condition.
+/// Names and keys, in the order of [`ConditionKind`].
 ///
 /// Levels of fog are the thinnest and the thickest of the fogs that SemanticKITTI-C draws, and one between; levels of
 /// water, snow, crosstalk and echoes are that set's. Levels of rain lie within slight, moderate and heavy rain of
 /// the WMO (below 2.5, 10 and 50 mm/h).
+const KINDS: [(&str, &[ConditionKey]); 7] = [
+    (
+        "fog",
+        &[
+            key("mor", " m", [1.0, f64::INFINITY], [600.0, 200.0, 50.0], 200.0),
+            key("gain", "", [0.0, 1e3], [1.0; 3], 1.0),
+        ],
+    ),
+    ("wet", &[key("water", " mm", [0.0, 100.0], [0.2, 1.0, 1.2], 1.0)]),
+    (
+        "snow",
+        &[
+            key("rate", " mm/h", [0.0, 10.0], [0.5, 1.0, 2.5], 1.0),
+            key("speed", " m/s", [0.3, 5.0], [2.0, 1.6, 1.6], 1.6),
+        ],
+    ),
+    ("rain", &[key("rate", " mm/h", [0.0, 200.0], [2.0, 5.0, 25.0], 5.0)]),
+    ("blur", &[key("share", "", [0.0, 1.0], [0.25, 0.5, 1.0], 1.0)]),
+    ("crosstalk", &[key("share", "", [0.0, 1.0], [0.006, 0.008, 0.01], 0.008)]),
+    ("echo", &[key("ratio", "", [0.0, 1.0], [0.75, 0.85, 0.95], 0.85)]),
+];
+
 fn keys(kind: ConditionKind) -> &'static [ConditionKey] {
-    const MOR: ConditionKey = key("mor", " m", [1.0, f64::INFINITY], [600.0, 200.0, 50.0], 200.0);
-    const GAIN: ConditionKey = key("gain", "", [0.0, 1e3], [1.0; 3], 1.0);
-    const WATER: ConditionKey = key("water", " mm", [0.0, 100.0], [0.2, 1.0, 1.2], 1.0);
-    const SNOW: ConditionKey = key("rate", " mm/h", [0.0, 10.0], [0.5, 1.0, 2.5], 1.0);
-    const SPEED: ConditionKey = key("speed", " m/s", [0.3, 5.0], [2.0, 1.6, 1.6], 1.6);
-    const RAIN: ConditionKey = key("rate", " mm/h", [0.0, 200.0], [2.0, 5.0, 25.0], 5.0);
-    const LEFT: ConditionKey = key("share", "", [0.0, 1.0], [0.25, 0.5, 1.0], 1.0);
-    const SHARE: ConditionKey = key("share", "", [0.0, 1.0], [0.006, 0.008, 0.01], 0.008);
-    const RATIO: ConditionKey = key("ratio", "", [0.0, 1.0], [0.75, 0.85, 0.95], 0.85);
-    match kind {
-        ConditionKind::Fog => const { &[MOR, GAIN] },
-        ConditionKind::Wet => const { &[WATER] },
-        ConditionKind::Snow => const { &[SNOW, SPEED] },
-        ConditionKind::Rain => const { &[RAIN] },
-        ConditionKind::Blur => const { &[LEFT] },
-        ConditionKind::Crosstalk => const { &[SHARE] },
-        ConditionKind::Echo => const { &[RATIO] },
-    }
+    KINDS[kind as usize].1
 }
 
 /// Reflectance of a vehicle that mirrors the beam away.
@@ -242,14 +239,14 @@ const DARK: f64 = 0.05;
 
 /// Motion during a turn that is left in the cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MotionBlur {
+pub(crate) struct MotionBlur {
     /// Share of the true motion that is left: 0 the points where they were, 1 the raw points.
     pub share: f64,
 }
 
 /// Pulses of other sensors that come before the beam's own echo.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crosstalk {
+pub(crate) struct Crosstalk {
     /// Share of the returns that are hit.
     pub share: f64,
 }
@@ -264,20 +261,20 @@ impl Crosstalk {
 
 /// Vehicles whose paint mirrors the beam away.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IncompleteEcho {
+pub(crate) struct IncompleteEcho {
     ratio: f64,
 }
 
 impl IncompleteEcho {
     /// Makes this share of the vehicles dark.
-    pub fn new(ratio: f64) -> Self {
+    pub(crate) fn new(ratio: f64) -> Self {
         Self { ratio }
     }
 
     /// Reflectance of a vehicle that has `reflectance` otherwise; `u_object` from 0 to below 1 is the vehicle's
     /// own and the same in all frames, so that more vehicles are dark at a greater ratio, never others. Vehicles that
     /// cannot be told apart have none, and all of them the mean.
-    pub fn reflectance(&self, reflectance: f64, u_object: Option<f64>) -> f64 {
+    pub(crate) fn reflectance(&self, reflectance: f64, u_object: Option<f64>) -> f64 {
         let dark = reflectance.min(DARK);
         match u_object {
             Some(u) if u < self.ratio => dark,
@@ -291,27 +288,27 @@ impl IncompleteEcho {
 const FULL_FILM: f64 = 1.2;
 
 /// True if water stands on surfaces of a class: the ground that Robo3D wets. Soil drains, and bridges carry a road.
-pub fn holds_water(class: &str) -> bool {
+pub(crate) fn holds_water(class: &str) -> bool {
     matches!(Ground::of(class), Some(Ground::Road | Ground::Hard))
 }
 
 /// Water on the ground, so and so deep.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WetGround {
+pub(crate) struct WetGround {
     /// Share of the ground that the film covers.
     film: f64,
 }
 
 impl WetGround {
     /// Water of a depth in millimetres; from 1.2 on all ground is covered.
-    pub fn new(water: f64) -> Self {
+    pub(crate) fn new(water: f64) -> Self {
         Self { film: (water / FULL_FILM).min(1.0) }
     }
 
     /// Reflectance ρ′ of wet ground at an angle of incidence; the echo's power stays ρ′·cos θ / r².
     ///
     /// (1 − f)·ρ + f·½(t_s + t_p), the film's share f, with light that is not polarized.
-    pub fn reflectance(&self, reflectance: f64, cos: f64) -> f64 {
+    pub(crate) fn reflectance(&self, reflectance: f64, cos: f64) -> f64 {
         if self.film == 0.0 {
             return reflectance;
         }

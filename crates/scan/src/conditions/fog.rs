@@ -21,7 +21,7 @@ const STEPS: usize = 1024;
 /// A target keeps e^(−2αr) of its power. The fog itself sends back g·β·(c/2)·I(α, r), with I the peak of the
 /// pulse over the air before the target, and β tied to α: both follow from the optical range.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fog {
+pub(crate) struct Fog {
     alpha: f64,
     /// g·β·c/2.
     scale: f64,
@@ -33,7 +33,7 @@ pub struct Fog {
 impl Fog {
     /// Fog of a meteorological optical range in metres, infinite in clear air. `gain` multiplies its calibrated
     /// backscatter.
-    pub fn new(optical_range: f64, gain: f64) -> Self {
+    pub(crate) fn new(optical_range: f64, gain: f64) -> Self {
         let alpha = CONTRAST / optical_range;
         let backscatter = |alpha: f64| BACKSCATTER * alpha / CONTRAST;
         let hard = GAIN_REFLECTANCE / (GAIN_RANGE * GAIN_RANGE)
@@ -80,7 +80,8 @@ fn place_of(range: f64) -> f64 {
     (1.0 - BLIND / range) * STEPS as f64
 }
 
-fn interpolated(table: &[f64], place: f64) -> f64 {
+/// Value of a table at a place from 0 to its last entry.
+pub(super) fn interpolated(table: &[f64], place: f64) -> f64 {
     let below = (place as usize).min(table.len() - 2);
     table[below] + (place - below as f64) * (table[below + 1] - table[below])
 }
@@ -191,14 +192,14 @@ pub(super) struct Peaks(Vec<Peak>);
 
 impl Peaks {
     /// For fog of an extinction in 1/m.
-    pub fn new(alpha: f64) -> Self {
+    pub(crate) fn new(alpha: f64) -> Self {
         let sums = PulseSums::new(alpha);
         let places = 0..=((FARTHEST - BLIND) * COARSE) as usize;
         Self(places.map(|k| sums.peak(BLIND + k as f64 / COARSE)).collect())
     }
 
     /// Peak before a target at `target` metres; infinite if there is none.
-    pub fn before(&self, target: f64) -> Peak {
+    pub(crate) fn before(&self, target: f64) -> Peak {
         let last = self.0.len() - 1;
         let place = ((target - BLIND) * COARSE).max(0.0);
         if place >= last as f64 {

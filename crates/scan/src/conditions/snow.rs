@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use lidar_cast::maths;
 
-use super::fog::{LIGHT, overlap};
+use super::fog::{LIGHT, interpolated, overlap};
 
 /// Reflectance of a flake, as the snow of Hahner et al. 2022 takes it.
 const FLAKE: f64 = 0.9;
@@ -38,7 +38,7 @@ const MOST: usize = 12;
 /// a mean that has a closed form. The strongest therefore comes from one number, and a beam costs the same
 /// however many flakes are in it. Once none that is left can win, the rest takes its mean share of the light.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Falling {
+pub(crate) struct Falling {
     balls: Option<Balls>,
     /// ρ of its balls.
     reflectance: f64,
@@ -46,7 +46,7 @@ pub struct Falling {
 
 /// A flake or drop that sends back more than any other of its beam.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Flake {
+pub(crate) struct Flake {
     /// Metres along the beam.
     pub range: f64,
     /// Power in the unit of ρ·cos θ / r², behind nearer flakes.
@@ -55,7 +55,7 @@ pub struct Flake {
 
 /// Effect of snow or rain on one beam.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FallEffect {
+pub(crate) struct FallEffect {
     /// Share of the light that goes as far as the beam does; a flake shades the way out and the way back
     /// alike, so it counts once.
     pub passed: f64,
@@ -81,23 +81,23 @@ impl DrawnFlake {
 
 impl Falling {
     /// Snow that falls at a rate in millimetres of water an hour and a speed in metres a second.
-    pub fn snow(rate: f64, speed: f64) -> Self {
+    pub(crate) fn snow(rate: f64, speed: f64) -> Self {
         Self { balls: Balls::flakes(rate, speed), reflectance: FLAKE }
     }
 
     /// Rain that falls at a rate in millimetres an hour.
-    pub fn rain(rate: f64) -> Self {
+    pub(crate) fn rain(rate: f64) -> Self {
         Self { balls: Balls::drops(rate), reflectance: DROP }
     }
 
     /// Share of the light that a metre of air takes off a beam, in 1/m.
-    pub fn extinction(&self) -> f64 {
+    pub(crate) fn extinction(&self) -> f64 {
         self.balls.map_or(0.0, |balls| balls.extinction())
     }
 
     /// Draws the flakes in a beam of `divergence` (full widths across and along, radians) up to `reach` metres.
     /// `draw` gives numbers from 0 to below 1.
-    pub fn beam(
+    pub(crate) fn beam(
         &self,
         divergence: [f64; 2],
         reach: f64,
@@ -321,7 +321,7 @@ pub(super) fn swell(phase: f64) -> f64 {
 
 /// Sum of a flake's echo and a target's echo.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum JoinedEcho {
+pub(crate) enum JoinedEcho {
     /// Two echoes with peaks of their own.
     Apart,
     /// One from the target, of this power.
@@ -337,7 +337,7 @@ impl Flake {
     /// its height is ½(P₁ + P₂ + |P₁ + P₂·e^(−iφ)|). It lies L·ψ/2π behind the first's, tan ψ = P₂·sin φ/(P₁ + P₂·cos
     /// φ). Where they are farther apart, each peaks while the other is off. A peak that misses the target by less than
     /// 0.2 m is the target's, as in the published rule.
-    pub fn join(&self, target: f64, power: f64) -> JoinedEcho {
+    pub(crate) fn join(&self, target: f64, power: f64) -> JoinedEcho {
         let apart = target - self.range;
         if apart.abs() >= LENGTH / 2.0 {
             return JoinedEcho::Apart;
@@ -423,14 +423,14 @@ impl SnowTables {
     }
 
     /// x above which a share of the flakes has its echoes.
-    pub fn threshold(&self, share: f64) -> f64 {
+    pub(crate) fn threshold(&self, share: f64) -> f64 {
         // At q = 10⁻⁶ echoes are stronger than any in ten thousand years of snow.
         let q = f64::from(maths::cbrtf(share as f32)).max(1e-6);
         at(&self.threshold, q) / (q * q)
     }
 
     /// t = r/R of a flake with its echo at x.
-    pub fn place(&self, x: f64, u: f64) -> f64 {
+    pub(crate) fn place(&self, x: f64, u: f64) -> f64 {
         if x < 0.01 {
             return maths::pow(u, 0.2);
         }
@@ -461,7 +461,5 @@ impl SnowTables {
 
 /// Value of a table at a place from 0 to 1.
 fn at(table: &[f64], place: f64) -> f64 {
-    let place = place * (table.len() - 1) as f64;
-    let below = (place as usize).min(table.len() - 2);
-    table[below] + (place - below as f64) * (table[below + 1] - table[below])
+    interpolated(table, place * (table.len() - 1) as f64)
 }

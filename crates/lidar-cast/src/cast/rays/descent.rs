@@ -24,22 +24,22 @@ macro_rules! per_target {
             use super::lanes::avx2::*;
             use super::*;
             /// A ray as boxes see it.
-            pub struct RayLanes { pub inverse: [V; 3], pub enter: [V; 3], pub leave: [V; 3], pub near: [usize; 3] }
+            pub(crate) struct RayLanes { pub inverse: [V; 3], pub enter: [V; 3], pub leave: [V; 3], pub near: [usize; 3] }
             $($(#[$meta])*
             #[allow(clippy::too_many_arguments)]
             #[inline]
             #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-            pub fn $name $args $(-> $result)? $body)*
+            pub(crate) fn $name $args $(-> $result)? $body)*
         }
         pub(super) mod plain {
             use super::lanes::plain::*;
             use super::*;
             /// A ray as boxes see it.
-            pub struct RayLanes { pub inverse: [V; 3], pub enter: [V; 3], pub leave: [V; 3], pub near: [usize; 3] }
+            pub(crate) struct RayLanes { pub inverse: [V; 3], pub enter: [V; 3], pub leave: [V; 3], pub near: [usize; 3] }
             $($(#[$meta])*
             #[allow(clippy::too_many_arguments)]
             #[inline]
-            pub fn $name $args $(-> $result)? $body)*
+            pub(crate) fn $name $args $(-> $result)? $body)*
         }
     };
 }

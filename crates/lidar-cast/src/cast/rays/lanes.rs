@@ -12,13 +12,13 @@ pub(super) mod avx2 {
 
     use super::W;
 
-    pub type V = __m256;
+    pub(crate) type V = __m256;
 
     macro_rules! ops {
         ($(fn $name:ident $args:tt -> $result:ty $body:block)*) => {
             $(#[inline]
             #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-            pub fn $name $args -> $result $body)*
+            pub(crate) fn $name $args -> $result $body)*
         };
     }
 
@@ -57,18 +57,18 @@ pub(super) mod avx2 {
 pub(super) mod plain {
     use super::W;
 
-    pub type V = [f32; W];
+    pub(crate) type V = [f32; W];
 
     macro_rules! ops {
         ($(fn $name:ident ($a:ident, $b:ident) $number:expr;)*) => {
             $(#[inline(always)]
-            pub fn $name(a: V, b: V) -> V {
+            pub(crate) fn $name(a: V, b: V) -> V {
                 std::array::from_fn(|k| { let ($a, $b) = (a[k], b[k]); $number })
             })*
         };
         ($(fn $name:ident ($a:ident, $b:ident) bit $number:expr;)*) => {
             $(#[inline(always)]
-            pub fn $name(a: V, b: V) -> u32 {
+            pub(crate) fn $name(a: V, b: V) -> u32 {
                 let mut bits = 0;
                 for k in 0..W {
                     let ($a, $b) = (a[k], b[k]);
@@ -94,34 +94,34 @@ pub(super) mod plain {
     }
 
     #[inline(always)]
-    pub fn splat(x: f32) -> V {
+    pub(crate) fn splat(x: f32) -> V {
         [x; W]
     }
 
     #[inline(always)]
-    pub fn load(x: &V) -> V {
+    pub(crate) fn load(x: &V) -> V {
         *x
     }
 
     #[inline(always)]
-    pub fn store(x: V) -> V {
+    pub(crate) fn store(x: V) -> V {
         x
     }
 
     #[inline(always)]
-    pub fn if_above(a: V, b: V, x: V, y: V) -> V {
+    pub(crate) fn if_above(a: V, b: V, x: V, y: V) -> V {
         std::array::from_fn(|k| if a[k] > b[k] { x[k] } else { y[k] })
     }
 
     #[inline(always)]
-    pub fn first_of(near: V, far: V) -> (u32, f32) {
+    pub(crate) fn first_of(near: V, far: V) -> (u32, f32) {
         let seen = at_most(near, far);
         let met = (0..W).filter(|k| seen >> k & 1 == 1);
         (seen, met.fold(f32::INFINITY, |least, k| if near[k] < least { near[k] } else { least }))
     }
 
     #[inline(always)]
-    pub fn fma(a: V, b: V, c: V) -> V {
+    pub(crate) fn fma(a: V, b: V, c: V) -> V {
         add(mul(a, b), c)
     }
 }

@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::device::{Device, readable};
+use super::device::{Device, WORK, readable};
 use super::layout::{GpuInstance, ITEMS_PER_WORKGROUP, LONG_AXIS, PARTIAL_WORDS, Sensor, Uniforms};
 use crate::bvh::{Bvh, Bvh4, Hit, QuantizedNode, Triangle};
 use crate::cast::SightSphere;
 use crate::cover::BitOrder;
-use crate::engine::{self, BackendError};
+use crate::engine::{self, Result};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::sensor::{Placement, UnknownSensor};
@@ -178,11 +178,7 @@ pub(super) struct SceneBuffers {
     pub(super) directions: wgpu::Buffer,
     /// First direction of each model.
     pub(super) first_directions: Vec<u32>,
-    /// BVH nodes of all trees, tree after tree; see [`crate::bvh::Bvh4`].
-    pub(super) nodes: wgpu::Buffer,
-    pub(super) triangles: wgpu::Buffer,
-    /// Number of each tree's root among the nodes, by the address of the tree.
-    pub(super) roots: HashMap<usize, u32>,
+    pub(super) trees: Trees,
     pub(super) occupied: wgpu::Buffer,
     pub(super) class_voxels: wgpu::Buffer,
     pub(super) class_runs: wgpu::Buffer,
@@ -190,7 +186,7 @@ pub(super) struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    pub(super) fn new(device: &Device, task: &Task) -> Result<Self, BackendError> {
+    pub(super) fn new(device: &Device, task: &Task) -> Result<Self> {
         let (mut directions, mut first_directions) = (Vec::new(), Vec::new());
         for model in task.sensors().models() {
             first_directions.push(directions.len() as u32);
@@ -198,13 +194,10 @@ impl SceneBuffers {
         }
         let content = in_bricks(task.content(), &BitOrder::bricks(task.roi()));
         let runs = class_runs(content.class_starts());
-        let Trees { nodes, triangles, roots } = Trees::new(device, &task.world().trees())?;
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
             first_directions,
-            nodes,
-            triangles,
-            roots,
+            trees: Trees::new(device, &task.world().trees())?,
             occupied: device.upload("occupied voxels", content.occupied())?,
             class_voxels: device.upload("voxels by class", content.class_voxels())?,
             class_runs: device.upload("class runs", &runs)?,
@@ -232,6 +225,7 @@ fn in_bricks(content: &Content, order: &BitOrder) -> Content {
 
 /// Trees on the device, one behind the other.
 pub(super) struct Trees {
+    /// BVH nodes, tree after tree; see [`crate::bvh::Bvh4`].
     pub(super) nodes: wgpu::Buffer,
     pub(super) triangles: wgpu::Buffer,
     /// Number of each tree's root among the nodes, by the address of the tree.
@@ -240,7 +234,7 @@ pub(super) struct Trees {
 
 impl Trees {
     /// Uploads trees, each of them once in the list.
-    pub(super) fn new(device: &Device, trees: &[&Arc<Bvh>]) -> Result<Self, BackendError> {
+    pub(super) fn new(device: &Device, trees: &[&Arc<Bvh>]) -> Result<Self> {
         let mut built: Vec<Bvh4> = trees.iter().map(|tree| Bvh4::new(tree)).collect();
         let of = |what, count: usize, each: usize| {
             let usage = readable(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
@@ -307,12 +301,9 @@ impl WorkBuffers {
         sizes: &Sizes,
         sensors: usize,
         placements: usize,
-    ) -> Result<Self, BackendError> {
+    ) -> Result<Self> {
         let (s, p) = (sensors as u64, placements as u64);
-        let usage = wgpu::BufferUsages::STORAGE
-            | wgpu::BufferUsages::COPY_DST
-            | wgpu::BufferUsages::COPY_SRC;
-        let buffer = |what, bytes| device.buffer(what, bytes, usage);
+        let buffer = |what, bytes| device.buffer(what, bytes, WORK);
         let uniform = readable(wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
         Ok(Self {
             sensors,

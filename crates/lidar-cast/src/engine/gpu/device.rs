@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::stages::Stamps;
-use crate::engine::BackendError;
+use crate::engine::{BackendError, Result};
 
 /// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.
 pub(super) struct Device {
@@ -39,7 +39,7 @@ pub struct TransferCounts {
 
 impl Device {
     /// Opens the best device, or the one whose name contains `name`, whatever it is good for.
-    pub(super) fn open(name: Option<&str>) -> Result<Self, BackendError> {
+    pub(super) fn open(name: Option<&str>) -> Result<Self> {
         let wanted = name.map(str::to_lowercase);
         let adapter = ranked_adapters(&instance())
             .into_iter()
@@ -52,7 +52,7 @@ impl Device {
     }
 
     /// Opens a device.
-    pub(super) fn of(adapter: &wgpu::Adapter) -> Result<Self, BackendError> {
+    pub(super) fn of(adapter: &wgpu::Adapter) -> Result<Self> {
         let info = adapter.get_info();
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let descriptor = wgpu::DeviceDescriptor {
@@ -94,7 +94,7 @@ impl Device {
     }
 
     /// The first error since the device was opened, if any: a device that failed is not used again.
-    pub(super) fn check(&self, stage: &'static str) -> Result<(), BackendError> {
+    pub(super) fn check(&self, stage: &'static str) -> Result<()> {
         match self.failure.lock().ok().and_then(|slot| slot.clone()) {
             Some(message) => Err(self.failed(stage, message)),
             None => Ok(()),
@@ -112,7 +112,7 @@ impl Device {
         what: &'static str,
         bytes: u64,
         usage: wgpu::BufferUsages,
-    ) -> Result<wgpu::Buffer, BackendError> {
+    ) -> Result<wgpu::Buffer> {
         let limit = self.max_binding();
         if usage.contains(wgpu::BufferUsages::STORAGE) && bytes > limit {
             return Err(BackendError::TooLarge { what, need: bytes, limit });
@@ -132,7 +132,7 @@ impl Device {
         &self,
         what: &'static str,
         data: &[T],
-    ) -> Result<wgpu::Buffer, BackendError> {
+    ) -> Result<wgpu::Buffer> {
         let usage = readable(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
         let buffer = self.buffer(what, size_of_val(data) as u64, usage)?;
         self.write(&buffer, data);
@@ -172,6 +172,11 @@ impl Device {
     }
 }
 
+/// Usages of a buffer that kernels write, and that the host writes and reads.
+pub(super) const WORK: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
+    .union(wgpu::BufferUsages::COPY_DST)
+    .union(wgpu::BufferUsages::COPY_SRC);
+
 /// Usages of a buffer that the host only writes. Tests read these, too.
 pub(super) fn readable(usage: wgpu::BufferUsages) -> wgpu::BufferUsages {
     if cfg!(test) { usage | wgpu::BufferUsages::COPY_SRC } else { usage }
@@ -200,7 +205,7 @@ pub struct AdapterSummary {
 
 /// Every Vulkan device of this machine, best first; none is opened. The first is the one that
 /// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
-pub fn list_adapters() -> Vec<AdapterSummary> {
+pub(in crate::engine) fn list_adapters() -> Vec<AdapterSummary> {
     let ranked = ranked_adapters(&instance());
     ranked.iter().enumerate().map(|(index, adapter)| summary(index, adapter)).collect()
 }
@@ -210,7 +215,7 @@ pub(super) fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
     let info = adapter.get_info();
     let limits = adapter.limits();
     AdapterSummary {
-        kind: kind(info.device_type),
+        kind: TYPES[rank(info.device_type)].1,
         auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
         name: info.name,
         driver: info.driver,
@@ -221,14 +226,19 @@ pub(super) fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
     }
 }
 
-fn kind(device_type: wgpu::DeviceType) -> &'static str {
-    match device_type {
-        wgpu::DeviceType::DiscreteGpu => "discrete",
-        wgpu::DeviceType::IntegratedGpu => "integrated",
-        wgpu::DeviceType::VirtualGpu => "virtual",
-        wgpu::DeviceType::Cpu => "software",
-        wgpu::DeviceType::Other => "other",
-    }
+/// Types of devices and their names, best first: dedicated hardware before shared before software.
+const TYPES: [(wgpu::DeviceType, &str); 5] = [
+    (wgpu::DeviceType::DiscreteGpu, "discrete"),
+    (wgpu::DeviceType::IntegratedGpu, "integrated"),
+    (wgpu::DeviceType::VirtualGpu, "virtual"),
+    (wgpu::DeviceType::Other, "other"),
+    (wgpu::DeviceType::Cpu, "software"),
+];
+
+/// Place of a type among [`TYPES`].
+fn rank(device_type: wgpu::DeviceType) -> usize {
+    let place = TYPES.iter().position(|(known, _)| *known == device_type);
+    place.expect("every type is in the list")
 }
 
 pub(super) fn instance() -> wgpu::Instance {
@@ -238,15 +248,9 @@ pub(super) fn instance() -> wgpu::Instance {
     wgpu::Instance::new(descriptor)
 }
 
-/// Best first: dedicated hardware before shared before software; ties keep the driver's order.
+/// Best first; ties keep the driver's order.
 pub(super) fn ranked_adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
     let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
-    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
-    });
+    adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
     adapters
 }

@@ -2,15 +2,14 @@
 
 use std::sync::Arc;
 
-use super::DeviceChoice;
 use super::chunk::Trees;
-use super::device::Device;
+use super::device::{Device, WORK};
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{GpuInstance, MAX_WORKGROUPS, Sensor, UNFINISHED};
 use super::self_test;
 use crate::bvh::{Bvh, Hit};
 use crate::cast::{Firing, FiringCaster};
-use crate::engine::BackendError;
+use crate::engine::{EngineChoice, Result};
 
 /// Casts firings on a Vulkan device.
 pub(in crate::engine) struct GpuFirings {
@@ -50,10 +49,7 @@ impl GpuFirings {
     ///
     /// # Errors
     /// No such device, or one that cannot hold the trees.
-    pub(in crate::engine) fn new(
-        trees: &[&Arc<Bvh>],
-        choice: DeviceChoice<'_>,
-    ) -> Result<Self, BackendError> {
+    pub(in crate::engine) fn new(trees: &[&Arc<Bvh>], choice: &EngineChoice) -> Result<Self> {
         let device = self_test::open(choice)?;
         let trees = Trees::new(&device, trees)?;
         let kernels = Kernels::new();
@@ -107,7 +103,7 @@ impl GpuFirings {
         packed
     }
 
-    fn cast(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, BackendError> {
+    fn cast(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>> {
         let packed = self.pack(firings, range);
         let (sensors, rays) = (packed.sensors.len(), packed.directions.len());
         let sizes = [
@@ -155,7 +151,7 @@ impl FiringBuffers {
         device: &Device,
         kernels: &Kernels,
         bytes: [usize; 5],
-    ) -> Result<[&wgpu::Buffer; 5], BackendError> {
+    ) -> Result<[&wgpu::Buffer; 5]> {
         let Self { instances, sensors, directions, hits, counters } = self;
         let names = ["instances", "sensors", "directions of rays", "hits", "hit counters"];
         let rooms = [instances, sensors, directions, hits, counters];
@@ -175,16 +171,13 @@ impl GrowingBuffer {
         kernels: &Kernels,
         what: &'static str,
         bytes: u64,
-    ) -> Result<&wgpu::Buffer, BackendError> {
+    ) -> Result<&wgpu::Buffer> {
         if self.0.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
             kernels.unbind();
             self.0 = None;
-            let usage = wgpu::BufferUsages::STORAGE
-                | wgpu::BufferUsages::COPY_DST
-                | wgpu::BufferUsages::COPY_SRC;
             // Half as much again, so that slightly larger ones do not come one after the other.
             let room = (bytes + bytes / 2).min(device.max_binding()).max(bytes);
-            self.0 = Some(device.buffer(what, room, usage)?);
+            self.0 = Some(device.buffer(what, room, WORK)?);
         }
         Ok(self.0.as_ref().expect("made above"))
     }

@@ -55,13 +55,10 @@ pub(super) const PARTIAL_WORDS: u32 = 1 + 2 * HALVED_SUMS;
 pub(super) struct Uniforms {
     /// Voxels along each axis.
     pub(super) shape: [u32; 3],
-    /// 32-bit words of one bitmap.
     pub(super) bitmap_words: u32,
     /// Voxel size in metres.
     pub(super) voxel: [f32; 3],
-    /// Occupied voxels.
     pub(super) occupied_count: u32,
-    /// Classes.
     pub(super) class_count: u32,
     /// 1 when beams end at their hits.
     pub(super) ends_at_hits: u32,

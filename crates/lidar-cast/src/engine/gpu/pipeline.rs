@@ -21,7 +21,7 @@ use super::kernels::Kernels;
 use super::readback::ReadBack;
 use super::stages::{STAMP_BYTES, StepStage, stage_ticks};
 use crate::bvh::Hit;
-use crate::engine::BackendError;
+use crate::engine::Result;
 use crate::task::{StageTimes, Task};
 
 /// Steps that are handed to the device before the host waits for the first of them. Bitmaps that are read back are large:
@@ -126,11 +126,7 @@ pub(super) struct Pipeline<'a> {
 impl<'a> Pipeline<'a> {
     /// Runs a batch; `take` is told the chunk, the number of the frame in the list, and the results:
     /// hits first, if beams end at hits.
-    pub(super) fn run(
-        &self,
-        batch: &GpuBatch<'_>,
-        take: Take<'_>,
-    ) -> Result<StageTimes, BackendError> {
+    pub(super) fn run(&self, batch: &GpuBatch<'_>, take: Take<'_>) -> Result<StageTimes> {
         self.compile(self.task.ends_at_hits(), batch.sums);
         let mut clock = Clock::start();
         let mut pending = VecDeque::new();
@@ -169,7 +165,7 @@ impl<'a> Pipeline<'a> {
         step: FrameChunk<'a>,
         standing: &ChunkSensors,
         batch: &GpuBatch<'_>,
-    ) -> Result<Pending<'a>, BackendError> {
+    ) -> Result<Pending<'a>> {
         self.place(&step.chunk, standing, step.frame)?;
         let mut stages = Vec::new();
         let mut sources = self.results(&step.chunk, batch);
@@ -186,11 +182,7 @@ impl<'a> Pipeline<'a> {
         }
         let record = |encoder: &mut wgpu::CommandEncoder| {
             for (number, &stage) in stages.iter().enumerate() {
-                match stage {
-                    StepStage::Cast => self.record_cast(encoder, &step.chunk, Some(number)),
-                    StepStage::Cover => self.record_cover(encoder, &step.chunk, Some(number)),
-                    StepStage::Reduce => self.record_reduce(encoder, &step.chunk, Some(number)),
-                }
+                self.record(encoder, &step.chunk, stage, Some(number));
             }
             if let Some(stamps) = &self.device.stamps {
                 stamps.resolve(encoder, stages.len());
@@ -207,7 +199,7 @@ impl<'a> Pipeline<'a> {
         batch: &GpuBatch<'_>,
         clock: &mut Clock,
         take: Take<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         let Some(Pending { step, stages, results }) = pending else { return Ok(()) };
         let is_whole = self.device.finish(results, |parts| {
             if let Some(clocked) = &self.device.stamps {
@@ -245,7 +237,7 @@ impl<'a> Pipeline<'a> {
         batch: &GpuBatch<'_>,
         clock: &mut Clock,
         take: Take<'_>,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         let FrameChunk { chunk, turn, frame } = step;
         let mut since = Instant::now();
         let mut lap = |stage: &mut Duration| {
@@ -258,22 +250,24 @@ impl<'a> Pipeline<'a> {
             let counters = self.cast(chunk)?;
             let mut hits = self.settle(chunk, standing, *frame, counters)?;
             if let Some(air) = self.task.air() {
-                hits = self.dim(air, chunk, standing, *frame)?;
+                hits = self.dim(&**air, chunk, standing, *frame)?;
             }
             take(chunk, *turn, ChunkResult::Hits(&hits));
             lap(&mut clock.slow.cast);
         }
         let by_host = self.cover_by_host(chunk, standing)?;
-        let covered = self.device.enqueue(|encoder| self.record_cover(encoder, chunk, None));
+        let record =
+            |encoder: &mut wgpu::CommandEncoder, stage| self.record(encoder, chunk, stage, None);
+        let covered = self.device.enqueue(|encoder| record(encoder, StepStage::Cover));
         self.write_bitmaps(&by_host);
         self.device.wait("covering", &covered)?;
         lap(&mut clock.slow.cover);
-        let record = |encoder: &mut wgpu::CommandEncoder| {
+        let sums = |encoder: &mut wgpu::CommandEncoder| {
             if batch.sums {
-                self.record_reduce(encoder, chunk, None);
+                record(encoder, StepStage::Reduce);
             }
         };
-        let results = self.device.start("summing", record, &self.results(chunk, batch))?;
+        let results = self.device.start("summing", sums, &self.results(chunk, batch))?;
         self.device.finish(results, |parts| {
             take(chunk, *turn, ChunkResult::made(parts, batch.sums));
         })?;
@@ -282,11 +276,7 @@ impl<'a> Pipeline<'a> {
     }
 
     /// Casts the poses of a batch in one frame, as [`crate::cast::cast_frame_closest`] does.
-    pub(super) fn hits(
-        &self,
-        batch: &GpuBatch<'_>,
-        frame: usize,
-    ) -> Result<Vec<Hit>, BackendError> {
+    pub(super) fn hits(&self, batch: &GpuBatch<'_>, frame: usize) -> Result<Vec<Hit>> {
         self.compile(true, false);
         let mut hits = Vec::new();
         for cut in &batch.chunks {

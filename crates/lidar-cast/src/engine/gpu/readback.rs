@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use super::device::Device;
 use super::layout::{HALVED_SUMS, PARTIAL_WORDS, UNIQUE_SUMS};
-use crate::engine::BackendError;
+use crate::engine::Result;
 use crate::sensor::{Placement, UnknownSensor};
 use crate::task::{KINDS, SensorBatch, Tally, Task};
 
@@ -40,7 +40,7 @@ impl Device {
         &self,
         stage: &'static str,
         submission: &wgpu::SubmissionIndex,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         self.count(|traffic| traffic.waits += 1);
         let submission_index = Some(submission.clone());
         let poll = wgpu::PollType::Wait { submission_index, timeout: None };
@@ -65,7 +65,7 @@ impl Device {
         stage: &'static str,
         record: impl FnOnce(&mut wgpu::CommandEncoder),
         sources: &[(&wgpu::Buffer, u64)],
-    ) -> Result<ReadBack, BackendError> {
+    ) -> Result<ReadBack> {
         let mut size = 0;
         let mut parts = Vec::with_capacity(sources.len());
         for &(_, bytes) in sources {
@@ -95,7 +95,7 @@ impl Device {
         &self,
         reading: ReadBack,
         take: impl FnOnce(&[&[u8]]) -> R,
-    ) -> Result<R, BackendError> {
+    ) -> Result<R> {
         let ReadBack { stage, staging, parts, submission, answer } = reading;
         self.wait(stage, &submission)?;
         match answer.lock().ok().and_then(|mut slot| slot.take()) {
@@ -117,7 +117,7 @@ impl Device {
     }
 
     /// A buffer to map, one used before where it is large enough.
-    fn staging(&self, size: u64) -> Result<wgpu::Buffer, BackendError> {
+    fn staging(&self, size: u64) -> Result<wgpu::Buffer> {
         if let Ok(mut kept) = self.staging.lock() {
             kept.sort_by_key(wgpu::Buffer::size);
             if let Some(found) = kept.iter().position(|buffer| buffer.size() >= size) {
@@ -144,7 +144,7 @@ impl Device {
         stage: &'static str,
         buffer: &wgpu::Buffer,
         bytes: u64,
-    ) -> Result<Vec<T>, BackendError> {
+    ) -> Result<Vec<T>> {
         let reading = self.start(stage, |_| {}, &[(buffer, bytes)])?;
         self.finish(reading, |parts| bytemuck::pod_collect_to_vec(parts[0]))
     }

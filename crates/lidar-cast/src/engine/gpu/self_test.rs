@@ -8,11 +8,10 @@ use std::sync::Mutex;
 
 use serde::Serialize;
 
-use super::DeviceChoice;
-use super::device::{AdapterSummary, Device, instance, ranked_adapters, summary};
+use super::device::{AdapterSummary, Device, WORK, instance, ranked_adapters, summary};
 use super::kernels::Kernels;
 use super::layout::WORKGROUP_SIZE;
-use crate::engine::BackendError;
+use crate::engine::{EngineChoice, Result};
 use crate::maths::mixed;
 
 /// Operations in the order of their numbers in `shaders/self_test.wgsl`.
@@ -296,14 +295,14 @@ pub fn test_adapters() -> Vec<TestedAdapter> {
 ///
 /// # Errors
 /// No such device, or one that does not keep the bits that the kernels need, unless that is allowed.
-pub(super) fn open(choice: DeviceChoice<'_>) -> Result<Device, BackendError> {
-    let device = Device::open(choice.name)?;
+pub(super) fn open(choice: &EngineChoice) -> Result<Device> {
+    let device = Device::open(choice.adapter.as_deref())?;
     let result = self_test(&device)?;
     judged(device, &result, choice.inexact)
 }
 
 /// A device whose answers are right, or one that is marked as inexact where that is allowed.
-fn judged(mut device: Device, result: &SelfTest, inexact: bool) -> Result<Device, BackendError> {
+fn judged(mut device: Device, result: &SelfTest, inexact: bool) -> Result<Device> {
     match result.complaint() {
         None => Ok(device),
         Some(_) if inexact => {
@@ -314,7 +313,7 @@ fn judged(mut device: Device, result: &SelfTest, inexact: bool) -> Result<Device
     }
 }
 
-fn run(device: &Device) -> Result<SelfTest, BackendError> {
+fn run(device: &Device) -> Result<SelfTest> {
     let cases = cases();
     let count = cases.len().next_multiple_of(WORKGROUP_SIZE as usize);
     let padded = cases.iter().chain(std::iter::repeat(&NO_CASE)).take(count);
@@ -324,9 +323,7 @@ fn run(device: &Device) -> Result<SelfTest, BackendError> {
     kernels.compile(device, |kernel| kernel == "self_test");
     device.check("compiling its self-test")?;
     let table = device.upload("cases", &words)?;
-    let usage =
-        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    let answers = device.buffer("answers", 4 * count as u64, usage)?;
+    let answers = device.buffer("answers", 4 * count as u64, WORK)?;
     // An answer that is never written is no right one.
     device.write(&answers, &vec![u32::MAX; count]);
     let record = |encoder: &mut wgpu::CommandEncoder| {
@@ -344,7 +341,7 @@ static KNOWN: Mutex<Option<HashMap<String, SelfTest>>> = Mutex::new(None);
 ///
 /// # Errors
 /// A device that fails to compile or run the table.
-pub(super) fn self_test(device: &Device) -> Result<SelfTest, BackendError> {
+pub(super) fn self_test(device: &Device) -> Result<SelfTest> {
     let name = device.adapter.clone();
     let known = |known: &Option<HashMap<String, SelfTest>>| known.as_ref()?.get(&name).cloned();
     if let Some(result) = KNOWN.lock().ok().and_then(|table| known(&table)) {

@@ -12,7 +12,7 @@ use super::readback::ReadBack;
 use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
 use crate::cover::{BitOrder, cover_voxels};
-use crate::engine::BackendError;
+use crate::engine::Result;
 use crate::task::{Air, Frame};
 
 /// A buffer whose first bytes are read back, and their number.
@@ -25,12 +25,22 @@ impl Pipeline<'_> {
         chunk: &GpuChunk<'_>,
         standing: &ChunkSensors,
         frame: usize,
-    ) -> Result<(), BackendError> {
+    ) -> Result<()> {
         let (work, scene) = (self.work, self.scene);
         let geometry = self.task.geometry(frame);
         let (instances, sensors) =
-            chunk.sensors(standing, geometry, &scene.roots, &scene.first_directions);
-        self.write_uniforms();
+            chunk.sensors(standing, geometry, &scene.trees.roots, &scene.first_directions);
+        let (roi, content) = (self.task.roi(), self.task.content());
+        let uniforms = Uniforms {
+            shape: roi.shape(),
+            bitmap_words: bitmap_words(self.task),
+            voxel: roi.voxel().map(|v| v as f32),
+            occupied_count: content.occupied().len() as u32,
+            class_count: content.set_count() as u32,
+            ends_at_hits: u32::from(self.task.ends_at_hits()),
+            spare: [0; 2],
+        };
+        self.device.write(&work.uniforms, &[uniforms]);
         self.device.write(&work.placement_sensors, &chunk.placements);
         self.device.write(&work.poses, &standing.poses);
         self.device.write(&work.instances, &instances);
@@ -38,54 +48,45 @@ impl Pipeline<'_> {
         self.device.check("placing sensors")
     }
 
-    fn write_uniforms(&self) {
-        let (roi, content) = (self.task.roi(), self.task.content());
-        let uniforms = Uniforms {
-            shape: roi.shape(),
-            bitmap_words: self.bitmap_words(),
-            voxel: roi.voxel().map(|v| v as f32),
-            occupied_count: content.occupied().len() as u32,
-            class_count: content.set_count() as u32,
-            ends_at_hits: u32::from(self.task.ends_at_hits()),
-            spare: [0; 2],
-        };
-        self.device.write(&self.work.uniforms, &[uniforms]);
-    }
-
-    /// Workgroups for the beams of a chunk.
-    fn groups(&self, chunk: &GpuChunk<'_>) -> [u32; 3] {
-        beam_workgroups(self.task.sensors().most_beams() as u32, chunk.batch.len() as u32)
-    }
-
-    fn bitmap_words(&self) -> u32 {
-        bitmap_words(self.task)
-    }
-
     fn frame(&self, frame: usize) -> &Frame {
         self.task.geometry(frame).expect("only frames with geometry are cast")
     }
 
-    /// Records the casting of a chunk that is placed in a frame; `stage` is its number in the step where the device is to
+    /// Records a stage of a chunk that is placed in a frame; `number` is its number in the step where the device is to
     /// write down its time.
-    pub(super) fn record_cast(
+    pub(super) fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         chunk: &GpuChunk<'_>,
-        stage: Option<usize>,
+        stage: StepStage,
+        number: Option<usize>,
     ) {
         let (work, scene) = (self.work, self.scene);
-        encoder.clear_buffer(&work.counters, 0, None);
-        let buffers = [
-            &work.instances, &work.sensor_beams, &scene.directions, &scene.nodes, &scene.triangles,
-            &work.hits, &work.counters,
-        ];
-        let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
-        self.kernels.dispatch(self.device, encoder, "cast_closest", &buffers, groups, stamp);
-    }
-
-    /// Begin and end of a stage, where the device is to write them down.
-    fn stamp(&self, stage: Option<usize>) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
-        self.device.stamps.as_ref().zip(stage).map(|(stamps, stage)| stamps.of(stage))
+        let stamps = self.device.stamps.as_ref().zip(number);
+        let stamp = stamps.map(|(stamps, number)| stamps.of(number));
+        let most = self.task.sensors().most_beams() as u32;
+        let groups = beam_workgroups(most, chunk.batch.len() as u32);
+        match stage {
+            StepStage::Cast => {
+                encoder.clear_buffer(&work.counters, 0, None);
+                let buffers = [
+                    &work.instances, &work.sensor_beams, &scene.directions, &scene.trees.nodes,
+                    &scene.trees.triangles, &work.hits, &work.counters,
+                ];
+                let kernel = "cast_closest";
+                self.kernels.dispatch(self.device, encoder, kernel, &buffers, groups, stamp);
+            }
+            StepStage::Cover => {
+                encoder.clear_buffer(&work.bitmaps, 0, None);
+                let buffers = [
+                    &work.uniforms, &work.poses, &work.sensor_beams, &scene.directions, &work.hits,
+                    &work.bitmaps,
+                ];
+                let kernel = "cover_voxels";
+                self.kernels.dispatch(self.device, encoder, kernel, &buffers, groups, stamp);
+            }
+            StepStage::Reduce => self.record_reduce(encoder, chunk, stamp),
+        }
     }
 
     /// Counters of the casting: unfinished beams, then hits by sensor.
@@ -94,8 +95,9 @@ impl Pipeline<'_> {
     }
 
     /// Hands over the casting alone; the counters are read.
-    pub(super) fn cast(&self, chunk: &GpuChunk<'_>) -> Result<ReadBack, BackendError> {
-        let record = |encoder: &mut wgpu::CommandEncoder| self.record_cast(encoder, chunk, None);
+    pub(super) fn cast(&self, chunk: &GpuChunk<'_>) -> Result<ReadBack> {
+        let record =
+            |encoder: &mut wgpu::CommandEncoder| self.record(encoder, chunk, StepStage::Cast, None);
         self.device.start("casting", record, &[self.counters(chunk)])
     }
 
@@ -106,7 +108,7 @@ impl Pipeline<'_> {
         standing: &ChunkSensors,
         frame: usize,
         counters: ReadBack,
-    ) -> Result<Vec<u32>, BackendError> {
+    ) -> Result<Vec<u32>> {
         let counters: Vec<u32> =
             self.device.finish(counters, |parts| bytemuck::pod_collect_to_vec(parts[0]))?;
         let mut hits = counters[1..].to_vec();
@@ -137,7 +139,7 @@ impl Pipeline<'_> {
         chunk: &GpuChunk<'_>,
         standing: &ChunkSensors,
         frame: usize,
-    ) -> Result<Vec<u32>, BackendError> {
+    ) -> Result<Vec<u32>> {
         let (batch, number) = (&chunk.batch, self.task.number_of(frame));
         let mut beams = self.read_hits(chunk)?;
         air.dim(batch, &standing.ego_from_sensors, self.frame(frame), number, &mut beams);
@@ -147,26 +149,9 @@ impl Pipeline<'_> {
     }
 
     /// Hits of every beam of the chunk that was cast last.
-    pub(super) fn read_hits(&self, chunk: &GpuChunk<'_>) -> Result<Vec<Hit>, BackendError> {
+    pub(super) fn read_hits(&self, chunk: &GpuChunk<'_>) -> Result<Vec<Hit>> {
         let beams = chunk.batch.beams() as u64;
         self.device.read("read-back", &self.work.hits, size_of::<Hit>() as u64 * beams)
-    }
-
-    /// Records the coverage of a chunk whose beams are cast.
-    pub(super) fn record_cover(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        chunk: &GpuChunk<'_>,
-        stage: Option<usize>,
-    ) {
-        let work = self.work;
-        encoder.clear_buffer(&work.bitmaps, 0, None);
-        let buffers = [
-            &work.uniforms, &work.poses, &work.sensor_beams, &self.scene.directions, &work.hits,
-            &work.bitmaps,
-        ];
-        let (groups, stamp) = (self.groups(chunk), self.stamp(stage));
-        self.kernels.dispatch(self.device, encoder, "cover_voxels", &buffers, groups, stamp);
     }
 
     /// Bitmaps of the sensors that the kernel leaves, by its CPU twin.
@@ -174,7 +159,7 @@ impl Pipeline<'_> {
         &self,
         chunk: &GpuChunk<'_>,
         standing: &ChunkSensors,
-    ) -> Result<Vec<(usize, Vec<u32>)>, BackendError> {
+    ) -> Result<Vec<(usize, Vec<u32>)>> {
         if standing.covered_by_host.is_empty() {
             return Ok(Vec::new());
         }
@@ -197,17 +182,17 @@ impl Pipeline<'_> {
     /// Replaces the kernel's bitmaps of some sensors.
     pub(super) fn write_bitmaps(&self, bitmaps: &[(usize, Vec<u32>)]) {
         for (sensor, bitmap) in bitmaps {
-            let first = *sensor as u64 * u64::from(self.bitmap_words());
+            let first = *sensor as u64 * u64::from(bitmap_words(self.task));
             self.device.write_at(&self.work.bitmaps, first, bitmap);
         }
     }
 
     /// Records the sums over the covered voxels.
-    pub(super) fn record_reduce(
+    fn record_reduce(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         chunk: &GpuChunk<'_>,
-        stage: Option<usize>,
+        stamp: Option<wgpu::ComputePassTimestampWrites<'_>>,
     ) {
         let (work, scene) = (self.work, self.scene);
         let count = chunk.placements.len() as u32;
@@ -225,8 +210,8 @@ impl Pipeline<'_> {
             let buffers = [&scene.class_voxels, &scene.class_runs, &work.totals];
             dispatch("reduce_classes", &buffers, scene.class_run_count, None);
         }
-        let words = self.bitmap_words().div_ceil(ITEMS_PER_WORKGROUP);
-        dispatch("reduce_words", &[&work.totals], words, self.stamp(stage));
+        let words = bitmap_words(self.task).div_ceil(ITEMS_PER_WORKGROUP);
+        dispatch("reduce_words", &[&work.totals], words, stamp);
     }
 
     /// Results of a chunk in a frame: totals and partial sums, or bitmaps.
@@ -237,7 +222,7 @@ impl Pipeline<'_> {
     ) -> Vec<BufferHead<'_>> {
         let (work, count) = (self.work, chunk.placements.len() as u64);
         if !batch.sums {
-            let bytes = 4 * chunk.batch.len() as u64 * u64::from(self.bitmap_words());
+            let bytes = 4 * chunk.batch.len() as u64 * u64::from(bitmap_words(self.task));
             return vec![(&work.bitmaps, bytes)];
         }
         let stride = 1 + self.task.content().set_count() as u64;
