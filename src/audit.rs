@@ -53,7 +53,7 @@ pub struct Audit {
 pub enum AuditEvent<'a> {
     /// A sentence for the user: which engine computes.
     Note(&'a str),
-    /// One of [`AUDIT_PARTS`] parts is done.
+    /// One of `AUDIT_PARTS` parts is done.
     PartDone,
 }
 

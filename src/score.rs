@@ -174,7 +174,7 @@ pub struct Seen {
     /// - ground: share that is seen
     /// - overlap: the largest at which pairs connect all LiDARs
     pub share: f64,
-    /// The word for the share: [`SEEN`], also with the frame of the body, or `shared` of overlap.
+    /// The word for the share: `SEEN`, also with the frame of the body, or `shared` of overlap.
     pub done: &'static str,
     /// Share that is required.
     pub least: f64,

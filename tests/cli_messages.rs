@@ -105,7 +105,10 @@ fn files_of_other_kinds_are_named() {
     }
     write(&dir, "a.json", "{ // mine\n \"sightline\": 1 }");
     let told = fails(dir.path(), &["score", "s.json", "rigs.json", "--vehicle", "a.json"]);
-    assert!(told.contains("not 1,5 (line 1, column 3)"), "{told}");
+    assert!(
+        told.contains("a comment stands here, and JSON has none; remove it (line 1, column 3)"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -328,7 +331,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     // Every table that prints metres says where they begin.
     for (study, from) in [
         ("targets", "Distances from the origin. 5 beams or more meet a target"),
-        ("redundancy", "targets 5 to 50 m from the origin with 5 beams or more each"),
+        ("redundancy", "Targets 5 to 50 m from the origin, 5 beams or more each"),
         ("nearfield", " m² of ground within 10 m of the body, "),
     ] {
         let args = ["study", study, "s.json", "rigs.json", "--frames", "1", "--backend", "cpu"];

@@ -306,7 +306,7 @@ fn studies_take_mixed_rigs_or_say_why_not() {
         let out = ["--backend", "cpu", "--out", kind];
         [&["study", kind, "room.json"][..], rigs, &args, &out].concat()
     };
-    for kind in ["lidars", "channels", "voxels", "random", "regions", "loss", "published"] {
+    for kind in ["lidars", "channels", "voxels", "random", "regions", "loss"] {
         let table = ok(dir.path(), &study(kind));
         assert!(!table["rows"].as_array().unwrap().is_empty(), "{kind}");
         if kind == "random" {

@@ -17,7 +17,6 @@ use sightline::scene::EgoBody;
 use crate::arguments::{self, room_for};
 use crate::arrays::{numbers, place, rows, shape_in_words, shaped, wholes};
 use crate::errors::bad;
-use crate::progress::WorkMessages;
 use crate::scenes::PyScene;
 use crate::wait::interruptible;
 

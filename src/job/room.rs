@@ -103,7 +103,7 @@ pub struct RoomOfCopies {
 pub struct RoomOfLidar {
     /// Number of the LiDAR.
     pub lidar: usize,
-    /// Largest tolerance of [`Room::copies`] within which [`HOLDS`] of the copies meet all requirements; `None` where fewer do
+    /// Largest tolerance of [`Room::copies`] within which `HOLDS` of the copies meet all requirements; `None` where fewer do
     /// within the smallest.
     pub holds_within: Option<Tolerance>,
 }

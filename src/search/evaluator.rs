@@ -32,7 +32,7 @@ pub struct SceneScores {
     pub scores: Scores,
 }
 
-/// The scores of a placement over all scenes, see [`Scores::over_scenes`], and in each of several.
+/// The scores of a placement over all scenes, see `Scores::over_scenes`, and in each of several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
     /// Scores over all scenes.

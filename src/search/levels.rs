@@ -27,7 +27,7 @@ impl Pilot {
     /// scene is ever forgotten. A level takes the set of frames with the least error: of all
     /// sets of that size, or of the sets reached from the best smaller set by adding and exchanging frames where
     /// there are too many to try.
-    pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
+    pub(crate) fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
         let choice = FrameSets::new(self, objective);
         let count = choice.frames();
         let mut levels: Vec<Level> = Vec::new();

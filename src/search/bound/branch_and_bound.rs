@@ -90,7 +90,7 @@ impl Effort {
 /// Fisher 1978). A union is below its sensors' sum less the overlaps along a tree (Hunter 1976); sets by their first pose
 /// count overlaps outside that pose, and are looked at exactly where this leaves them above the gap.
 /// The bound holds for other objectives only if they are such gains too, see
-/// [`crate::score::Objective::is_information_gain`].
+/// `crate::score::Objective::is_information_gain`.
 ///
 /// `go_on` is asked while overlaps are added up, with the first poses done and all of them; a bound that it ends is
 /// valid, too.

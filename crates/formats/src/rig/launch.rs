@@ -206,7 +206,9 @@ impl Launch<'_> {
             command.split_once(word).map_or("", |(_, args)| args)
         };
         let args = self.resolved(args, &at)?;
-        let bare = |word: &str| word.trim_matches(['"', '\'']).to_owned();
+        // A shell takes the quotes off.
+        let quotes: &[char] = if node.has_tag_name("node") { &[] } else { &['"', '\''] };
+        let bare = |word: &str| word.trim_matches(quotes).to_owned();
         let mut words: Vec<String> = args.split_whitespace().map(bare).collect();
         // `tf` of ROS 1 wants a period in milliseconds behind the two frames.
         let has_period = matches!(words.len(), 9 | 10)
