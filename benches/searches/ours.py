@@ -27,12 +27,16 @@ def made(problem: Problem, program: Path) -> None:
         problem.vehicle.write_text(problem.vehicle_made)
 
 
+class Refused(SystemExit):
+    """The program ended with an exit code that says no; holds the command and its words."""
+
+
 def called(program: Path, arguments: list[str], codes: tuple[int, ...]) -> str:
-    """Runs the program and returns what it prints. SystemExit, with its words, for other exit codes."""
+    """Runs the program and returns what it prints. Refused, with its words, for other exit codes."""
     command = [str(program), *arguments]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode not in codes:
-        raise SystemExit(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stderr.strip()}")
+        raise Refused(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stderr.strip()}")
     return done.stdout
 
 

@@ -17,7 +17,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benches.searches import ours, peers, table  # noqa: E402
-from benches.searches.bench import lidars  # noqa: E402
+from benches.searches.bench import Bench, lidars  # noqa: E402
 from benches.searches.__main__ import main, parsed  # noqa: E402
 from benches.searches.front import Place, Scored, equipped, volume  # noqa: E402
 from benches.searches.figure import drawn, steps  # noqa: E402
@@ -138,6 +138,24 @@ def test_what_is_finished_is_not_run_again_and_other_settings_are_refused(tmp_pa
     with pytest.raises(KeyboardInterrupt):
         store.done("uc", "random", 2, {}, lambda: (_ for _ in ()).throw(KeyboardInterrupt))
     assert store.get("uc", "random", 2) is None, "a run that was stopped leaves nothing"
+
+
+def test_a_method_that_the_program_refuses_is_left_out_with_its_words(tmp_path, monkeypatch):
+    args = parsed(["--methods", "swaps", "--seeds", "1", "--evaluations", "9", "--out", str(tmp_path)])
+    args.best_known = tmp_path / "best.json"
+    bench = Bench(args)
+    monkeypatch.setattr(bench, "say", lambda *of: None)
+    monkeypatch.setattr(ours, "made", lambda *of: None)
+
+    def optimized(problem, seed, options, *of):
+        if "swaps" in options:
+            raise ours.Refused("sightline optimize …: exit code 2\nsightline: too many poses")
+        return {"value": 0.5, "work": 1, "cpu_seconds": 1.0, "lidars": [], "command": "optimize"}
+
+    monkeypatch.setattr(ours, "optimized", optimized)
+    found = bench.measured(problems(tmp_path)["van"])
+    assert list(found) == ["ours"]
+    assert bench.notes == ["swaps is left out on van on a street: sightline: too many poses"]
 
 
 def test_the_best_known_is_replaced_by_better_alone(tmp_path):
