@@ -47,7 +47,7 @@ fn dense_table() -> BeamTable {
 }
 
 /// A table for each set of sensors.
-pub fn casting(args: &Args, soup: &TriangleSoup, bvh: &Bvh) -> Vec<Value> {
+pub(crate) fn casting(args: &Args, soup: &TriangleSoup, bvh: &Bvh) -> Vec<Value> {
     let roi = setup::roi(0.2);
     let stages = cases().into_iter().map(|case| {
         let batch = setup::placements(case.placements, case.turn, args.seed);

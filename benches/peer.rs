@@ -11,7 +11,7 @@ use sightline::geom::TriangleSoup;
 use sightline::vehicle::BeamTable;
 
 /// A scene and its rays in a file, as `benches/embree.c` describes it.
-pub struct Rays {
+pub(crate) struct Rays {
     folder: tempfile::TempDir,
     path: PathBuf,
 }
@@ -21,7 +21,7 @@ impl Rays {
     ///
     /// # Errors
     /// The disk is full.
-    pub fn write(
+    pub(crate) fn write(
         soup: &TriangleSoup,
         poses: &[DevicePose],
         table: &BeamTable,
@@ -44,7 +44,7 @@ impl Rays {
 }
 
 /// A running ray caster that holds a scene and its rays.
-pub struct Peer {
+pub(crate) struct Peer {
     child: Child,
     input: ChildStdin,
     output: BufReader<ChildStdout>,
@@ -55,7 +55,11 @@ impl Peer {
     ///
     /// # Errors
     /// In words, why there is no such row.
-    pub fn embree(library: Option<&Path>, rays: &Rays, threads: usize) -> Result<Self, String> {
+    pub(crate) fn embree(
+        library: Option<&Path>,
+        rays: &Rays,
+        threads: usize,
+    ) -> Result<Self, String> {
         let library = library.ok_or(
             "no --embree LIBRARY given: `pip download embreex --no-deps` and unzip it; the library is \
              embreex.libs/libembree4-*.so.4",
@@ -78,7 +82,7 @@ impl Peer {
     ///
     /// # Errors
     /// In words, why there is no such row.
-    pub fn python(
+    pub(crate) fn python(
         interpreter: Option<&Path>,
         package: &str,
         rays: &Rays,
@@ -114,7 +118,7 @@ impl Peer {
     ///
     /// # Errors
     /// The peer's words, where it says something else.
-    pub fn pass(&mut self) -> Result<(f64, u64), String> {
+    pub(crate) fn pass(&mut self) -> Result<(f64, u64), String> {
         // A peer that has ended may have said why.
         let _ = writeln!(self.input, "go");
         let mut line = String::new();

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::peer::Peer;
 
 /// Times of one way to do a stage, in seconds for one unit of work.
-pub struct Row {
+pub(crate) struct Row {
     pub name: String,
     pub runs: Vec<f64>,
     /// Hits of a peer for each of ours.
@@ -20,31 +20,31 @@ pub struct Row {
 }
 
 impl Row {
-    pub fn new(name: impl Into<String>) -> Self {
+    pub(crate) fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), runs: Vec::new(), hits: None, missing: None }
     }
 
     /// Runs and times one pass over `work` units.
-    pub fn time<T>(&mut self, work: usize, run: impl FnOnce() -> T) -> T {
+    pub(crate) fn time<T>(&mut self, work: usize, run: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = run();
         self.runs.push(start.elapsed().as_secs_f64() / work as f64);
         result
     }
 
-    pub fn sorted(&self) -> Vec<f64> {
+    pub(crate) fn sorted(&self) -> Vec<f64> {
         let mut runs = self.runs.clone();
         runs.sort_by(f64::total_cmp);
         runs
     }
 
-    pub fn median(&self) -> f64 {
+    pub(crate) fn median(&self) -> f64 {
         self.sorted().get(self.runs.len() / 2).copied().unwrap_or(f64::NAN)
     }
 }
 
 /// Prints the rows of a stage; ratios are those of the last row to the others.
-pub fn print(stage: &str, rows: &[&Row], unit: &str, scale: impl Fn(f64) -> f64) -> Value {
+pub(crate) fn print(stage: &str, rows: &[&Row], unit: &str, scale: impl Fn(f64) -> f64) -> Value {
     println!("  {stage}, {unit}");
     let own = rows[rows.len() - 1].median();
     for row in rows {
@@ -77,19 +77,19 @@ pub fn print(stage: &str, rows: &[&Row], unit: &str, scale: impl Fn(f64) -> f64)
 }
 
 /// A peer and its row.
-pub struct Rival {
+pub(crate) struct Rival {
     pub row: Row,
     pub peer: Result<Peer, String>,
 }
 
 impl Rival {
-    pub fn new(name: &str, peer: Result<Peer, String>) -> Self {
+    pub(crate) fn new(name: &str, peer: Result<Peer, String>) -> Self {
         let mut row = Row::new(name);
         row.missing = peer.as_ref().err().cloned();
         Self { row, peer }
     }
 
-    pub fn pass(&mut self, rays: usize, hits: usize) {
+    pub(crate) fn pass(&mut self, rays: usize, hits: usize) {
         let Ok(peer) = &mut self.peer else { return };
         match peer.pass() {
             Ok((seconds, found)) => {
@@ -102,6 +102,6 @@ impl Rival {
 }
 
 /// Whether all hits of `a` begin `b`, bit by bit.
-pub fn same_bits(a: &[Hit], b: &[Hit]) -> bool {
+pub(crate) fn same_bits(a: &[Hit], b: &[Hit]) -> bool {
     a.iter().zip(b).all(|(a, b)| (a.t.to_bits(), a.prim) == (b.t.to_bits(), b.prim))
 }

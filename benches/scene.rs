@@ -13,7 +13,7 @@ const BLOCK: f32 = 60.0;
 /// A scene of about `triangles` triangles; the same seed gives the same scene.
 ///
 /// Half of them are terrain; the rest is spread over a fixed set of objects, which become finer.
-pub fn street_scene(triangles: usize, seed: u64) -> TriangleSoup {
+pub(crate) fn street_scene(triangles: usize, seed: u64) -> TriangleSoup {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut soup = TriangleSoup::default();
     let steps = ((triangles as f32 / 4.0).sqrt() as usize).max(2);

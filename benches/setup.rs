@@ -13,22 +13,22 @@ use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 /// Metres.
-pub const RANGE: f32 = 100.0;
+pub(crate) const RANGE: f32 = 100.0;
 
 /// The region that is scored, with cubes of this edge in metres.
-pub fn roi(edge: f64) -> Roi {
+pub(crate) fn roi(edge: f64) -> Roi {
     Roi::from_bounds([-40.0, -40.0, -0.5], [40.0, 40.0, 5.5], [edge; 3]).unwrap()
 }
 
 /// Sixteen channels from −24.8° to 2°.
-pub fn table(azimuth_steps: u32) -> BeamTable {
+pub(crate) fn table(azimuth_steps: u32) -> BeamTable {
     let channels: Vec<(f64, f64)> =
         (0..16).map(|k| (-24.8 + 26.8 * f64::from(k) / 15.0, 0.0)).collect();
     BeamTable::spinning(&channels, azimuth_steps, f64::from(RANGE)).unwrap()
 }
 
 /// The sensors of all placements.
-pub fn poses(placements: &[Placement], roi: &Roi) -> Vec<DevicePose> {
+pub(crate) fn poses(placements: &[Placement], roi: &Roi) -> Vec<DevicePose> {
     placements
         .iter()
         .flat_map(|p| &p.lidars)
@@ -37,7 +37,7 @@ pub fn poses(placements: &[Placement], roi: &Roi) -> Vec<DevicePose> {
 }
 
 /// Placements of four LiDARs, rolled and pitched by up to `turn` radians.
-pub fn placements(count: usize, turn: f64, seed: u64) -> Vec<Placement> {
+pub(crate) fn placements(count: usize, turn: f64, seed: u64) -> Vec<Placement> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut within = |low: f64, high: f64| rng.random_range(low..=high);
     let mut pose = || SensorPose {
@@ -54,7 +54,7 @@ pub fn placements(count: usize, turn: f64, seed: u64) -> Vec<Placement> {
 }
 
 /// The voxels in which beams of some sensors end, with arbitrary entropies, in five classes.
-pub fn content(
+pub(crate) fn content(
     roi: &Roi,
     poses: &[DevicePose],
     table: &BeamTable,

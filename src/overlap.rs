@@ -94,7 +94,7 @@ impl Surfaces {
     /// About one voxel of `every`, a power of two, chosen by its number alone: LiDARs that share voxels share those
     /// chosen, too.
     #[must_use]
-    pub fn sampled(&self, every: u32) -> Self {
+    pub(crate) fn sampled(&self, every: u32) -> Self {
         // Knuth's multiplicative hash; its upper bits are the well mixed ones.
         let is_chosen = |voxel: &u32| voxel.wrapping_mul(0x9e37_79b1) >> 8 & (every - 1) == 0;
         let frames = self.frames.iter();
@@ -112,12 +112,12 @@ pub(crate) struct Shared {
 
 impl Shared {
     /// Zero sums for some LiDARs, before the first frame.
-    pub fn none(lidars: usize) -> Self {
+    pub(crate) fn none(lidars: usize) -> Self {
         Self { sums: vec![vec![0; lidars]; lidars] }
     }
 
     /// Adds the surface voxels of each LiDAR in a frame that stands for `weight` frames.
-    pub fn add<'a>(&mut self, of: impl Fn(usize) -> &'a [u32], weight: u64) {
+    pub(crate) fn add<'a>(&mut self, of: impl Fn(usize) -> &'a [u32], weight: u64) {
         let count = self.sums.len();
         for (a, b) in (0..count).flat_map(|a| (a..count).map(move |b| (a, b))) {
             let sum = self.sums[a][b] + weight * in_both(of(a), of(b));
@@ -126,7 +126,7 @@ impl Shared {
     }
 
     /// Sums over the surfaces of some LiDARs, in frames of these weights.
-    pub fn of(each: &[&[Box<[u32]>]], weights: &[u64]) -> Self {
+    pub(crate) fn of(each: &[&[Box<[u32]>]], weights: &[u64]) -> Self {
         let mut shared = Self::none(each.len());
         let frames = weights.iter().enumerate();
         frames.for_each(|(frame, &weight)| shared.add(|lidar| &each[lidar][frame], weight));
@@ -134,7 +134,7 @@ impl Shared {
     }
 
     /// Share of the surface voxels of the LiDAR with fewer that a pair shares, `[lidars][lidars]`; 0 where it has none.
-    pub fn shares(&self) -> Vec<Vec<f64>> {
+    pub(crate) fn shares(&self) -> Vec<Vec<f64>> {
         let share = |a: usize, b: usize| {
             let fewer = self.sums[a][a].min(self.sums[b][b]);
             if fewer == 0 { 0.0 } else { self.sums[a][b] as f64 / fewer as f64 }
@@ -185,7 +185,7 @@ pub(crate) type Shares = Vec<Vec<f64>>;
 
 impl RequiredOverlap {
     /// Surfaces of the scene of a problem; `None` without rules on overlap. A mirror image has mirrored sensors.
-    pub fn of(problem: &Arc<Problem>, is_mirrored: bool) -> Option<Self> {
+    pub(crate) fn of(problem: &Arc<Problem>, is_mirrored: bool) -> Option<Self> {
         if problem.overlap_required().rules.is_empty() {
             return None;
         }
@@ -195,7 +195,7 @@ impl RequiredOverlap {
     }
 
     /// Distinct frames.
-    pub fn frame_count(&self) -> usize {
+    pub(crate) fn frame_count(&self) -> usize {
         self.frames.len()
     }
 
@@ -203,7 +203,7 @@ impl RequiredOverlap {
     ///
     /// # Errors
     /// A model that the vehicle does not have.
-    pub fn surfaces(&self, lidar: &SensorPose) -> Result<Surfaces, UnknownSensor> {
+    pub(crate) fn surfaces(&self, lidar: &SensorPose) -> Result<Surfaces, UnknownSensor> {
         let lidar = if self.is_mirrored { lidar.mirrored() } else { *lidar };
         let problem = &self.problem;
         let batch = SensorBatch::new(problem, std::slice::from_ref(&lidar), None)?;
@@ -223,7 +223,7 @@ impl RequiredOverlap {
     }
 
     /// One in so many voxels suffices for a search: a power of two.
-    pub fn sample(&self) -> u32 {
+    pub(crate) fn sample(&self) -> u32 {
         let beams =
             self.problem.sensors().models().iter().map(|model| model.table.directions().len());
         let beams = beams.max().unwrap_or(0) * self.frames.len();
@@ -231,7 +231,7 @@ impl RequiredOverlap {
     }
 
     /// Overlap of each pair of LiDARs, of which the surfaces are given.
-    pub fn shares(&self, each: &[&[Box<[u32]>]]) -> Shares {
+    pub(crate) fn shares(&self, each: &[&[Box<[u32]>]]) -> Shares {
         let weights: Vec<u64> = self.frames.iter().map(|(_, weight)| *weight).collect();
         Shared::of(each, &weights).shares()
     }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use sightline::psog::{Psog, Roi, write_psog};
 use tempfile::TempDir;
 
-pub fn sightline(dir: &Path, args: &[&str]) -> Output {
+pub(crate) fn sightline(dir: &Path, args: &[&str]) -> Output {
     let output = Command::new(env!("CARGO_BIN_EXE_sightline"))
         .args(args)
         .current_dir(dir)
@@ -21,7 +21,7 @@ pub fn sightline(dir: &Path, args: &[&str]) -> Output {
 }
 
 /// Runs the program with an input that comes through a pipe.
-pub fn piped(dir: &Path, args: &[&str], input: &[u8]) -> Output {
+pub(crate) fn piped(dir: &Path, args: &[&str], input: &[u8]) -> Output {
     let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
         .args(args)
         .current_dir(dir)
@@ -36,7 +36,7 @@ pub fn piped(dir: &Path, args: &[&str], input: &[u8]) -> Output {
 }
 
 /// An array of an archive that NumPy would read.
-pub fn array<T: npyz::Deserialize>(
+pub(crate) fn array<T: npyz::Deserialize>(
     npz: &mut zip::ZipArchive<impl Read + Seek>,
     name: &str,
 ) -> Vec<T> {
@@ -46,7 +46,7 @@ pub fn array<T: npyz::Deserialize>(
 
 /// The answer of a command that must succeed, asked for as JSON. The answer of `score` is whole, too, where no placement
 /// meets the requirements.
-pub fn ok(dir: &Path, args: &[&str]) -> Value {
+pub(crate) fn ok(dir: &Path, args: &[&str]) -> Value {
     let args = &[args, &["--format", "json"]].concat();
     let output = sightline(dir, args);
     let stderr = String::from_utf8_lossy(&output.stderr);
@@ -57,7 +57,7 @@ pub fn ok(dir: &Path, args: &[&str]) -> Value {
 }
 
 /// stderr of a command that must end with exit code 2.
-pub fn fails(dir: &Path, args: &[&str]) -> String {
+pub(crate) fn fails(dir: &Path, args: &[&str]) -> String {
     let output = sightline(dir, args);
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{args:?}: {stderr}");
@@ -73,7 +73,7 @@ pub fn fails(dir: &Path, args: &[&str]) -> String {
 ///
 /// Voxel (i, 0, 0) has index 2 i. Listed: index 4 (car in 1 of 4 frames), 6 (car in 2, pole in 1),
 /// 7 (pole in 2: the other row, never covered), 12 (car in all four).
-pub fn corridor() -> TempDir {
+pub(crate) fn corridor() -> TempDir {
     let dir = TempDir::new().unwrap();
     let roi = Roi::new([0.0, 0.0, 0.0], [1.0; 3], [10, 2, 1]).unwrap();
     let counts = vec![1, 0, 2, 1, 0, 2, 4, 0];
@@ -91,7 +91,7 @@ pub fn corridor() -> TempDir {
     dir
 }
 
-pub fn scene() -> Value {
+pub(crate) fn scene() -> Value {
     json!({
         "sightline": 1, "name": "corridor",
         "roi": { "min": [0, 0, 0], "max": [10, 2, 1], "voxel": [1, 1, 1] },
@@ -204,7 +204,7 @@ fn devices_names_the_one_that_auto_takes() {
 }
 
 /// A room of 8 × 6 m with a pillar: a full-form scene small enough for many generations.
-pub fn room(dir: &Path) -> PathBuf {
+pub(crate) fn room(dir: &Path) -> PathBuf {
     let scene = json!({
         "sightline": 1, "name": "room",
         "roi": { "min": [-4, -3, 0], "max": [4, 3, 3], "voxel": [0.5, 0.5, 0.5] },
@@ -342,7 +342,7 @@ fn audit_catches_what_games_the_scores() {
 
 /// `cart.json`: a cart with a LiDAR on its roof, `roof` of them, and up to three that look sideways at its edge; these with
 /// their table and the range of their heights in metres.
-pub fn cart(dir: &Path, (side, heights): (Value, [f64; 2]), roof: Value, require: Value) {
+pub(crate) fn cart(dir: &Path, (side, heights): (Value, [f64; 2]), roof: Value, require: Value) {
     let [low, high] = heights;
     let vehicle = json!({ "sightline": 1, "name": "cart",
         "body": [{ "class": "vehicle", "box": { "min": [-2, -0.9, 0], "max": [1.5, 0.9, 1.4] } }],
@@ -359,7 +359,7 @@ pub fn cart(dir: &Path, (side, heights): (Value, [f64; 2]), roof: Value, require
 }
 
 /// `yard.json`: things that stand around a cart, and a walker who moves over three frames.
-pub fn yard_of(dir: &Path, things: Value) {
+pub(crate) fn yard_of(dir: &Path, things: Value) {
     let scene = json!({ "sightline": 1, "name": "yard", "vehicle": "cart.json", "frames": 3,
         "roi": { "min": [-14, -14, -0.4], "max": [14, 14, 2.8], "voxel": [0.4, 0.4, 0.4] },
         "static": things,

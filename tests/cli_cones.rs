@@ -12,18 +12,18 @@ use crate::cli_shared::yard;
 /// Half of the edges of the body on the pad, and its top, metres.
 const PAD_BODY: [f64; 2] = [0.5, 1.5];
 
-pub fn write(dir: &Path, name: &str, value: &Value) {
+pub(crate) fn write(dir: &Path, name: &str, value: &Value) {
     fs::write(dir.join(name), value.to_string()).unwrap();
 }
 
 /// Rewrites a file after a change.
-pub fn change(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
+pub(crate) fn change(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
     let mut value: Value = serde_json::from_slice(&fs::read(dir.join(name)).unwrap()).unwrap();
     change(&mut value);
     write(dir, name, &value);
 }
 
-pub fn f64s<const N: usize>(value: &Value) -> [f64; N] {
+pub(crate) fn f64s<const N: usize>(value: &Value) -> [f64; N] {
     let values: Vec<f64> = value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
     values.try_into().unwrap()
 }
@@ -56,7 +56,7 @@ fn technologies(dir: &Path, args: &str) -> Value {
 }
 
 /// Counts of a thing: by the number of technologies, and each technology's.
-pub fn counts(seen: &Value) -> ([f64; 4], Vec<f64>) {
+pub(crate) fn counts(seen: &Value) -> ([f64; 4], Vec<f64>) {
     let each = seen["each"].as_array().unwrap().iter();
     (f64s(&seen["by"]), each.map(|of| of["count"].as_f64().unwrap()).collect())
 }
@@ -128,7 +128,7 @@ fn a_wall_hides_the_ground_behind_it_by_similar_triangles() {
 }
 
 /// Seven cameras and five radars in all attitudes on the cart of the yard, one radar inside the body.
-pub fn rig() -> Value {
+pub(crate) fn rig() -> Value {
     let mut others = Vec::new();
     for (k, yaw) in [0.0, 0.96, -0.96, 1.92, -1.92, 3.1].into_iter().enumerate() {
         let (x, y) = (1.2 * f64::cos(yaw), 0.5 * f64::sin(yaw));

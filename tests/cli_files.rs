@@ -13,7 +13,7 @@ use crate::cli::{corridor, fails, scene, sightline};
 use crate::cli_interrupted::spawn;
 
 /// A folder with a scene of a mesh and a sensor file, and everything else that commands read.
-pub fn world() -> TempDir {
+pub(crate) fn world() -> TempDir {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
     fs::write(at("m.obj"), "v 4 -2 0\nv 4 2 0\nv 4 0 3\nv 6 0 3\nf 1 2 3\nf 2 3 4\n").unwrap();
@@ -44,7 +44,7 @@ pub fn world() -> TempDir {
 }
 
 /// Every file below a folder with its bytes.
-pub fn all_files(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+pub(crate) fn all_files(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut all = Vec::new();
     for entry in fs::read_dir(dir).unwrap().flatten() {
         match entry.file_type().unwrap().is_dir() {
@@ -229,12 +229,12 @@ fn an_output_called_dash_is_refused_and_a_limit_of_sizes_is_an_error() {
 }
 
 /// Whether a file is one that was begun and not finished.
-pub fn is_litter(path: &Path) -> bool {
+pub(crate) fn is_litter(path: &Path) -> bool {
     let name = path.file_name().unwrap().to_string_lossy();
     name.starts_with('.') || name.ends_with(".partial")
 }
 
-pub fn ok_text(dir: &Path, command: &str) {
+pub(crate) fn ok_text(dir: &Path, command: &str) {
     let words: Vec<&str> = command.split(' ').collect();
     let output = sightline(dir, &words);
     assert!(output.status.success(), "{command}: {output:?}");

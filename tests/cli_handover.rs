@@ -22,7 +22,7 @@ const STEPS: u32 = 150;
 const SIDE: (u32, [f64; 2]) = (61, [-60.0, 60.0]);
 
 /// A vehicle of two boxes with two models and two mounts, and three LiDARs on it.
-pub fn folder() -> TempDir {
+pub(crate) fn folder() -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     let shape = |[low, high]: &[[f64; 3]; 2]| {
         let size = [0, 1, 2].map(|k| high[k] - low[k]);
@@ -57,7 +57,7 @@ pub fn folder() -> TempDir {
 }
 
 /// The hand-over of the first rig, in `out`.
-pub fn handed_over(dir: &TempDir, more: &[&str]) -> TempDir {
+pub(crate) fn handed_over(dir: &TempDir, more: &[&str]) -> TempDir {
     let out = tempfile::tempdir().unwrap();
     let place = out.path().join("out");
     let place = place.to_str().unwrap();
@@ -67,7 +67,7 @@ pub fn handed_over(dir: &TempDir, more: &[&str]) -> TempDir {
 }
 
 /// Text of a file of a hand-over.
-pub fn read(out: &TempDir, name: &str) -> String {
+pub(crate) fn read(out: &TempDir, name: &str) -> String {
     fs::read_to_string(out.path().join("out").join(name)).unwrap()
 }
 

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use crate::cli::{corridor, fails, ok, scene, sightline};
 use crate::cli_files::{all_files, is_litter, world};
 
-pub fn spawn(dir: &Path, args: &[&str]) -> Child {
+pub(crate) fn spawn(dir: &Path, args: &[&str]) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
     command.args(args).current_dir(dir).stdin(Stdio::null()).stdout(Stdio::null());
     command.stderr(Stdio::piped()).spawn().unwrap()

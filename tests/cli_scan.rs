@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::cli::{fails, ok, sightline};
 
 /// A street with a house and a car that drives, and two placements.
-pub fn street() -> TempDir {
+pub(crate) fn street() -> TempDir {
     let dir = TempDir::new().unwrap();
     let scene = json!({
         "sightline": 1, "name": "street", "frames": 3, "rate": 10, "coverage": "first-hit",

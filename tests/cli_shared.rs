@@ -19,7 +19,7 @@ const CLASSES: [&str; 4] = ["road", "wall", "thing", "vehicle"];
 const BODY: [f64; 2] = [2.0, 0.9];
 
 /// A road between two walls, something that comes nearer, and a vehicle with LiDARs of two models.
-pub fn yard() -> TempDir {
+pub(crate) fn yard() -> TempDir {
     let dir = TempDir::new().unwrap();
     let write = |name: &str, value: &Value| fs::write(dir.path().join(name), value.to_string());
     let [x, y] = BODY;

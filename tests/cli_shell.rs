@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::cli::{fails, sightline};
 
 /// Standard output of a command that must succeed.
-pub fn printed(dir: &Path, args: &[&str]) -> String {
+pub(crate) fn printed(dir: &Path, args: &[&str]) -> String {
     let output = sightline(dir, args);
     assert!(output.status.success(), "{args:?}");
     String::from_utf8(output.stdout).unwrap()

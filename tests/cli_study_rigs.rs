@@ -10,7 +10,7 @@ use crate::cli::{fails, ok, sightline};
 use crate::cli_targets::ruled;
 
 /// A street, and a van with one spinning sensor on its roof and solid ones on two sides, which come in pairs.
-pub fn street() -> TempDir {
+pub(crate) fn street() -> TempDir {
     let dir = TempDir::new().unwrap();
     let solid = json!({ "channels": 8, "fov": [-30, 10], "azimuth": [-60, 60], "azimuth_steps": 60, "range": 30 });
     let spinning = |channels| json!({ "channels": channels, "fov": [-30, 5], "azimuth_steps": 120, "range": 60 });

@@ -283,7 +283,7 @@ fn wrong_targets_are_one_sentence_each() {
 }
 
 /// The cart in an empty yard, with rules on targets.
-pub fn ruled(dir: &Path, require: Value) {
+pub(crate) fn ruled(dir: &Path, require: Value) {
     vehicle(dir, json!([]));
     let path = dir.join("cart.json");
     let mut cart: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();

@@ -10,10 +10,10 @@ use tempfile::TempDir;
 
 use crate::cli::{fails, ok, room, sightline};
 
-pub const CPU: [&str; 2] = ["--backend", "cpu"];
+pub(crate) const CPU: [&str; 2] = ["--backend", "cpu"];
 
 /// A room, and a vehicle with a spinning sensor on the roof and solid ones on two sides.
-pub fn garage() -> TempDir {
+pub(crate) fn garage() -> TempDir {
     let dir = TempDir::new().unwrap();
     room(dir.path());
     let spinning = json!({ "channels": 6, "fov": [-40, 30], "azimuth_steps": 90, "range": 20 });
@@ -36,7 +36,7 @@ pub fn garage() -> TempDir {
     dir
 }
 
-pub fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
+pub(crate) fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
     let text = fs::read_to_string(dir.join("cart.json")).unwrap();
     let mut vehicle: Value = serde_json::from_str(&text).unwrap();
     change(&mut vehicle);

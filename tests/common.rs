@@ -18,18 +18,18 @@ use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
 /// Memory that a test backend may use.
-pub const MEMORY: u64 = 1 << 30;
+pub(crate) const MEMORY: u64 = 1 << 30;
 
-pub fn rng(seed: u64) -> ChaCha8Rng {
+pub(crate) fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-pub fn random_vec(rng: &mut impl Rng, half: f32) -> Vec3 {
+pub(crate) fn random_vec(rng: &mut impl Rng, half: f32) -> Vec3 {
     Vec3::from([0; 3].map(|_| rng.random_range(-half..half)))
 }
 
 /// Triangles of mixed size scattered over a cube of half extent `half` metres.
-pub fn random_soup(seed: u64, triangles: usize, half: f32) -> TriangleSoup {
+pub(crate) fn random_soup(seed: u64, triangles: usize, half: f32) -> TriangleSoup {
     let mut rng = rng(seed);
     let mut soup = TriangleSoup::default();
     for face in 0..triangles as u32 {
@@ -44,7 +44,7 @@ pub fn random_soup(seed: u64, triangles: usize, half: f32) -> TriangleSoup {
     soup
 }
 
-pub fn random_placements(seed: u64, count: usize, half: f64) -> Vec<Placement> {
+pub(crate) fn random_placements(seed: u64, count: usize, half: f64) -> Vec<Placement> {
     let mut rng = rng(seed);
     (0..count)
         .map(|index| Placement {
@@ -65,7 +65,7 @@ pub fn random_placements(seed: u64, count: usize, half: f64) -> Vec<Placement> {
 }
 
 /// A quarter of the voxels occupied, with arbitrary entropies, in three classes.
-pub fn random_content(seed: u64, roi: &Roi) -> Content {
+pub(crate) fn random_content(seed: u64, roi: &Roi) -> Content {
     let mut rng = rng(seed);
     let mut occupied = Vec::new();
     let mut by_class = vec![Vec::new(); 3];
@@ -86,7 +86,7 @@ pub fn random_content(seed: u64, roi: &Roi) -> Content {
 }
 
 /// A 24 × 20 × 13 grid around the origin with two frames of random triangles.
-pub fn random_problem(seed: u64, ends_at_hits: bool) -> Arc<Problem> {
+pub(crate) fn random_problem(seed: u64, ends_at_hits: bool) -> Arc<Problem> {
     let roi = Roi::new([-6.0, -5.0, -3.25], [0.5, 0.5, 0.5], [24, 20, 13]).expect("a valid grid");
     let channels: Vec<(f64, f64)> = (0..7).map(|k| (-30.0 + 10.0 * f64::from(k), 0.3)).collect();
     let table = BeamTable::spinning(&channels, 45, 12.0).expect("a valid sensor");
@@ -96,23 +96,23 @@ pub fn random_problem(seed: u64, ends_at_hits: bool) -> Arc<Problem> {
     Arc::new(Problem::from(Task::new(roi, content, table, frames, ends_at_hits)))
 }
 
-pub fn cpu(problem: &Arc<Problem>) -> CpuBackend {
+pub(crate) fn cpu(problem: &Arc<Problem>) -> CpuBackend {
     CpuBackend::new(problem.task().clone(), MEMORY)
 }
 
 #[cfg(feature = "gpu")]
 /// The GPU backend; a machine without any Vulkan device fails the test, because GPU tests that skip
 /// themselves check nothing.
-pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
+pub(crate) fn gpu(problem: &Arc<Problem>) -> GpuBackend {
     GpuBackend::new(problem.task().clone(), None, MEMORY).expect("a Vulkan device: see the README")
 }
 
 #[cfg(feature = "gpu")]
-pub fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {
+pub(crate) fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {
     [Box::new(cpu(problem)), Box::new(gpu(problem))]
 }
 
 /// The problem with other rules of the mount.
-pub fn mounted(problem: &Problem, rules: &Constraints) -> Arc<Problem> {
+pub(crate) fn mounted(problem: &Problem, rules: &Constraints) -> Arc<Problem> {
     Arc::new(problem.clone().with_constraints(rules.clone()))
 }

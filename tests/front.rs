@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use crate::cli::{fails, ok, sightline};
 
 /// A street whose cart carries up to two LiDARs in front and one behind, of two models.
-pub fn street(dir: &Path, prices: [u32; 2], require: Value) {
+pub(crate) fn street(dir: &Path, prices: [u32; 2], require: Value) {
     let model = |name: &str, price: u32, side: u32| {
         json!({ "name": name, "price": price, "lidar": { "channels": 12, "fov": [-24, 4],
             "azimuth": [-(side as i32), side], "azimuth_steps": side, "range": 40 } })
@@ -210,7 +210,7 @@ fn an_observer_stops_a_front_which_keeps_what_was_found() {
 }
 
 /// Two folders of a front must hold the same bytes, but for the seconds and the memory that it took.
-pub fn assert_same(dir: &Path, one: &str, other: &str) {
+pub(crate) fn assert_same(dir: &Path, one: &str, other: &str) {
     let read = |folder: &str, name: &str| fs::read_to_string(dir.join(folder).join(name)).unwrap();
     for name in ["placements.json", "front.svg"] {
         assert_eq!(read(one, name), read(other, name), "{name}");

@@ -13,7 +13,7 @@ fn data(file: &str) -> PathBuf {
     Path::new(env!("REAL_DATA")).join(file)
 }
 
-pub fn own_scenes() -> Vec<PathBuf> {
+pub(crate) fn own_scenes() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let is_scene = |path: &PathBuf| {
@@ -27,7 +27,7 @@ pub fn own_scenes() -> Vec<PathBuf> {
 }
 
 /// A copy of an own scene with fewer frames, and with larger voxels where they are given.
-pub fn shortened(dir: &Path, scene: &Path, frames: u32, voxel: Option<f64>) -> PathBuf {
+pub(crate) fn shortened(dir: &Path, scene: &Path, frames: u32, voxel: Option<f64>) -> PathBuf {
     let mut copy: Value = serde_json::from_slice(&fs::read(scene).unwrap()).unwrap();
     copy["frames"] = json!(frames);
     if let Some(edge) = voxel {

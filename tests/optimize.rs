@@ -37,7 +37,7 @@ fn baseline(name: &str, x: f64) -> Placement {
     Placement { name: name.into(), lidars: vec![pose(x), pose(-x)] }
 }
 
-pub fn settings() -> Settings {
+pub(crate) fn settings() -> Settings {
     Settings {
         evaluations: 48,
         baselines: vec![baseline("near", 0.5), baseline("far", 1.5)],
@@ -47,7 +47,7 @@ pub fn settings() -> Settings {
 }
 
 /// All of an outcome but engine and times.
-pub fn bits(outcome: &Outcome) -> String {
+pub(crate) fn bits(outcome: &Outcome) -> String {
     let Outcome { best, baselines, methods, certificate, findings, frames_used, .. } = outcome;
     let parts = (best, baselines, methods, certificate, findings, frames_used);
     let rest = (outcome.search_frames, &outcome.history, outcome.evaluations, &outcome.ended);
@@ -59,7 +59,7 @@ fn saved(run: &Run) -> String {
 }
 
 /// Runs to the end; the state after each step, and the outcome.
-pub fn finish(mut run: Run, on: &mut dyn FnMut(&Event) -> bool) -> (Vec<String>, Outcome) {
+pub(crate) fn finish(mut run: Run, on: &mut dyn FnMut(&Event) -> bool) -> (Vec<String>, Outcome) {
     let mut states = vec![saved(&run)];
     loop {
         let outcome = run.step(&mut |event: &Event| on(event)).unwrap();
@@ -71,7 +71,7 @@ pub fn finish(mut run: Run, on: &mut dyn FnMut(&Event) -> bool) -> (Vec<String>,
 }
 
 /// A saved state, to go on with on the engine of the tests.
-pub fn loaded(problem: &Arc<Problem>, text: &str) -> Run {
+pub(crate) fn loaded(problem: &Arc<Problem>, text: &str) -> Run {
     let state: State = serde_json::from_str(text).unwrap();
     let mut run = Run::resume(problem.clone(), state);
     run.open_with(settings().engine, None, None);

@@ -19,18 +19,19 @@ use sightline::vehicle::{BeamTable, Constraints, Placement, read_placements};
 use crate::common::MEMORY;
 
 /// Names of the committed scenes.
-pub const SCENES: [&str; 4] = ["urban-crossing", "highway", "residential", "industrial-yard"];
+pub(crate) const SCENES: [&str; 4] =
+    ["urban-crossing", "highway", "residential", "industrial-yard"];
 /// Frames that problems of these tests are summed over.
-pub const FRAMES: [usize; 2] = [0, 3];
+pub(crate) const FRAMES: [usize; 2] = [0, 3];
 /// Azimuth steps of their sensors.
-pub const AZIMUTH_STEPS: u32 = 90;
+pub(crate) const AZIMUTH_STEPS: u32 = 90;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
 }
 
 /// A committed scene with larger voxels, fewer beams, fewer frames and sparser scans.
-pub fn description(name: &str) -> Value {
+pub(crate) fn description(name: &str) -> Value {
     let text = std::fs::read_to_string(folder().join(format!("{name}.json"))).unwrap();
     let mut scene: Value = serde_json::from_str(&text).unwrap();
     scene["roi"]["voxel"] = json!([0.5, 0.5, 0.5]);
@@ -42,12 +43,12 @@ pub fn description(name: &str) -> Value {
 }
 
 /// The layouts of Table 7.
-pub fn table_7() -> Vec<Placement> {
+pub(crate) fn table_7() -> Vec<Placement> {
     read_placements(folder().join("placements.json")).unwrap()
 }
 
 /// A scene with all that is built from it.
-pub struct Own {
+pub(crate) struct Own {
     pub scene: Scene,
     pub psog: Psog,
     pub soups: Vec<TriangleSoup>,
@@ -57,7 +58,7 @@ pub struct Own {
 
 impl Own {
     /// Builds a description of [`description`]'s kind.
-    pub fn new(description: &Value) -> Self {
+    pub(crate) fn new(description: &Value) -> Self {
         let scene = Scene::from_json(&description.to_string(), &folder(), "own.json").unwrap();
         let roi = scene.roi().grid().unwrap();
         let PsogSource::Scan(settings) = scene.psog_source() else { panic!("scans its P-SOG") };
@@ -70,18 +71,18 @@ impl Own {
     }
 
     /// An evaluator on the CPU.
-    pub fn evaluator(&self) -> Evaluator {
+    pub(crate) fn evaluator(&self) -> Evaluator {
         let backend = CpuBackend::new(self.problem.task().clone(), MEMORY);
         Evaluator::new(self.problem.clone(), Box::new(backend))
     }
 
     /// Scores on the CPU.
-    pub fn scores(&self, placements: &[Placement]) -> Vec<Scores> {
+    pub(crate) fn scores(&self, placements: &[Placement]) -> Vec<Scores> {
         self.evaluator().scores(placements).unwrap()
     }
 
     /// The scene as a mirror in its xz plane shows it.
-    pub fn mirrored(&self) -> Self {
+    pub(crate) fn mirrored(&self) -> Self {
         let roi = *self.psog.roi();
         let mut rows: Vec<(u64, &[u16])> = self
             .psog
@@ -122,13 +123,13 @@ impl Own {
 }
 
 /// The voxel on the other side of the xz plane of a grid that is symmetric about it.
-pub fn mirrored_voxel(roi: &Roi, voxel: u64) -> u64 {
+pub(crate) fn mirrored_voxel(roi: &Roi, voxel: u64) -> u64 {
     let [i, j, k] = roi.coords(voxel);
     roi.linear([i, roi.shape()[1] - 1 - j, k])
 }
 
 /// A placement as a mirror in the xz plane shows it.
-pub fn mirrored(placement: &Placement) -> Placement {
+pub(crate) fn mirrored(placement: &Placement) -> Placement {
     let mut placement = placement.clone();
     for pose in &mut placement.lidars {
         (pose.y, pose.roll, pose.yaw) = (-pose.y, -pose.roll, -pose.yaw);

@@ -16,7 +16,7 @@ use sightline::vehicle::Placement;
 use crate::own_scenes::Own;
 
 /// Entropies of a scene's voxels, and its triangles in `f64`.
-pub struct Reference<'a> {
+pub(crate) struct Reference<'a> {
     own: &'a Own,
     /// Corners of each triangle, in every frame.
     frames: Vec<Vec<[DVec3; 3]>>,
@@ -24,7 +24,7 @@ pub struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    pub fn new(own: &'a Own) -> Self {
+    pub(crate) fn new(own: &'a Own) -> Self {
         let corners = |soup: &sightline::geom::TriangleSoup| {
             (0..soup.faces.len() as u32)
                 .map(|prim| soup.corners(prim).map(|corner| Vec3::from(corner).as_dvec3()))
@@ -36,7 +36,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Covered voxels, their information and the hits of a placement in each frame.
-    pub fn tally(&self, placement: &Placement) -> Tally {
+    pub(crate) fn tally(&self, placement: &Placement) -> Tally {
         let mut tally = Tally::default();
         for triangles in &self.frames {
             let mut covered = BTreeSet::new();

@@ -14,7 +14,7 @@ use crate::vehicle::SensorChoice;
 
 /// Options of every command that computes scores.
 #[derive(Args, Debug, Clone)]
-pub struct Compute {
+pub(super) struct Compute {
     /// Where to compute: the best hardware Vulkan device, or the CPU where there is none (auto); any
     /// Vulkan device, also one in software (gpu); the CPU (cpu)
     #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
@@ -43,7 +43,7 @@ pub struct Compute {
 
 /// Models of LiDARs that placements leave without a name.
 #[derive(Args, Debug, Clone, Default)]
-pub struct UnnamedModelArgs {
+pub(super) struct UnnamedModelArgs {
     /// Model of a LiDAR whose placement names none, for a vehicle with several: its index from 0, or all
     #[arg(long, value_name = "N=MODEL")]
     pub sensor: Vec<SensorChoice>,
@@ -51,14 +51,14 @@ pub struct UnnamedModelArgs {
 
 impl UnnamedModelArgs {
     /// Engine, vehicle and watcher of the command, with these models.
-    pub fn computing<'a>(&self, compute: &Compute, terminal: &'a Terminal) -> Computing<'a> {
+    pub(super) fn computing<'a>(&self, compute: &Compute, terminal: &'a Terminal) -> Computing<'a> {
         Computing { sensors: self.sensor.clone(), ..compute.computing(terminal) }
     }
 }
 
 /// A command that computes: its request, the form of its answer, and where it is computed.
 #[derive(Args)]
-pub struct Asked<R, F = Format>
+pub(super) struct Asked<R, F = Format>
 where
     R: Args,
     F: ValueEnum + Default + Send + Sync + 'static,
@@ -76,14 +76,14 @@ where
 
 impl<R: Args, F: ValueEnum + Default + Send + Sync + 'static> Asked<R, F> {
     /// Engine, vehicle, models and watcher of the command.
-    pub fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
+    pub(super) fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
         self.named.computing(&self.compute, terminal)
     }
 }
 
 /// Value of `--backend`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum BackendChoice {
+pub(super) enum BackendChoice {
     /// The best hardware device, or the CPU where there is none.
     Auto,
     /// A Vulkan device, software among them.
@@ -94,7 +94,7 @@ pub enum BackendChoice {
 
 /// Value of `--format`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum Format {
+pub(super) enum Format {
     /// Tables to read.
     #[default]
     Text,
@@ -106,7 +106,7 @@ pub enum Format {
 const MOST_SECONDS: f64 = 1e9;
 
 /// `--max-seconds`.
-pub fn parse_seconds(text: &str) -> Result<f64, String> {
+pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (0.0..=MOST_SECONDS).contains(&seconds) => Ok(seconds),
         _ => Err(format!("give 0 to {MOST_SECONDS} seconds, as 30")),
@@ -134,14 +134,14 @@ fn parse_size(text: &str) -> Result<u64, String> {
 
 impl Compute {
     /// The engine asked for.
-    pub fn engine(&self) -> EngineChoice {
+    pub(super) fn engine(&self) -> EngineChoice {
         let kind = self.backend.kind();
         let (adapter, inexact) = (self.adapter.clone(), self.inexact);
         EngineChoice { kind, adapter, memory: self.memory, inexact }
     }
 
     /// Engine, vehicle and models, with the terminal as watcher.
-    pub fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
+    pub(super) fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
         Computing {
             engine: self.engine(),
             vehicle: self.vehicle.clone(),
@@ -151,7 +151,7 @@ impl Compute {
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.
-    pub fn start(&self) -> Result<Terminal, RunError> {
+    pub(super) fn start(&self) -> Result<Terminal, RunError> {
         engine(self.backend, self.adapter.as_deref(), self.memory)?;
         start_threads(self.threads, self.talk)?;
         Ok(Terminal::new(self.talk))
@@ -169,7 +169,7 @@ impl BackendChoice {
 }
 
 /// The engine of `--backend`, `--adapter` and `--memory`, checked against each other.
-pub fn engine(
+pub(super) fn engine(
     backend: BackendChoice,
     adapter: Option<&str>,
     memory: Option<u64>,
@@ -185,7 +185,7 @@ pub fn engine(
 }
 
 /// Starts the threads of `--threads`; says where these are fewer.
-pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
+pub(super) fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
     let Some(wanted) = wanted else { return Ok(()) };
     let threads = start_at_most(usize::from(wanted));
     let threads =
@@ -199,7 +199,7 @@ pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), RunError> {
 }
 
 /// Refuses a number of threads in the environment that would take minutes to start.
-pub fn start_default_threads() -> Result<(), RunError> {
+pub(super) fn start_default_threads() -> Result<(), RunError> {
     match too_many_by_environment() {
         None => Ok(()),
         Some(wanted) => Err(RunError::Usage(format!(
@@ -211,7 +211,7 @@ pub fn start_default_threads() -> Result<(), RunError> {
 
 /// Where labelled scans lie, beside the folder of a command's own option.
 #[derive(clap::Args)]
-pub struct DatasetArgs {
+pub(super) struct DatasetArgs {
     /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
     #[arg(long, value_name = "VERSION", requires = "nuscenes")]
     pub version: Option<String>,
@@ -230,7 +230,7 @@ pub struct DatasetArgs {
 
 /// Value of `--carla-tags`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Tags {
+pub(super) enum Tags {
     /// 0 to 22.
     #[value(name = "0.9.10")]
     Until0913,
@@ -241,7 +241,7 @@ pub enum Tags {
 
 impl DatasetArgs {
     /// The scans of CARLA in a folder.
-    pub fn carla(&self, folder: &Path) -> CarlaScans {
+    pub(super) fn carla(&self, folder: &Path) -> CarlaScans {
         let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
         let tags = self.carla_tags.map(|tags| match tags {
             Tags::Until0913 => CarlaTags::Until0913,

@@ -19,9 +19,9 @@ use crate::runs::devices::{
 };
 use crate::runs::{RunError, TableFormat};
 
-pub type AuditArgs = Asked<AuditRequest, TableFormat>;
+pub(super) type AuditArgs = Asked<AuditRequest, TableFormat>;
 
-pub fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
+pub(super) fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let mut gap = "";
     let print = |found: &Audit| match args.format {
@@ -40,9 +40,9 @@ pub fn run_audit(args: &AuditArgs) -> Result<Exit, RunError> {
     Ok(if passed { Exit::Done } else { Exit::CheckFailed })
 }
 
-pub type VerifyArgs = Asked<VerifyRequest>;
+pub(super) type VerifyArgs = Asked<VerifyRequest>;
 
-pub fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
+pub(super) fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let format = args.format;
     let print = |one: &Verified| match format {
@@ -60,7 +60,7 @@ pub fn run_verify(args: &VerifyArgs) -> Result<Exit, RunError> {
 }
 
 #[derive(clap::Subcommand)]
-pub enum BenchCommand {
+pub(super) enum BenchCommand {
     /// Measure a Vulkan device: self-test, bits beside the CPU's, placements a second
     #[command(
         after_help = "Example:
@@ -70,7 +70,7 @@ pub enum BenchCommand {
     Device(Asked<DeviceBenchRequest>),
 }
 
-pub fn run_bench(command: &BenchCommand) -> Result<Exit, RunError> {
+pub(super) fn run_bench(command: &BenchCommand) -> Result<Exit, RunError> {
     let BenchCommand::Device(args) = command;
     let terminal = args.compute.start()?;
     let found = bench_device(&args.request, &args.computing(&terminal))?;
@@ -83,13 +83,13 @@ pub fn run_bench(command: &BenchCommand) -> Result<Exit, RunError> {
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline devices")]
-pub struct DevicesArgs {
+pub(super) struct DevicesArgs {
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
 }
 
-pub fn run_devices(args: &DevicesArgs) -> Result<Exit, RunError> {
+pub(super) fn run_devices(args: &DevicesArgs) -> Result<Exit, RunError> {
     let adapters = test_adapters();
     match args.format {
         Format::Json => outln!("{}", serde_json::json!({ "devices": adapters }))?,
@@ -135,9 +135,9 @@ fn device_row(TestedAdapter { summary, self_test, .. }: &TestedAdapter) -> Vec<S
     row
 }
 
-pub type ChartArgs = Asked<ChartRequest, TableFormat>;
+pub(super) type ChartArgs = Asked<ChartRequest, TableFormat>;
 
-pub fn run_chart(args: &ChartArgs) -> Result<Exit, RunError> {
+pub(super) fn run_chart(args: &ChartArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let mut gap = "";
     let print = |found: &Charted| match args.format {

@@ -11,9 +11,9 @@ use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::under;
 use sightline_files::json::counted;
 
-pub type NearFieldArgs = Asked<NearFieldRequest, TableFormat>;
+pub(super) type NearFieldArgs = Asked<NearFieldRequest, TableFormat>;
 
-pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
+pub(super) fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let found = near_fields(&args.request, &args.computing(&terminal))?;
     answer(
@@ -34,9 +34,9 @@ pub fn run_near_field(args: &NearFieldArgs) -> Result<Exit, RunError> {
     Ok(terminal.exit())
 }
 
-pub type TargetsArgs = Asked<TargetsRequest, TableFormat>;
+pub(super) type TargetsArgs = Asked<TargetsRequest, TableFormat>;
 
-pub fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
+pub(super) fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let found = targets(&args.request, &args.computing(&terminal))?;
     answer(
@@ -55,9 +55,9 @@ pub fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
     Ok(terminal.exit())
 }
 
-pub type RedundancyArgs = Asked<RedundancyRequest, TableFormat>;
+pub(super) type RedundancyArgs = Asked<RedundancyRequest, TableFormat>;
 
-pub fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
+pub(super) fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let found = redundancy(&args.request, &args.computing(&terminal))?;
     let rows: Vec<_> = found.rows.iter().chain(&found.mean).collect();
@@ -83,9 +83,9 @@ fn targets_at(distances: &[f64]) -> String {
     ends.map_or(String::new(), |(from, to)| format!(" {from} to {to} m from the origin"))
 }
 
-pub type OverlapArgs = Asked<OverlapRequest, TableFormat>;
+pub(super) type OverlapArgs = Asked<OverlapRequest, TableFormat>;
 
-pub fn run_overlap(args: &OverlapArgs) -> Result<Exit, RunError> {
+pub(super) fn run_overlap(args: &OverlapArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let found = overlap(&args.request, &args.computing(&terminal))?;
     answer(

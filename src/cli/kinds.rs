@@ -93,7 +93,7 @@ const KINDS: [KindHelp; 12] = [
 ];
 
 /// Lines of all kinds, as wide as those of commands.
-pub fn lines() -> String {
+pub(super) fn lines() -> String {
     KINDS.iter().map(|kind| format!("  {:<11} {}\n", kind.name, kind.line)).collect()
 }
 
@@ -110,7 +110,7 @@ fn files_of(kind: Kind) -> (&'static str, &'static str) {
 }
 
 /// The program with help of the kind of study that the arguments name: its question, its example, its own options.
-pub fn with_kind(program: Command, arguments: &[OsString]) -> Command {
+pub(super) fn with_kind(program: Command, arguments: &[OsString]) -> Command {
     let word = |at: usize| arguments.get(at).and_then(|word| word.to_str());
     let named = word(2).filter(|_| word(1) == Some("study"));
     let Some(kind) = KINDS.iter().find(|kind| named == Some(kind.name)) else { return program };

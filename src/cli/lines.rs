@@ -9,7 +9,7 @@ const DIGITS: usize = 40;
 
 /// Breaks sentences of more than some columns between words; the lines that follow are indented by two more. Rows of a
 /// table, which have wide gaps, stay whole.
-pub fn wrapped(text: &str, columns: usize) -> String {
+pub(super) fn wrapped(text: &str, columns: usize) -> String {
     let lines = text.split('\n').map(|line| {
         let words = line.trim_start();
         if line.chars().count() <= columns || words.contains("  ") {
@@ -35,13 +35,13 @@ pub fn wrapped(text: &str, columns: usize) -> String {
 }
 
 /// Lines as a terminal may show them; see [`visible`].
-pub fn for_terminal(text: &str) -> String {
+pub(super) fn for_terminal(text: &str) -> String {
     let line = |line: &str| line.split('\t').map(visible).collect::<Vec<_>>().join("\t");
     text.split('\n').map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// A text whose longer runs of digits are cut: 1e300 prints 301 of them.
-pub fn with_short_numbers(text: &str) -> String {
+pub(super) fn with_short_numbers(text: &str) -> String {
     let (mut short, mut rest) = (String::with_capacity(text.len()), text);
     while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
         let digits = &rest[start..];
@@ -57,7 +57,7 @@ pub fn with_short_numbers(text: &str) -> String {
 }
 
 /// A sentence without its middle where it is long: names in files may have any length.
-pub fn with_short_middle(text: &str) -> String {
+pub(super) fn with_short_middle(text: &str) -> String {
     let count = text.chars().count();
     if count <= LONGEST {
         return text.to_owned();

@@ -32,7 +32,7 @@ use crate::vehicle::{MountRules, SensorPose};
   sightline optimize --resume runs/highway",
     mut_args(of_new_run)
 )]
-pub struct OptimizeArgs {
+pub(super) struct OptimizeArgs {
     /// Scene files; of several the mean is maximized
     ///
     /// They share LiDAR and mount; each is normalized by its own total.
@@ -164,7 +164,7 @@ fn of_new_run(arg: clap::Arg) -> clap::Arg {
     if OF_NEW_RUN.contains(&arg.get_id().as_str()) { arg.conflicts_with("resume") } else { arg }
 }
 
-pub fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
+pub(super) fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     if let Some(objectives) = &args.front {
         let mut new = new_run(args);

@@ -30,7 +30,7 @@ macro_rules! outln {
 }
 
 /// Writes to stdout, on a terminal with long sentences broken between words; to be called by `out!` and `outln!`.
-pub fn print(text: Arguments) -> Result<(), RunError> {
+pub(super) fn print(text: Arguments) -> Result<(), RunError> {
     let mut out = stdout();
     let written = match terminal_size_of(std::io::stdout()) {
         Some((Width(columns), _)) => {
@@ -43,7 +43,7 @@ pub fn print(text: Arguments) -> Result<(), RunError> {
 }
 
 /// Stdout. A terminal gets lines as it may show them, a file or another program every character.
-pub fn stdout() -> Box<dyn Write> {
+pub(super) fn stdout() -> Box<dyn Write> {
     let out = std::io::stdout().lock();
     if out.is_terminal() { Box::new(ForTerminal(out)) } else { Box::new(out) }
 }
@@ -67,7 +67,7 @@ impl<W: Write> Write for ForTerminal<W> {
 }
 
 /// Takes a closed pipe for the wish to read no more, as of `head`: no error.
-pub fn unless_closed(written: Result<(), RunError>) -> Result<(), RunError> {
+pub(super) fn unless_closed(written: Result<(), RunError>) -> Result<(), RunError> {
     match written {
         Err(RunError::Library(crate::Error::File(FileError::Io { source, .. })))
             if source.kind() == ErrorKind::BrokenPipe =>
@@ -80,12 +80,12 @@ pub fn unless_closed(written: Result<(), RunError>) -> Result<(), RunError> {
 
 /// Writes a line to stderr; where that cannot be written, the work goes on. Control characters are spelled
 /// out: names in files may hold some, and a terminal would obey them.
-pub fn say(line: &str) {
+pub(super) fn say(line: &str) {
     say_as("sightline:", line);
 }
 
 /// Like [`say`], for the sentence that ends a command: in red on a terminal, so that it stands out from notes.
-pub fn fail(line: &str) {
+pub(super) fn fail(line: &str) {
     let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some();
     say_as(if is_plain { "sightline:" } else { "\x1b[1;31msightline:\x1b[0m" }, line);
 }
@@ -122,7 +122,7 @@ impl Exit {
 }
 
 /// Prints an answer: all of it as JSON, its table as CSV, or as `text` prints it.
-pub fn answer(
+pub(super) fn answer(
     format: TableFormat,
     found: &impl Serialize,
     table: impl FnOnce() -> String,
@@ -137,7 +137,7 @@ pub fn answer(
 
 /// How much is said on stderr.
 #[derive(clap::Args, Debug, Clone, Copy)]
-pub struct Talk {
+pub(super) struct Talk {
     /// Say more on stderr
     #[arg(short, long)]
     pub verbose: bool,
@@ -154,14 +154,14 @@ pub struct Talk {
 
 impl Talk {
     /// A line for stderr that is of interest by default.
-    pub fn note(&self, line: impl AsRef<str>) {
+    pub(super) fn note(&self, line: impl AsRef<str>) {
         if !self.quiet {
             say(line.as_ref());
         }
     }
 
     /// A line for stderr that was asked for.
-    pub fn detail(&self, line: impl AsRef<str>) {
+    pub(super) fn detail(&self, line: impl AsRef<str>) {
         if self.verbose {
             say(line.as_ref());
         }
@@ -169,7 +169,7 @@ impl Talk {
 }
 
 /// Told of work under way by a command.
-pub struct Terminal {
+pub(super) struct Terminal {
     talk: Talk,
 }
 
@@ -208,7 +208,7 @@ fn on_signal() {
 /// Lets a write beyond the limit of file sizes (`ulimit -f`) fail with an error, in place of a signal that ends the
 /// program and leaves its temporary files.
 #[allow(unsafe_code)]
-pub fn ignore_file_limit_signal() {
+pub(super) fn ignore_file_limit_signal() {
     #[cfg(unix)]
     {
         use nix::sys::signal::{SigHandler, Signal, signal};
@@ -240,7 +240,7 @@ fn ignore_hangup() -> bool {
 }
 
 impl Terminal {
-    pub fn new(talk: Talk) -> Self {
+    pub(super) fn new(talk: Talk) -> Self {
         STOPS.store(false, Ordering::SeqCst);
         GRACE.store(0, Ordering::SeqCst);
         RESUME.lock().unwrap_or_else(PoisonError::into_inner).clear();
@@ -254,7 +254,7 @@ impl Terminal {
     }
 
     /// How the command ends: as one that is done, or was stopped.
-    pub fn exit(&self) -> Exit {
+    pub(super) fn exit(&self) -> Exit {
         if self.goes_on() { Exit::Done } else { Exit::Interrupted }
     }
 }

@@ -17,7 +17,7 @@ use crate::runs::{RunError, Watcher};
 use crate::vehicle::sensor_file;
 
 #[derive(clap::Subcommand)]
-pub enum PsogCommand {
+pub(super) enum PsogCommand {
     /// Build a P-SOG from a scene's geometry, or from real labelled frames
     Build(Box<BuildArgs>),
     /// Print what a P-SOG holds
@@ -33,7 +33,7 @@ pub enum PsogCommand {
   sightline psog build --kitti sequences/00 --window 5 --voxel 0.2 0.2 0.2 --out kitti.psog.npz
   sightline psog build --nuscenes nuscenes --scenes scene-0061,scene-0103 --out nuscenes.psog.npz
   sightline psog build --carla scans --poses poses.csv --carla-tags 0.9.14 --out carla.psog.npz")]
-pub struct BuildArgs {
+pub(super) struct BuildArgs {
     /// Scene file whose geometry is scanned
     #[arg(required_unless_present_any = ["kitti", "nuscenes", "carla"],
           conflicts_with_all = ["kitti", "nuscenes", "carla", "lidar_height"])]
@@ -82,7 +82,7 @@ pub struct BuildArgs {
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline psog info highway.psog.npz")]
-pub struct InfoArgs {
+pub(super) struct InfoArgs {
     /// P-SOG file
     psog: PathBuf,
     /// How to print
@@ -94,7 +94,7 @@ pub struct InfoArgs {
 #[command(
     after_help = "Example:\n  sightline psog merge a.psog.npz b.psog.npz --out both.psog.npz"
 )]
-pub struct MergeArgs {
+pub(super) struct MergeArgs {
     /// P-SOG files
     #[arg(required = true, num_args = 2..)]
     psogs: Vec<PathBuf>,
@@ -103,7 +103,7 @@ pub struct MergeArgs {
     out: PathBuf,
 }
 
-pub fn run(command: &PsogCommand) -> Result<Exit, RunError> {
+pub(super) fn run(command: &PsogCommand) -> Result<Exit, RunError> {
     match command {
         PsogCommand::Build(args) => {
             let (psog, report) = build(&source(args), &args.out, &Terminal::new(args.talk))?;
@@ -144,7 +144,7 @@ fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<()
 }
 
 #[derive(clap::Subcommand)]
-pub enum SensorCommand {
+pub(super) enum SensorCommand {
     /// Say what a sensor file of a vendor holds, and draw its pattern
     Info(SensorInfoArgs),
 }
@@ -156,7 +156,7 @@ pub enum SensorCommand {
   sightline sensor info \"Pandar40P_Angle Correction File.csv\" --format json > pandar40p.json
 
 JSON of a sensor with channels is itself a sensor file. docs/formats/sensors.md lists the formats that are read.")]
-pub struct SensorInfoArgs {
+pub(super) struct SensorInfoArgs {
     /// Sensor file of any format that is read; told apart by its content
     file: PathBuf,
     /// Azimuth steps a turn [default: as the file states]
@@ -175,7 +175,7 @@ pub struct SensorInfoArgs {
     talk: Talk,
 }
 
-pub fn run_sensor(command: &SensorCommand) -> Result<Exit, RunError> {
+pub(super) fn run_sensor(command: &SensorCommand) -> Result<Exit, RunError> {
     let SensorCommand::Info(args) = command;
     let window = match args.window.as_deref() {
         Some(&[from, to]) if from < to => Some([from, to]),

@@ -14,7 +14,7 @@ const MOST_OWNERS: usize = 3;
 
 /// Values that begin with a minus and a digit, joined to the option before them: `--tolerance -1mm,2deg` becomes
 /// `--tolerance=-1mm,2deg`, so that the option's own message refuses it. Plain numbers reach options anyway.
-pub fn with_values_below_0(arguments: &[OsString]) -> Vec<OsString> {
+pub(super) fn with_values_below_0(arguments: &[OsString]) -> Vec<OsString> {
     let mut joined: Vec<OsString> = Vec::with_capacity(arguments.len());
     for word in arguments {
         let is_value = word.to_str().is_some_and(is_below_0);
@@ -42,7 +42,7 @@ fn is_option(word: &str) -> bool {
 }
 
 /// The mend for numbers that are words of their own behind an option that takes them with commas: `--base-link 0.3 0 0`.
-pub fn numbers_apart(program: &Command, arguments: &[OsString]) -> Option<String> {
+pub(super) fn numbers_apart(program: &Command, arguments: &[OsString]) -> Option<String> {
     let (command, names) = command_of(program, arguments);
     let words: Vec<&str> = arguments.iter().map(|word| word.to_str().unwrap_or_default()).collect();
     let takes_list = |arg: &clap::Arg, name: &str| {
@@ -69,7 +69,7 @@ fn with_help(told: &str, names: &[&str]) -> String {
 }
 
 /// An error of the arguments in one line: the mistake, a near name, the command that prints the help.
-pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
+pub(super) fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
     let (command, names) = command_of(program, arguments);
     let its_name = names[1..].join(" ");
     let told = unknown_option(error, program, (command, its_name.as_str()))

@@ -16,7 +16,7 @@ use crate::runs::{RunError, TableFormat};
 use crate::score::percent_up;
 
 #[derive(clap::Subcommand)]
-pub enum RigCommand {
+pub(super) enum RigCommand {
     /// Write a placement in the format of another program
     Export(ExportArgs),
     /// Read a rig of another program as a placement
@@ -54,7 +54,7 @@ struct Mounted {
   sightline rig export runs/mine/placements.json:optimized --format autoware --base-link=-1.4 --out calibration
   sightline rig export placements.json --format carla-objects --scene scenes/highway.json
   sightline rig export placements.json:optimized --format urdf --vehicle scenes/vehicles/car.json")]
-pub struct ExportArgs {
+pub(super) struct ExportArgs {
     /// File of placements, with :NAME of one where it has several
     #[arg(value_name = "PLACEMENTS[:NAME]")]
     placement: String,
@@ -96,7 +96,7 @@ struct Reading {
 #[command(after_help = "Examples:
   sightline rig import calibration --out mine.json
   sightline rig import robot.urdf --sensor velodyne=VLP-16 --base-link=-1.4")]
-pub struct ImportArgs {
+pub(super) struct ImportArgs {
     /// Files, or a folder of YAML files; FILE:NAME picks one of several placements
     #[arg(required = true)]
     files: Vec<PathBuf>,
@@ -119,7 +119,7 @@ pub struct ImportArgs {
 #[command(after_help = "Examples:
   sightline rig compare before after --base-frame sensor_kit_base_link
   sightline rig compare robot.urdf placements.json:found --format json")]
-pub struct CompareArgs {
+pub(super) struct CompareArgs {
     /// Rig: a file or folder of any format, or placements with :NAME
     before: String,
     /// Rig to compare with it
@@ -133,7 +133,7 @@ pub struct CompareArgs {
     talk: Talk,
 }
 
-pub fn run(command: &RigCommand) -> Result<Exit, RunError> {
+pub(super) fn run(command: &RigCommand) -> Result<Exit, RunError> {
     match command {
         RigCommand::Export(args) => run_export(args)?,
         RigCommand::Import(args) => run_import(args)?,

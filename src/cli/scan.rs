@@ -25,7 +25,7 @@ use sightline_files::json::counted;
 
 The same command again goes on with a folder that was not finished. docs/scans.md says what is in a scan,
 docs/exports.md what the layouts hold.")]
-pub struct ScanArgs {
+pub(super) struct ScanArgs {
     /// Scene files; they must have geometry
     #[arg(value_name = "SCENE", required = true)]
     scenes: Vec<PathBuf>,
@@ -94,7 +94,7 @@ pub struct ScanArgs {
     talk: Talk,
 }
 
-pub fn run(args: &ScanArgs) -> Result<Exit, RunError> {
+pub(super) fn run(args: &ScanArgs) -> Result<Exit, RunError> {
     start_threads(args.threads, args.talk)?;
     let terminal = Terminal::new(args.talk);
     let engine = engine(args.backend, args.adapter.as_deref(), None)?;
@@ -170,9 +170,9 @@ fn request(args: &ScanArgs) -> ScanRequest {
     }
 }
 
-pub type CastArgs = Asked<CastRequest>;
+pub(super) type CastArgs = Asked<CastRequest>;
 
-pub fn run_cast(args: &CastArgs) -> Result<Exit, RunError> {
+pub(super) fn run_cast(args: &CastArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let found = cast(&args.request, &args.computing(&terminal))?;
     match args.format {

@@ -15,7 +15,7 @@ use crate::scene::street::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANG
 use crate::worlds;
 
 #[derive(clap::Subcommand)]
-pub enum SceneCommand {
+pub(super) enum SceneCommand {
     /// Make a world by rule from a seed
     New(SceneNewArgs),
     /// Make a scene of a map of another format
@@ -24,7 +24,7 @@ pub enum SceneCommand {
     Info(SceneInfoArgs),
 }
 
-pub fn run(command: &SceneCommand) -> Result<Exit, RunError> {
+pub(super) fn run(command: &SceneCommand) -> Result<Exit, RunError> {
     match command {
         SceneCommand::New(args) => run_new(args)?,
         SceneCommand::Import(args) => run_import(args)?,
@@ -37,7 +37,7 @@ pub fn run(command: &SceneCommand) -> Result<Exit, RunError> {
 #[command(after_help = "Examples:
   sightline scene new --kind town --seed 7 --out town.json
   sightline scene new --triangles 2000000 --frames 2 --out big.json")]
-pub struct SceneNewArgs {
+pub(super) struct SceneNewArgs {
     /// Kind of the world
     #[arg(long, value_enum, default_value_t = KindArg::Street, conflicts_with = "triangles")]
     kind: KindArg,
@@ -89,7 +89,7 @@ fn run_new(args: &SceneNewArgs) -> Result<(), RunError> {
   sightline scene import Town01.xodr --seed 1 --out town01.json
   sightline scene import nuscenes --nuscenes --scene scene-0061 --out scene-0061.json
   sightline scene import scans --carla --poses poses.csv --out drive.json")]
-pub struct SceneImportArgs {
+pub(super) struct SceneImportArgs {
     /// OpenDRIVE file (.xodr): its roads and lanes; houses, trees and traffic come from the seed; or the
     /// folder of a data set
     input: PathBuf,
@@ -121,7 +121,7 @@ pub struct SceneImportArgs {
     talk: Talk,
 }
 
-pub fn run_import(args: &SceneImportArgs) -> Result<(), RunError> {
+pub(super) fn run_import(args: &SceneImportArgs) -> Result<(), RunError> {
     if let (false, false, Some(cell)) = (args.nuscenes, args.carla, args.cell) {
         let words = format!("--cell {cell}: is for --nuscenes and --carla; leave it out");
         return Err(RunError::Usage(words));
@@ -149,7 +149,7 @@ pub fn run_import(args: &SceneImportArgs) -> Result<(), RunError> {
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline scene info scenes/highway.json town.json")]
-pub struct SceneInfoArgs {
+pub(super) struct SceneInfoArgs {
     /// Scene files with geometry
     #[arg(required = true)]
     scenes: Vec<PathBuf>,

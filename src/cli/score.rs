@@ -13,7 +13,7 @@ use crate::runs::{RunError, Watcher};
   sightline score scenes/highway.json scenes/placements.json
   sightline score scenes/highway.json million.jsonl --format json --out scores.json
   sightline score scenes/highway.json scenes/residential.json mine.json")]
-pub struct ScoreArgs {
+pub(super) struct ScoreArgs {
     #[command(flatten)]
     request: ScoreRequest,
     #[command(flatten)]
@@ -22,7 +22,7 @@ pub struct ScoreArgs {
     compute: Compute,
 }
 
-pub fn run(args: &ScoreArgs) -> Result<Exit, RunError> {
+pub(super) fn run(args: &ScoreArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let computing = args.named.computing(&args.compute, &terminal);
     let mut is_met = true;
@@ -36,7 +36,7 @@ pub fn run(args: &ScoreArgs) -> Result<Exit, RunError> {
   sightline view scenes/highway.json mine.json:roof --out view.html
   sightline view scenes/highway.json scenes/residential.json mine.json:roof \
     --baselines mine.json:bumper --out view.html")]
-pub struct ViewArgs {
+pub(super) struct ViewArgs {
     #[command(flatten)]
     request: ViewRequest,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub struct ViewArgs {
     compute: Compute,
 }
 
-pub fn run_view(args: &ViewArgs) -> Result<Exit, RunError> {
+pub(super) fn run_view(args: &ViewArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let (command, tolerance) = (command(args), tolerance(args));
     let request = ViewRequest { command, tolerance, ..args.request.clone() };

@@ -9,9 +9,9 @@ use crate::runs::sensitivity::{RoomRequest, SweepRequest, room, sweep};
 use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::under;
 
-pub type SweepArgs = Asked<SweepRequest, TableFormat>;
+pub(super) type SweepArgs = Asked<SweepRequest, TableFormat>;
 
-pub fn run_sweep(args: &SweepArgs) -> Result<Exit, RunError> {
+pub(super) fn run_sweep(args: &SweepArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let found = sweep(&args.request, &args.computing(&terminal))?;
     answer(
@@ -28,9 +28,9 @@ pub fn run_sweep(args: &SweepArgs) -> Result<Exit, RunError> {
     Ok(terminal.exit())
 }
 
-pub type RoomArgs = Asked<RoomRequest, TableFormat>;
+pub(super) type RoomArgs = Asked<RoomRequest, TableFormat>;
 
-pub fn run_room(args: &RoomArgs) -> Result<Exit, RunError> {
+pub(super) fn run_room(args: &RoomArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let found = room(&args.request, &args.computing(&terminal))?;
     answer(

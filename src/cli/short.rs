@@ -7,7 +7,7 @@ use clap::Command;
 use super::kinds;
 
 /// Columns of help.
-pub const COLUMNS: usize = 80;
+pub(super) const COLUMNS: usize = 80;
 
 /// Options that `-h` shows, by command; those of the commands below `study` count for each of them alone.
 const SHOWN: [(&str, &[&str]); 25] = [
@@ -39,12 +39,12 @@ const SHOWN: [(&str, &[&str]); 25] = [
 ];
 
 /// True where `-h` is asked for, or a command that needs others is given alone: help of one screen.
-pub fn is_short(arguments: &[OsString]) -> bool {
+pub(super) fn is_short(arguments: &[OsString]) -> bool {
     !arguments.iter().skip(1).any(|word| word == "--help" || word == "help")
 }
 
 /// Leaves the options of [`SHOWN`] in `-h`, in every command that the table has.
-pub fn with_short_help(command: Command) -> Command {
+pub(super) fn with_short_help(command: Command) -> Command {
     below(command, "")
 }
 
@@ -64,7 +64,7 @@ fn below(command: Command, path: &str) -> Command {
 }
 
 /// One screen: the first example alone, no command `help`; the program and `study` list their commands tightly.
-pub fn on_one_screen(command: Command) -> Command {
+pub(super) fn on_one_screen(command: Command) -> Command {
     let program = with_one_example(command).disable_help_subcommand(true);
     let example = example_of(&program);
     let study = |study: Command| {
@@ -85,7 +85,7 @@ pub fn on_one_screen(command: Command) -> Command {
 }
 
 /// A command in lines of at most [`COLUMNS`]: broken as shells read it, before options and redirections.
-pub fn broken(command: &str) -> String {
+pub(super) fn broken(command: &str) -> String {
     if command.chars().count() <= COLUMNS {
         return command.to_owned();
     }

@@ -14,13 +14,13 @@ use crate::runs::{RunError, TableFormat, Watcher};
 use crate::study::{Table, mean_over_scenes};
 
 /// A study of one table is a command of its own; all others name their kind.
-pub enum StudyCommand {
+pub(super) enum StudyCommand {
     Make(Box<StudyArgs>),
     OneTable(Box<OneTable>),
 }
 
 #[derive(clap::Subcommand)]
-pub enum OneTable {
+pub(super) enum OneTable {
     /// Ground and poles near the vehicle: seen, blind, own body
     #[command(name = "nearfield")]
     #[command(after_help = "Example:
@@ -136,7 +136,7 @@ the scenes; without one at the layouts of Table 7, where the vehicle is the pape
 holds them. Give scenes/placements.json to compare any other vehicle with them. Kinds that search choose the
 sensors of a vehicle for --budget. A row that misses a requirement is marked with !. A study in which no row has an
 answer ends with exit code 1.")]
-pub struct StudyArgs {
+pub(super) struct StudyArgs {
     #[command(flatten)]
     request: StudyRequest,
     /// How to print the result
@@ -146,7 +146,7 @@ pub struct StudyArgs {
     compute: Compute,
 }
 
-pub fn run(command: &StudyCommand) -> Result<Exit, RunError> {
+pub(super) fn run(command: &StudyCommand) -> Result<Exit, RunError> {
     match command {
         StudyCommand::Make(args) => make(args),
         StudyCommand::OneTable(one) => match &**one {

@@ -16,12 +16,12 @@ use crate::files::{shared_folder, write_whole};
 use crate::runs::RunError;
 
 /// True if clap has only been asked to print, or has nothing to say but the help.
-pub fn is_help(error: &clap::Error) -> bool {
+pub(super) fn is_help(error: &clap::Error) -> bool {
     !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
 }
 
 /// Why names of files cannot be written, where one is not UTF-8: results and checkpoints are JSON.
-pub fn not_utf8(arguments: &[OsString]) -> Option<String> {
+pub(super) fn not_utf8(arguments: &[OsString]) -> Option<String> {
     if let Some(argument) = arguments.iter().find(|argument| argument.to_str().is_none()) {
         let shown = argument.to_string_lossy();
         return Some(format!(
@@ -58,7 +58,7 @@ fn narrow(text: &str) -> String {
 }
 
 /// Prints the text below the options as [`narrow`] has it: clap would break commands anywhere.
-pub fn with_examples(command: Command) -> Command {
+pub(super) fn with_examples(command: Command) -> Command {
     let examples = command.get_after_help().map(ToString::to_string);
     let command = command.mut_subcommands(with_examples);
     match examples {
@@ -77,7 +77,7 @@ pub fn with_examples(command: Command) -> Command {
   sightline completions zsh > ~/.zfunc/_sightline
   sightline completions bash > ~/.local/share/bash-completion/completions/sightline
   sightline completions powershell >> $PROFILE")]
-pub struct CompletionsArgs {
+pub(super) struct CompletionsArgs {
     /// The shell
     shell: Shell,
 }
@@ -87,7 +87,7 @@ pub struct CompletionsArgs {
   sightline man | man -l -
   sightline man scene new | man -l -
   sightline man --out ~/.local/share/man/man1")]
-pub struct ManArgs {
+pub(super) struct ManArgs {
     /// The command, of several words where it has commands of its own [default: the program]
     command: Vec<String>,
     /// Write the pages of all commands to this folder instead: sightline.1, sightline-optimize.1, …
@@ -99,7 +99,7 @@ pub struct ManArgs {
 #[command(after_help = "Examples:
   sightline schema scene > scene.schema.json
   sightline schema vehicle | check-jsonschema --schemafile /dev/stdin van.json")]
-pub struct SchemaArgs {
+pub(super) struct SchemaArgs {
     /// The kind of file
     kind: SchemaKind,
 }
@@ -114,7 +114,7 @@ enum SchemaKind {
 }
 
 /// Prints the JSON Schema of a kind of file.
-pub fn schema(args: &SchemaArgs) -> Result<Exit, RunError> {
+pub(super) fn schema(args: &SchemaArgs) -> Result<Exit, RunError> {
     let kind = match args.kind {
         SchemaKind::Scene => FileKind::Scene,
         SchemaKind::Vehicle => FileKind::Vehicle,
@@ -126,7 +126,7 @@ pub fn schema(args: &SchemaArgs) -> Result<Exit, RunError> {
 }
 
 /// Prints the completions of the program for a shell.
-pub fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit, RunError> {
+pub(super) fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit, RunError> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut program, "sightline", &mut text);
     out!("{}", String::from_utf8_lossy(&text))?;
@@ -134,7 +134,7 @@ pub fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit,
 }
 
 /// Prints a page, or writes all of them.
-pub fn man(args: &ManArgs, program: Command) -> Result<Exit, RunError> {
+pub(super) fn man(args: &ManArgs, program: Command) -> Result<Exit, RunError> {
     let mut program = program.disable_help_subcommand(true);
     program.build();
     if let Some(folder) = &args.out {

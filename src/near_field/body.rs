@@ -134,7 +134,7 @@ const MOST_SURFACES: usize = 64;
 
 /// Heights over the ego frame's plane z = 0 that grow evenly, metres.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct WheelPlane {
+pub(crate) struct WheelPlane {
     /// Place in plan that `height` is of.
     middle: [f64; 2],
     height: f64,
@@ -145,7 +145,7 @@ pub struct WheelPlane {
 impl WheelPlane {
     /// The plane through the ground under the four corners of the box around a footprint, by least squares; z = 0 where
     /// there is no ground within 2 m of it under one of them.
-    pub fn of(footprint: &Footprint, frame: &Frame, is_ground: &[bool]) -> Self {
+    pub(crate) fn of(footprint: &Footprint, frame: &Frame, is_ground: &[bool]) -> Self {
         let [low, high] = footprint.bounds();
         let under = |x: f64, y: f64| ground_under(frame, is_ground, [x, y]);
         let [Some(a), Some(b), Some(c), Some(d)] = [
@@ -166,7 +166,7 @@ impl WheelPlane {
     }
 
     /// Height at a place in plan.
-    pub fn at(&self, [x, y]: [f64; 2]) -> f64 {
+    pub(crate) fn at(&self, [x, y]: [f64; 2]) -> f64 {
         let [dx, dy] = [x - self.middle[0], y - self.middle[1]];
         self.height + self.slope[0] * dx + self.slope[1] * dy
     }

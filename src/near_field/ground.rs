@@ -23,11 +23,11 @@ use crate::problem::{Frame, Instance, SensorBatch};
 use crate::vehicle::{BeamTable, FARTHEST_GROUND};
 
 /// Edge of a cell in metres.
-pub const CELL: f64 = 0.25;
+pub(crate) const CELL: f64 = 0.25;
 /// Metres around the own body that the near field reaches.
-pub const NEAR: f64 = FARTHEST_GROUND;
+pub(crate) const NEAR: f64 = FARTHEST_GROUND;
 /// Metres around the own body of the inner ring.
-pub const RING: f64 = 3.0;
+pub(crate) const RING: f64 = 3.0;
 /// Height in metres above the wheel plane from which ground is looked for, downwards, and as far below it.
 const HEIGHT: f64 = 2.0;
 /// Metres to the highest surface that may enclose a cell.
@@ -59,7 +59,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    pub fn around(footprint: &Footprint) -> Self {
+    pub(super) fn around(footprint: &Footprint) -> Self {
         let [low, high] = footprint.bounds();
         let first = low.map(|v| ((v - NEAR) / CELL).floor() as i64);
         let shape = [0, 1].map(|k| (((high[k] + NEAR) / CELL).ceil() as i64 - first[k]) as usize);
@@ -83,7 +83,7 @@ impl Cells {
     }
 
     /// Marks the cells whose centres lie within `radius` of a point; marks have an entry a cell.
-    pub fn mark_within(&self, point: [f64; 2], radius: f64, marks: &mut [bool]) {
+    pub(super) fn mark_within(&self, point: [f64; 2], radius: f64, marks: &mut [bool]) {
         let range = |k: usize| {
             // Casts saturate: a point far away has an empty range.
             let bound = |v: f64| {
@@ -107,7 +107,7 @@ impl Cells {
 
     /// The first surface straight down over each cell's centre from [`HEIGHT`] above the wheel plane, ego frame, metres;
     /// the wheel plane where there is none.
-    pub fn points(&self, frame: &Frame, wheels: &WheelPlane) -> Vec<DVec3> {
+    pub(super) fn points(&self, frame: &Frame, wheels: &WheelPlane) -> Vec<DVec3> {
         let from = self.above(wheels);
         let down = vertical(frame, &from, -DVec3::Z, 2.0 * HEIGHT);
         let point = |(from, hit): (&DVec3, &Hit)| {
@@ -125,7 +125,12 @@ impl Cells {
     /// True for each cell that is ground in a frame: the first surface straight down from [`HEIGHT`] above the wheel
     /// plane over its centre is ground. Ground inside a closed thing, under an odd number of its surfaces, does not
     /// count.
-    pub fn are_ground(&self, frame: &Frame, is_ground: &[bool], wheels: &WheelPlane) -> Vec<bool> {
+    pub(super) fn are_ground(
+        &self,
+        frame: &Frame,
+        is_ground: &[bool],
+        wheels: &WheelPlane,
+    ) -> Vec<bool> {
         let from = self.above(wheels);
         let down = vertical(frame, &from, -DVec3::Z, 2.0 * HEIGHT);
         let on_ground = |hit: &Hit| hit.is_hit() && is_ground.get(hit.prim as usize) == Some(&true);

@@ -18,7 +18,7 @@ use crate::score::{Scores, WorstFrame};
 use crate::vehicle::{BeamTable, Placement, SensorPose};
 
 /// Metres from a cell's centre, counted level, within which a hit sees it.
-pub const CLOSE: f64 = 0.5;
+pub(crate) const CLOSE: f64 = 0.5;
 /// Longest side of a body in metres.
 pub(super) const MOST_BODY: f64 = 50.0;
 

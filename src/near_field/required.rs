@@ -71,7 +71,7 @@ pub(crate) struct GroundSeen {
 
 impl RequiredGround {
     /// Ground that the vehicle of a problem must see; `None` without rules on it. A mirror image has mirrored sensors.
-    pub fn of(problem: &Arc<Problem>, is_mirrored: bool) -> Option<Self> {
+    pub(crate) fn of(problem: &Arc<Problem>, is_mirrored: bool) -> Option<Self> {
         let required = problem.ground_required();
         if required.rules.is_empty() {
             return None;
@@ -109,7 +109,7 @@ impl RequiredGround {
     }
 
     /// Words of all frames.
-    pub fn words(&self) -> usize {
+    pub(crate) fn words(&self) -> usize {
         self.frame_words() * self.site.frames.len()
     }
 
@@ -162,7 +162,7 @@ impl RequiredGround {
     ///
     /// # Errors
     /// A model that the vehicle does not have.
-    pub fn seen(&self, lidar: &SensorPose) -> Result<Vec<u64>, UnknownSensor> {
+    pub(crate) fn seen(&self, lidar: &SensorPose) -> Result<Vec<u64>, UnknownSensor> {
         let lidar = if self.is_mirrored { lidar.mirrored() } else { *lidar };
         let problem = &self.site.problem;
         let batch = SensorBatch::new(problem, std::slice::from_ref(&lidar), None)?;
@@ -219,7 +219,7 @@ impl RequiredGround {
     }
 
     /// Share of the ground of a rule, by its number, that is seen in bits of all frames.
-    pub fn share(&self, rule: usize, bits: &[u64]) -> GroundSeen {
+    pub(crate) fn share(&self, rule: usize, bits: &[u64]) -> GroundSeen {
         match &self.rules[rule] {
             CellRule::Cells(masks) => {
                 let share = self.share_in(masks, bits);
@@ -250,7 +250,7 @@ impl RequiredGround {
 
     /// The pose of the bodies in which least of the ground of a rule is seen, by its first frame, and that share; `None`
     /// where no other pose has more.
-    pub fn worst_frame(&self, rule: usize, bits: &[u64]) -> Option<WorstFrame> {
+    pub(crate) fn worst_frame(&self, rule: usize, bits: &[u64]) -> Option<WorstFrame> {
         let each: Vec<(usize, f64)> = match &self.rules[rule] {
             CellRule::Cells(masks) => {
                 let poses = self.site.poses.iter().enumerate();
@@ -314,7 +314,7 @@ impl RequiredGround {
     }
 
     /// Ground that a rule lacks, in words.
-    pub fn missing(&self, rule: usize, bits: &[u64]) -> String {
+    pub(crate) fn missing(&self, rule: usize, bits: &[u64]) -> String {
         match &self.rules[rule] {
             CellRule::Cells(masks) => self.least_side(masks, bits),
             CellRule::Lanes(poses, metres, side) => {

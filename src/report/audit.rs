@@ -7,7 +7,7 @@ use crate::audit::{Audit, TrialResult};
 use crate::score::{Guard, Scores};
 
 /// A row a scene: attempts caught and fooled, and the least Kendall's τ under changes.
-pub fn audits_text(all: &[Audit]) -> String {
+pub(crate) fn audits_text(all: &[Audit]) -> String {
     let titles = ["scene", "base", "caught", "fooled", "least τ", "verdict"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let names = numbered(all.iter().map(|found| found.scene.clone()));
@@ -28,7 +28,7 @@ pub fn audits_text(all: &[Audit]) -> String {
 }
 
 /// Every attempt to look better while seeing less, and the ranking under every change of the model.
-pub fn audit_text(found: &Audit) -> String {
+pub(crate) fn audit_text(found: &Audit) -> String {
     let (scene, base) = (&found.scene, &found.base.name);
     let mut text = format!("{scene}: attempts to look better than {base} while seeing less\n");
     let mut rows = vec![titles("attempt", &["verdict"])];

@@ -20,7 +20,7 @@ const TABLE: f64 = 600.0;
 ///
 /// A point is at (seconds a placement, 1 − τ), its whisker the 95 % interval of 1 − τ; rankings equal
 /// to the reference's stand on the line marked 0. Settings whose τ does not exist are left out.
-pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
+pub(crate) fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     let points: Vec<usize> = (0..rated.len()).filter(|&i| rated[i].error.tau.is_some()).collect();
     let front: Vec<usize> = pareto(rated).into_iter().filter(|i| points.contains(i)).collect();
     // The setting to take may lie off the front, which knows τ and not the regret; an atlas does.
@@ -179,7 +179,7 @@ pub(super) struct PointLabels<'a> {
 
 impl PointLabels<'_> {
     /// A number where least is in its way, joined to its point where that is not near.
-    pub fn write(&mut self, (x, y): (f64, f64), number: usize) -> Markup {
+    pub(super) fn write(&mut self, (x, y): (f64, f64), number: usize) -> Markup {
         let around = (0..16).map(|k| std::f64::consts::TAU * (f64::from(k) / 16.0 - 0.125));
         let places = [15.0, 22.0, 30.0, 40.0].into_iter().flat_map(|r| {
             around.clone().map(move |a: f64| (r, (x + r * maths::cos(a), y + r * maths::sin(a))))

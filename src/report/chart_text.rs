@@ -20,7 +20,7 @@ const RANKING: [&str; 7] = [
 
 /// The table of one scene's settings, with sentences on it: the reference, the front and the setting to take, or all
 /// of a full chart.
-pub fn chart_text(found: &Chart) -> String {
+pub(crate) fn chart_text(found: &Chart) -> String {
     let rows = found.rows();
     let mut text = format!(
         "{}: {} placements ranked by {}, against {}\n",
@@ -98,7 +98,7 @@ fn ranking_cells(row: &ChartRow) -> Vec<String> {
 }
 
 /// The setting to take in each scene, a row each.
-pub fn charts_text(charts: &[Chart]) -> String {
+pub(crate) fn charts_text(charts: &[Chart]) -> String {
     let titles = ["scene", "cheapest setting that keeps the ranking", "× faster", "τ", "regret %"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let names = numbered(charts.iter().map(|chart| chart.scene.clone()));
@@ -133,7 +133,7 @@ const COLUMNS: [(&str, f64); 8] = [
 
 /// Title and emphasis of a chart.
 #[derive(Debug, Clone, Copy)]
-pub struct ChartFrame<'a> {
+pub(crate) struct ChartFrame<'a> {
     /// Scene, placements, objective.
     pub title: &'a str,
     /// The scene's own voxel edge in metres.
@@ -196,7 +196,7 @@ fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
 
 /// One line a setting: its description, cost and error. A setting that was left early has the errors over its first
 /// placements, and the reason. Settings that were not begun come last.
-pub fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
+pub(crate) fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
     let mut csv = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,\
                    seconds_high,bytes,beams,triangles,score_error_median,score_error_largest,tau,tau_low,\
                    tau_high,regret,regret_low,regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,\
@@ -242,7 +242,7 @@ pub fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
 }
 
 /// The lines of [`fidelity_csv`] of a chart; of charts in `several` scenes each line behind the name of its scene.
-pub fn charts_csv(charts: &[Chart], several: bool) -> String {
+pub(crate) fn charts_csv(charts: &[Chart], several: bool) -> String {
     let names = numbered(charts.iter().map(|chart| chart.scene.clone()));
     let mut text = String::new();
     for (number, (name, chart)) in names.iter().zip(charts).enumerate() {
@@ -280,7 +280,7 @@ fn setting_cells(setting: &Setting, edge: f64) -> String {
 }
 
 /// A duration in two or three digits and its unit.
-pub fn seconds(value: f64) -> String {
+pub(crate) fn seconds(value: f64) -> String {
     let (value, unit) = match value {
         v if v < 1e-3 => (v * 1e6, "µs"),
         v if v < 1.0 => (v * 1e3, "ms"),
@@ -295,7 +295,7 @@ pub fn seconds(value: f64) -> String {
 const ROUNDING: f64 = 1e-3;
 
 /// The setting to take, and how much it saves, in two sentences; none where nothing was measured.
-pub fn chart_words(chart: &Chart) -> Vec<String> {
+pub(crate) fn chart_words(chart: &Chart) -> Vec<String> {
     let Some(verdict) = chart.verdict else { return Vec::new() };
     let (taken, finest) = (&chart.rated[verdict.setting], &chart.rated[0]);
     let tau = match taken.error.tau {

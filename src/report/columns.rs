@@ -3,7 +3,7 @@
 use super::text::{shortened, visible};
 
 /// Longest line of a table in characters.
-pub const WIDEST: usize = 100;
+pub(crate) const WIDEST: usize = 100;
 /// Longest cell of a table in characters: two names of placements and the words between them.
 const LONGEST_CELL: usize = 140;
 /// Characters that the first column may have in a table that is too wide.
@@ -60,7 +60,7 @@ fn behind(columns: &[Column]) -> usize {
 }
 
 /// A text in lines of at most `width` characters: broken between words, and longer words without their middle.
-pub fn folded(text: &str, width: usize) -> Vec<String> {
+pub(crate) fn folded(text: &str, width: usize) -> Vec<String> {
     if length(text) <= width {
         return vec![text.to_owned()];
     }
@@ -136,12 +136,12 @@ fn lines(group: &[&Column], row: usize) -> Vec<String> {
 /// Lines of equal columns, the first column to the left and numbers to the right; the first row has the titles. A table
 /// wider than [`WIDEST`] has titles and long cells on several lines, then becomes several tables with the first column
 /// in each.
-pub fn align_columns(rows: &[Vec<String>]) -> String {
+pub(crate) fn align_columns(rows: &[Vec<String>]) -> String {
     align_with_notes(rows, &[])
 }
 
 /// Like [`align_columns`], with lines below rows: `notes` has the lines of each row behind the titles.
-pub fn align_with_notes(rows: &[Vec<String>], notes: &[Vec<String>]) -> String {
+pub(crate) fn align_with_notes(rows: &[Vec<String>], notes: &[Vec<String>]) -> String {
     let count = rows.iter().map(Vec::len).max().unwrap_or(0);
     let cell = |row: &Vec<String>, column: usize| {
         let cell = row.get(column).map_or("", String::as_str);

@@ -9,7 +9,7 @@ use crate::rig::{Asymmetry, Comparison, MovedLidar};
 use sightline_files::json::counted;
 
 /// How far each LiDAR moved, whether its model is another, and how far each pair of either rig is from a mirror image.
-pub fn comparison_text(found: &Comparison) -> String {
+pub(crate) fn comparison_text(found: &Comparison) -> String {
     let numbers = |values: [f64; 3]| values.map(|value| fixed(value, 5));
     let table = |titles: [&str; 4], rows: &mut dyn Iterator<Item = (String, [f64; 3])>| {
         let mut all = vec![titles.map(str::to_owned).to_vec()];
@@ -75,7 +75,7 @@ fn alone_text(found: &Comparison) -> String {
 /// pair of either rig with its distance from a mirror image.
 ///
 /// Distances are metres, and radians between the rotations and between the sensors' own z axes.
-pub fn comparison_csv(found: &Comparison) -> String {
+pub(crate) fn comparison_csv(found: &Comparison) -> String {
     let mut rows = vec![titles(&[
         "part", "lidar", "other", "moved_m", "turned_rad", "tilted_rad", "same_roll", "model",
         "other_model",

@@ -32,7 +32,7 @@ const GOOD: &str = "#3d8f5f";
 
 /// A line a placement: shares, blind ground, depth of the blind zone in four directions; then ground lost again, poles seen by standard and
 /// wasted beams.
-pub fn near_field_text(all: &[NearField]) -> String {
+pub(crate) fn near_field_text(all: &[NearField]) -> String {
     let titles = [
         "placement", "near %", "3 m %", "blind m²", "zone m²", "blind ahead m", "behind", "left",
         "right",
@@ -111,7 +111,7 @@ pub(super) fn seen_of(near: &NearField, standard: Standard) -> [usize; 2] {
 
 /// One drawing a placement, from above: ground that is not seen, the blind zone, poles and LiDARs. Forward
 /// is to the right, left is up.
-pub fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -> String {
+pub(crate) fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -> String {
     let [low, high] = footprint.bounds();
     let size = [0, 1].map(|k| (high[k] - low[k] + 2.0 * NEAR + 1.0) * SCALE);
     let at = |[x, y]: [f64; 2]| {
@@ -278,7 +278,7 @@ pub(super) fn redundancy_rows(row: &Redundancy) -> Vec<Vec<String>> {
 
 /// A table a placement and scene: things that count, and the shares of them that no, one, two, three and more LiDARs
 /// see.
-pub fn redundancy_text(all: &[&Redundancy]) -> String {
+pub(crate) fn redundancy_text(all: &[&Redundancy]) -> String {
     let of = |row: &&Redundancy| {
         let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
         let technologies = row.technologies.as_ref().map(technology_rows);
@@ -354,7 +354,7 @@ fn verdict(row: &Overlap) -> String {
 }
 
 /// Three matrices a placement and scene, and whether pairs connect all LiDARs.
-pub fn overlap_text(all: &[Overlap]) -> String {
+pub(crate) fn overlap_text(all: &[Overlap]) -> String {
     let of = |row: &Overlap| {
         let heading = heading(&row.scene, &row.placement, row.lidars.len(), row.frames);
         let voxels = matrix("surface voxels", row, |a, b| fixed(row.shared_voxels[a][b], 0));

@@ -21,7 +21,7 @@ pub(super) struct Ink(pub &'static str, pub f64);
 
 impl Ink {
     /// An opaque colour.
-    pub const fn full(colour: &'static str) -> Self {
+    pub(super) const fn full(colour: &'static str) -> Self {
         Self(colour, 1.0)
     }
 
@@ -43,11 +43,11 @@ pub(super) struct Stroke {
 }
 
 impl Stroke {
-    pub const fn solid(colour: &'static str, width: f64) -> Self {
+    pub(super) const fn solid(colour: &'static str, width: f64) -> Self {
         Self { ink: Ink::full(colour), width, dash: 0.0 }
     }
 
-    pub const fn dashed(colour: &'static str, width: f64) -> Self {
+    pub(super) const fn dashed(colour: &'static str, width: f64) -> Self {
         Self { ink: Ink::full(colour), width, dash: 1.2 }
     }
 }

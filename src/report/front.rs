@@ -249,7 +249,7 @@ pub(super) fn refined_in_words(front: &Front, record: &FrontRecord) -> String {
 }
 
 /// A front and its folder as text: the sentence, the table with the picks, the sensors of each point.
-pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path) -> String {
+pub(crate) fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path) -> String {
     let mut text = format!("{}\n\n", front_verdict(front));
     if !front.points.is_empty() {
         let under = under(&record.conditions);
@@ -286,7 +286,7 @@ pub fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path)
 }
 
 /// A row a point: its objectives, price, sensors, whether it meets all requirements, its picks, then its scores.
-pub fn front_csv(front: &Front) -> String {
+pub(crate) fn front_csv(front: &Front) -> String {
     // Scores have columns of the same names.
     let mut first: Vec<String> =
         front.objectives.names().iter().map(|name| format!("objective_{name}")).collect();
@@ -303,7 +303,7 @@ pub fn front_csv(front: &Front) -> String {
 }
 
 /// Draws the first two objectives against each other; of three the third stands beside the points that are picked.
-pub fn front_plot(front: &Front) -> Plot {
+pub(crate) fn front_plot(front: &Front) -> Plot {
     let all = front.objectives.all();
     let scale = |objective: &FrontObjective, value: f64| match objective {
         FrontObjective::Requirements => 100.0 * value,

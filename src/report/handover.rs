@@ -110,19 +110,19 @@ struct Panel {
 
 impl Panel {
     /// Place on the sheet of metres to the right and upwards.
-    pub fn at(&self, [right, up]: Flat) -> Point {
+    pub(crate) fn at(&self, [right, up]: Flat) -> Point {
         [
             self.corner[0] + (right - self.low[0]) * self.scale,
             self.corner[1] - (up - self.low[1]) * self.scale,
         ]
     }
 
-    pub fn all(&self, points: &[Flat]) -> Vec<Point> {
+    pub(crate) fn all(&self, points: &[Flat]) -> Vec<Point> {
         points.iter().map(|point| self.at(*point)).collect()
     }
 
     /// Left, right, upper and lower edge on the sheet.
-    pub fn edges(&self) -> [f64; 4] {
+    pub(crate) fn edges(&self) -> [f64; 4] {
         let ([left, lower], [right, upper]) = (self.at(self.low), self.at(self.high));
         [left, right, upper, lower]
     }
@@ -154,7 +154,7 @@ fn size(view: &View) -> [f64; 2] {
 
 impl Sheet {
     /// `lines` is the number of lines of LiDARs and of the title block in a legend of so many millimetres of width.
-    pub fn of(views: &Views, lines: impl Fn(f64) -> usize) -> Self {
+    pub(crate) fn of(views: &Views, lines: impl Fn(f64) -> usize) -> Self {
         let [top, side, front] = [&views.top, &views.side, &views.front].map(size);
         let room = |scale: f64| A3[0] - 2.0 * EDGE - BETWEEN - scale * top[0];
         let legend = |scale: f64| legend_height(lines(room(scale).max(LEGEND)));
@@ -242,7 +242,7 @@ fn ahead(point: DVec3) -> Flat {
 }
 
 impl Views {
-    pub fn of(rig: &DrawnRig<'_>) -> Self {
+    pub(crate) fn of(rig: &DrawnRig<'_>) -> Self {
         let zone = match &rig.near {
             Ok((footprint, near)) => near.zone.outline(footprint, DRAWN),
             Err(_) => Vec::new(),

@@ -31,7 +31,7 @@ const NUMBER_COLOURS: [&str; 4] = ["#c9cfd6", "#e8a33d", "#5d9bd1", "#174a7c"];
 /// Information of a scene seen from above: nats in each column of voxels, the nats that are gained, and the LiDARs that
 /// cover a voxel of the column.
 #[derive(Debug, Clone, PartialEq)]
-pub struct InformationMap {
+pub(crate) struct InformationMap {
     cells: [u32; 2],
     /// Lower corner and size of the region in metres.
     min: [f64; 2],
@@ -53,7 +53,7 @@ impl InformationMap {
     ///
     /// # Errors
     /// See [`Backend::bitmaps`].
-    pub fn of(
+    pub(crate) fn of(
         problem: &Problem,
         engine: &mut dyn Backend,
         placement: &Placement,
@@ -80,7 +80,7 @@ impl InformationMap {
 
     /// The map with the outline of the own body, whose triangles are given in the ego frame, metres.
     #[must_use]
-    pub fn with_body(self, body: &[[[f32; 3]; 3]]) -> Self {
+    pub(crate) fn with_body(self, body: &[[[f32; 3]; 3]]) -> Self {
         let flat = |[x, y, _]: [f32; 3]| [x, y].map(f64::from);
         let from_above: Vec<_> = body.iter().map(|triangle| triangle.map(flat)).collect();
         Self { body: outline(&from_above), ..self }
@@ -97,7 +97,7 @@ impl InformationMap {
     }
 
     /// An empty map over the voxels that hold information.
-    pub fn new(roi: &Roi, content: &Content) -> Self {
+    pub(crate) fn new(roi: &Roi, content: &Content) -> Self {
         let (min, max, shape) = (roi.min(), roi.max(), roi.shape());
         let longer = shape[0].max(shape[1]);
         let cells = [0, 1].map(|k| (shape[k] * CELLS.min(longer)).div_ceil(longer).max(1));
@@ -127,7 +127,7 @@ impl InformationMap {
     }
 
     /// Adds the voxels covered in one of `frames` frames; `covers` is true for the linear index of a covered voxel.
-    pub fn add_frame(
+    pub(crate) fn add_frame(
         &mut self,
         roi: &Roi,
         content: &Content,
@@ -145,7 +145,7 @@ impl InformationMap {
 
     /// The map as SVG: grey where information is, the redder the more of it is gained; `placement`'s
     /// LiDARs as dots. Forward is to the right, left is up.
-    pub fn svg(&self, placement: &Placement) -> String {
+    pub(crate) fn svg(&self, placement: &Placement) -> String {
         let most = self.total.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         let colour = |i, j| self.colour(i, j, most);
         let rgb = |(information, share)| rgb(information, share);
@@ -153,7 +153,7 @@ impl InformationMap {
     }
 
     /// The columns that hold information by the number of LiDARs that cover a voxel of them, a mean over frames, rounded.
-    pub fn lidars_svg(&self, placement: &Placement) -> String {
+    pub(crate) fn lidars_svg(&self, placement: &Placement) -> String {
         let number = |i: u32, j: u32| {
             let cell = (i * self.cells[1] + j) as usize;
             let mean = f64::from(self.lidars[cell]) / f64::from(self.frames.max(1));
@@ -369,7 +369,7 @@ fn around(near: (f64, f64), far: (f64, f64)) -> String {
 /// The placement from above and from the right, with the mount's box and the ego body's outline.
 ///
 /// `body` holds the triangles of the ego body in the ego frame, in metres.
-pub fn placement_svg(
+pub(crate) fn placement_svg(
     placement: &Scored,
     constraints: &Constraints,
     body: &[[[f32; 3]; 3]],

@@ -29,7 +29,7 @@ pub(super) fn next_in_text(run: &RunRecord) -> Vec<String> {
 /// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then
 /// money and mounts that are left, and changes that let a search find more. Where all requirements are met: that a baseline
 /// meets them, too, for which fewer sensors may be enough.
-pub fn next_in_words(run: &RunRecord) -> Vec<String> {
+pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
     let cut = cut_in_words(&run.settings);
     let is_cut = cut.is_some();
     let mut steps: Vec<String> = cut.into_iter().collect();

@@ -39,7 +39,7 @@ use crate::shared::{
 };
 use crate::vehicle::{Constraints, Placement};
 
-pub use front::front_html;
+pub(crate) use front::front_html;
 
 /// The page of a run: the result in a sentence and a picture, then all that is known of it. `tolerance` is
 /// [`Subject::tolerance`].

@@ -44,7 +44,7 @@ fn legend_lines(text: &str) -> Vec<String> {
 
 /// Kind of the x axis.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Axis {
+pub(crate) enum Axis {
     /// Names at equal distances; the points of a series come in their order.
     Names(Vec<String>),
     /// Numbers.
@@ -53,7 +53,7 @@ pub enum Axis {
 
 /// One set of points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
+pub(crate) struct Series {
     /// For the legend.
     pub name: String,
     /// (x, y); with [`Axis::Names`], x is the number of the name.
@@ -68,7 +68,7 @@ pub struct Series {
 
 /// A plain chart of some series.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plot {
+pub(crate) struct Plot {
     /// Over the chart.
     pub title: String,
     /// Under the x axis.
@@ -98,7 +98,7 @@ pub(super) struct Change {
 
 impl Plot {
     /// The SVG, to stand alone or in a page.
-    pub fn svg(&self) -> String {
+    pub(crate) fn svg(&self) -> String {
         self.svg_with(&[], &[])
     }
 

@@ -320,7 +320,7 @@ fn stopped(outcome: &Outcome, frames: usize) -> String {
 }
 
 /// Most bytes that the process has held; `None` where the system does not tell.
-pub fn peak_memory() -> Option<u64> {
+pub(crate) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
@@ -340,7 +340,7 @@ fn seen_text(record: &RunRecord) -> String {
 }
 
 /// Result of a run and its folder as text: verdict, range card, near field, scores with requirements, then the rest.
-pub fn record_text(record: &RunRecord, folder: &Path) -> String {
+pub(crate) fn record_text(record: &RunRecord, folder: &Path) -> String {
     let mut text = String::new();
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
@@ -442,7 +442,7 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
 /// The best and the median objective against evaluations. Baselines and result are lines across, since swaps may find
 /// the result after the generations. Curves end at each change of frames in `steps`, (generation, frames), the start
 /// first: values over other frames do not compare. An upright line marks it.
-pub fn convergence_svg(
+pub(crate) fn convergence_svg(
     history: &[GenerationRecord],
     objective: &str,
     baselines: &[Scored],

@@ -10,7 +10,7 @@ use crate::search::Scored;
 
 /// The result of a search, if there is one, then its baselines: the rows of `score --format csv`. In a single scene result
 /// and best baseline have their near field over the few frames of the page.
-pub fn run_csv(run: &RunRecord) -> String {
+pub(crate) fn run_csv(run: &RunRecord) -> String {
     let near = run.near_field.as_ref().filter(|_| run.scenes.is_empty());
     let rival = Scored::yardstick(&run.baselines);
     let all: Vec<&Scored> = run.best.iter().chain(&run.baselines).collect();
@@ -77,7 +77,7 @@ const OF_AUDIT: [&str; 8] = [
 
 /// A row for the base of each scene, for each attempt to look better than it and for each change of the model, with its
 /// scores.
-pub fn audits_csv(all: &[Audit]) -> String {
+pub(crate) fn audits_csv(all: &[Audit]) -> String {
     let mut rows = vec![titles(&["scene", "part", "name"])];
     rows[0].extend(score_titles(&[]));
     rows[0].extend(titles(&OF_AUDIT));

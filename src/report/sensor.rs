@@ -15,7 +15,7 @@ const BAR: usize = 40;
 
 /// Facts of a sensor, angles in degrees. Facts of channels can be read again as a sensor file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SensorFacts {
+pub(crate) struct SensorFacts {
     /// Format of the file.
     pub format: String,
     /// Model, if the file states one.
@@ -86,7 +86,7 @@ fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
 
 impl SensorFacts {
     /// Facts of a pattern, with `steps` azimuth steps a turn where they are given.
-    pub fn of(pattern: &SensorPattern, steps: Option<u32>) -> Self {
+    pub(crate) fn of(pattern: &SensorPattern, steps: Option<u32>) -> Self {
         let angles = angles(&pattern.beams);
         let is_listed = matches!(pattern.beams, Beams::Directions(_));
         let mut sorted: Vec<f64> = angles.iter().map(|angle| angle[1]).collect();
@@ -125,7 +125,7 @@ impl SensorFacts {
 }
 
 /// Facts and a drawing of the elevations as text.
-pub fn sensor_text(pattern: &SensorPattern, facts: &SensorFacts) -> String {
+pub(crate) fn sensor_text(pattern: &SensorPattern, facts: &SensorFacts) -> String {
     let number = |v: f64| trimmed(v, 3);
     let range = |[low, high]: [f64; 2]| match low == high {
         true => format!("{}°", number(low)),
@@ -207,7 +207,7 @@ struct Dots {
 }
 
 /// Draws a pattern as SVG, with `facts` that [`SensorFacts::of`] gave.
-pub fn sensor_svg(pattern: &SensorPattern, facts: &SensorFacts) -> String {
+pub(crate) fn sensor_svg(pattern: &SensorPattern, facts: &SensorFacts) -> String {
     let angles = angles(&pattern.beams);
     let dots = dots(&pattern.beams, &angles, facts.azimuth_steps);
     let all = || dots.first.iter().chain(&dots.others);

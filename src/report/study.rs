@@ -12,7 +12,7 @@ use crate::study::{Row, Table, TablePlot};
 use crate::targets::RangeCard;
 
 /// Draws a table by its `drawing`.
-pub fn study_plot(table: &Table) -> Plot {
+pub(crate) fn study_plot(table: &Table) -> Plot {
     let number = |row: &Row, column: usize| row.values[column].unwrap_or(f64::NAN);
     let rows = || table.rows.iter();
     let (x_title, y_title, x, series) = match &table.drawing {
@@ -138,7 +138,7 @@ fn first_of(sweep: &Sweep, title: &str, faults: impl Fn(&SweepRow) -> Vec<String
 }
 
 /// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
-pub fn sweep_text(all: &[Sweep]) -> String {
+pub(crate) fn sweep_text(all: &[Sweep]) -> String {
     let of = |sweep: &Sweep| {
         let Sweep { placement, lidar, mirrored_lidar, field, .. } = sweep;
         let mirrored = mirrored_lidar.map_or(String::new(), |image| {
@@ -167,7 +167,7 @@ pub fn sweep_text(all: &[Sweep]) -> String {
 }
 
 /// Scores and shares of requirements over the values, among them the value as it is given where it lies within.
-pub fn sweep_plot(sweep: &Sweep) -> String {
+pub(crate) fn sweep_plot(sweep: &Sweep) -> String {
     let values = || sweep.rows.iter().filter(|row| !row.as_given).map(|row| row.value);
     let [low, high] = [f64::min, f64::max].map(|of| values().reduce(of).unwrap_or_default());
     let given = sweep.rows.iter().find(|row| row.as_given).map(|row| row.value);
@@ -303,7 +303,7 @@ fn copies_text(room: &Room) -> String {
 
 /// Tables of a placement: how far each field holds to either side and what breaks first; the same for the tilt of the
 /// body; then copies within tolerances.
-pub fn room_text(all: &[Room]) -> String {
+pub(crate) fn room_text(all: &[Room]) -> String {
     let of = |room: &Room| {
         let mut text = format!("{}\n", room.placement);
         let guards = room.guards.iter().map(Guard::to_string);

@@ -87,28 +87,28 @@ pub(super) struct Scale {
 
 impl Scale {
     /// An axis of equal steps.
-    pub fn linear(range: (f64, f64), pixels: (f64, f64)) -> Self {
+    pub(super) fn linear(range: (f64, f64), pixels: (f64, f64)) -> Self {
         Self { range, pixels, is_log: false }
     }
 
     /// An axis of equal factors; `range` holds logarithms to base 10.
-    pub fn log(range: (f64, f64), pixels: (f64, f64)) -> Self {
+    pub(super) fn log(range: (f64, f64), pixels: (f64, f64)) -> Self {
         Self { range, pixels, is_log: true }
     }
 
     /// Lowest and highest value, on a logarithmic axis their logarithms.
-    pub fn range(&self) -> (f64, f64) {
+    pub(super) fn range(&self) -> (f64, f64) {
         self.range
     }
 
     /// Pixel of a value.
-    pub fn at(&self, value: f64) -> f64 {
+    pub(super) fn at(&self, value: f64) -> f64 {
         scale(if self.is_log { maths::log10(value) } else { value }, self.range, self.pixels)
     }
 
     /// Round numbers along the axis: about six, or on a logarithmic axis 1, 2, …, 9 times powers of ten,
     /// of which 1, and where there is room 2 and 5, are written out by `name`.
-    pub fn ticks(&self, name: fn(f64) -> String) -> Vec<Tick> {
+    pub(super) fn ticks(&self, name: fn(f64) -> String) -> Vec<Tick> {
         let (low, high) = self.range;
         if !self.is_log {
             let round = round_numbers(low, high, 6).into_iter();
@@ -144,13 +144,13 @@ pub(super) struct Axes {
 
 impl Axes {
     /// Pixel of a point.
-    pub fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
+    pub(super) fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
         (self.x.at(x), self.y.at(y))
     }
 
     /// Both axes with ticks: lines across for y, and for x where it is logarithmic, else short marks.
     /// `turned` names stand aslant.
-    pub fn draw(&self, x: &[Tick], y: &[Tick], turned: bool) -> Markup {
+    pub(super) fn draw(&self, x: &[Tick], y: &[Tick], turned: bool) -> Markup {
         let (left, right) = self.x.pixels;
         let (bottom, top) = self.y.pixels;
         let style = |tick: &Tick| if tick.text.is_some() { (FAINT, ".7") } else { (PALE, ".6") };

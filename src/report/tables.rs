@@ -70,7 +70,7 @@ pub(crate) fn score_rows<'a>(
 
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
 /// beams on the own body, ground lost again by side. Last come the frames of the deepest lanes by side, where bodies move.
-pub fn near_field_csv(all: &[NearField]) -> String {
+pub(crate) fn near_field_csv(all: &[NearField]) -> String {
     let mut rows = vec![titles(&[
         "placement", "near_field_share", "ring_3m_share", "blind_area_m2", "zone_area_m2",
         "blind_ahead_m", "blind_behind_m", "blind_left_m", "blind_right_m",
@@ -98,7 +98,7 @@ pub fn near_field_csv(all: &[NearField]) -> String {
 
 /// Beams on targets, a row for each place and frame: all beams, beams of each LiDAR, and at the bearing the farthest
 /// distance of detection and every run of distances.
-pub fn targets_csv(table: &TargetTable) -> String {
+pub(crate) fn targets_csv(table: &TargetTable) -> String {
     let first = titles(&[
         "scene", "frame", "placement", "target", "bearing_deg", "distance_m", "beams",
         "beams_by_lidar", "overlaps_body", "first_m", "detected_m",
@@ -126,7 +126,7 @@ pub fn targets_csv(table: &TargetTable) -> String {
 
 /// A row a thing: how many there are, and the shares that no, one, two, three and more LiDARs see; further columns by
 /// technology where a vehicle has several.
-pub fn redundancy_csv(all: &[&Redundancy]) -> String {
+pub(crate) fn redundancy_csv(all: &[&Redundancy]) -> String {
     let has_technologies = all.iter().any(|of| of.technologies.is_some());
     let mut first = titles(&[
         "scene",
@@ -191,7 +191,7 @@ fn technology_cells(seen: Option<&SeenByTechnologies>) -> [String; 5] {
 }
 
 /// A row a pair of LiDARs, and one of each with itself: voxels and directions of the sphere that both see.
-pub fn overlap_csv(all: &[Overlap]) -> String {
+pub(crate) fn overlap_csv(all: &[Overlap]) -> String {
     let mut rows = vec![titles(&[
         "scene", "placement", "lidar", "other", "model", "other_model", "shared_voxels", "overlap",
         "shared_sphere_share", "all_connected",
@@ -215,7 +215,7 @@ pub fn overlap_csv(all: &[Overlap]) -> String {
 }
 
 /// A row a value of the field: scores, bearings in which a car is lost, rules that are broken.
-pub fn sweep_csv(all: &[Sweep]) -> String {
+pub(crate) fn sweep_csv(all: &[Sweep]) -> String {
     let mut first = titles(&["lidar", "field", "value", "unit", "as_given"]);
     first.extend(score_titles(&[]));
     first.push("car_lost_deg".to_owned());
@@ -235,7 +235,7 @@ pub fn sweep_csv(all: &[Sweep]) -> String {
 
 /// A row a field of a LiDAR: how far it holds to either side and what breaks; of a placement that misses
 /// requirements as it is, a row first that names them: the others leave them out.
-pub fn room_csv(all: &[Room]) -> String {
+pub(crate) fn room_csv(all: &[Room]) -> String {
     let mut rows = vec![titles(&[
         "placement", "lidar", "field", "unit", "minus_holds_to", "minus_breaks_at", "minus_breaks",
         "plus_holds_to", "plus_breaks_at", "plus_breaks", "missed_as_it_is", "minus_self_hit_at",
@@ -275,7 +275,7 @@ pub fn room_csv(all: &[Room]) -> String {
 }
 
 /// A study's cases; of several tables all, each row with the title of its own, the columns of all beside each other.
-pub fn studies_csv(tables: &[&Table]) -> String {
+pub(crate) fn studies_csv(tables: &[&Table]) -> String {
     if let [table] = tables {
         return table.csv();
     }
@@ -307,7 +307,7 @@ pub fn studies_csv(tables: &[&Table]) -> String {
 /// A score as it is shown to people: title and cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum ScoreColumn {
+pub(crate) enum ScoreColumn {
     /// Name of the placement.
     Name,
     /// M-SOG, literal eq. 5.
@@ -338,7 +338,7 @@ pub enum ScoreColumn {
 
 impl ScoreColumn {
     /// Every column, the name first.
-    pub const ALL: [Self; 13] = [
+    pub(crate) const ALL: [Self; 13] = [
         Self::Name,
         Self::Gain,
         Self::GainShare,
@@ -354,12 +354,15 @@ impl ScoreColumn {
         Self::Hits,
     ];
     /// The columns that an objective can name.
-    pub const METRICS: [Self; 6] =
+    pub(crate) const METRICS: [Self; 6] =
         [Self::Gain, Self::NearGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
 
     /// Columns to show of some scores: all, the near field only where it was looked for, and near gains of several LiDARs
     /// only where an objective names them.
-    pub fn shown<'a>(all: impl IntoIterator<Item = &'a Scores>, objective: &str) -> Vec<Self> {
+    pub(crate) fn shown<'a>(
+        all: impl IntoIterator<Item = &'a Scores>,
+        objective: &str,
+    ) -> Vec<Self> {
         let looked = all.into_iter().any(|scores| scores.near_field.is_some());
         let is_shown = |column: &Self| match column {
             Self::NearField => looked,
@@ -371,14 +374,14 @@ impl ScoreColumn {
     }
 
     /// Share that results are compared by where an objective was maximized: each near gain for itself, else the gain.
-    pub fn argued(objective: &str) -> Self {
+    pub(crate) fn argued(objective: &str) -> Self {
         let of = [Self::NearGain, Self::NearGain2, Self::NearGain3];
         let named = NEAR_GAINS.iter().position(|name| *name == objective);
         named.map_or(Self::GainShare, |named| of[named])
     }
 
     /// A near gain or the information gain as a share, for [`Self::argued`].
-    pub fn share(self, scores: &Scores) -> Option<f64> {
+    pub(crate) fn share(self, scores: &Scores) -> Option<f64> {
         match self {
             Self::NearGain => scores.near_gain,
             Self::NearGain2 => scores.near_gain_2,
@@ -407,12 +410,12 @@ impl ScoreColumn {
     }
 
     /// Title with its unit.
-    pub fn title(self) -> &'static str {
+    pub(crate) fn title(self) -> &'static str {
         self.facts().1
     }
 
     /// Title in CSV, its unit last.
-    pub fn key(self) -> &'static str {
+    pub(crate) fn key(self) -> &'static str {
         self.facts().0
     }
 
@@ -444,7 +447,7 @@ impl ScoreColumn {
     }
 
     /// The cell of a placement; – where the score does not exist.
-    pub fn cell(self, scores: &Scores) -> String {
+    pub(crate) fn cell(self, scores: &Scores) -> String {
         let (_, _, factor, decimals) = self.facts();
         match self {
             Self::Name => scores.name.clone(),
@@ -455,19 +458,19 @@ impl ScoreColumn {
 }
 
 /// A number, or – where there is none.
-pub fn optional(value: Option<f64>, decimals: usize) -> String {
+pub(crate) fn optional(value: Option<f64>, decimals: usize) -> String {
     value.map_or("–".into(), |v| fixed(v, decimals))
 }
 
 /// A row of titles, then a row a placement: its name, its gain, or near gain where that was maximized, in per cent over
 /// all scenes and in each; `None` where there is one scene.
-pub fn by_scene(run: &RunRecord) -> Option<Vec<Vec<String>>> {
+pub(crate) fn by_scene(run: &RunRecord) -> Option<Vec<Vec<String>>> {
     let column = ScoreColumn::argued(&run.objective);
     rows_by_scene(&run.scenes, run.best.as_ref(), &run.baselines, column)
 }
 
 /// Like [`by_scene`], of scenes, a result and baselines, by a share.
-pub fn rows_by_scene(
+pub(crate) fn rows_by_scene(
     scenes: &[SceneRecord],
     best: Option<&Scored>,
     baselines: &[Scored],

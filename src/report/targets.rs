@@ -16,7 +16,7 @@ use crate::targets::{
 };
 use sightline_files::json::counted;
 
-pub use beams::targets_text;
+pub(crate) use beams::targets_text;
 
 /// Pixels of a panel, of the radius of its circle, of its title.
 const PANEL: f64 = 400.0;
@@ -156,7 +156,7 @@ pub(super) fn reach_in_words(card: &RangeCard) -> Option<String> {
 }
 
 /// The range card of a placement: a line a bearing.
-pub fn range_card_text(card: &RangeCard) -> String {
+pub(crate) fn range_card_text(card: &RangeCard) -> String {
     let on_card = |sector: &&BlindSector| {
         let bearings = card.targets.first().map_or(&[][..], |target| &target.bearings);
         !bearings.iter().any(|of| of.bearing == sector.worst)
@@ -257,7 +257,7 @@ fn of_detections(detections: &[Detection]) -> Vec<MetRuns<'_>> {
 }
 
 /// A polar plot a placement: for each bearing the distances of detection, a strip a target. Ahead is up, left is left.
-pub fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
+pub(crate) fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
     let panels = by_placement(table);
     let all: Vec<MetRuns<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
     panels_svg(question, &panels, farthest(all.iter()))

@@ -13,7 +13,7 @@ use crate::verify::Verification;
 use sightline_files::json::counted;
 
 /// A text of at most `most` characters: the end of a longer one is an ellipsis.
-pub fn shortened(text: &str, most: usize) -> String {
+pub(crate) fn shortened(text: &str, most: usize) -> String {
     match text.char_indices().nth(most) {
         None => text.to_owned(),
         Some(_) => text.chars().take(most - 1).chain(['…']).collect(),
@@ -22,7 +22,7 @@ pub fn shortened(text: &str, most: usize) -> String {
 
 /// A text as a terminal may show it: characters that it would obey, or that turn the order of letters or the line,
 /// are spelled out.
-pub fn visible(text: &str) -> String {
+pub(crate) fn visible(text: &str) -> String {
     let spell = |c: char| match c {
         _ if c.is_control() => c.escape_default().to_string(),
         _ if is_hidden(c) => c.escape_unicode().to_string(),
@@ -78,7 +78,7 @@ pub(super) fn told_findings(all: &[Finding]) -> impl Iterator<Item = &Finding> {
 }
 
 /// Rank correlations of properties of layouts with the objective, one property a line; empty where none has one.
-pub fn findings_text(all: &[Finding], objective: &str) -> String {
+pub(crate) fn findings_text(all: &[Finding], objective: &str) -> String {
     let title = ["over random placements", "with mean height held fixed"].map(str::to_owned);
     let [first, last] = title;
     let mut rows = vec![vec![first, format!("rank correlation with {objective}"), last]];
@@ -146,7 +146,7 @@ pub(super) fn stopped_in_words(stopped: &str, limit: Option<[String; 2]>, done: 
 }
 
 /// A study's cases and notes. Columns in which no case has a number are named in a line.
-pub fn study_text(table: &Table) -> String {
+pub(crate) fn study_text(table: &Table) -> String {
     let number = |value: Option<f64>, column: usize| match value {
         None => "–".to_owned(),
         Some(v) if table.columns[column + 1].ends_with(" %") => fixed(v, 2),
@@ -187,7 +187,7 @@ pub fn study_text(table: &Table) -> String {
 
 /// The poses of a placement, a line each, in metres and radians and then in millimetres and degrees; `mounts` names the
 /// mount of each LiDAR, or is empty.
-pub fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> String {
+pub(crate) fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> String {
     let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let mut small = vec![
@@ -223,7 +223,7 @@ pub(in crate::report) fn phase_text(pose: &SensorPose) -> String {
 }
 
 /// Names of scenes, of equal ones the later ones with a number: they tell rows and folders apart.
-pub fn numbered(names: impl IntoIterator<Item = String>) -> Vec<String> {
+pub(crate) fn numbered(names: impl IntoIterator<Item = String>) -> Vec<String> {
     let mut told: Vec<String> = Vec::new();
     for wanted in names {
         let numbered = (2..).map(|number| format!("{wanted}-{number}"));
@@ -235,7 +235,7 @@ pub fn numbered(names: impl IntoIterator<Item = String>) -> Vec<String> {
 }
 
 /// Its facts, a line each, and the part of each class in the entropy.
-pub fn psog_text(info: &PsogInfo) -> String {
+pub(crate) fn psog_text(info: &PsogInfo) -> String {
     format!("{}\n{}", facts(info), classes(info))
 }
 
@@ -297,7 +297,7 @@ const RESAMPLES: usize = 10_000;
 
 /// A result against one baseline.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Against<'a> {
+pub(crate) struct Against<'a> {
     /// Name of the baseline.
     pub name: &'a str,
     /// Gain of the baseline, as a share.
@@ -309,7 +309,7 @@ pub struct Against<'a> {
 }
 
 /// The result against every baseline that gains anything, in their order, by a share: see [`ScoreColumn::argued`].
-pub fn against<'a>(
+pub(crate) fn against<'a>(
     best: &Scored,
     baselines: &'a [Scored],
     scenes: &[SceneRecord],
@@ -339,7 +339,11 @@ pub fn against<'a>(
 }
 
 /// Differences of a GPU from the CPU reference, and of that from `f64`, a line each.
-pub fn verification_text(scene: &str, conditions: &[String], found: &Verification) -> String {
+pub(crate) fn verification_text(
+    scene: &str,
+    conditions: &[String],
+    found: &Verification,
+) -> String {
     let lines = |rows: &[(&str, String)]| {
         let row = |(name, value): &(&str, String)| vec![format!("  {name}"), value.clone()];
         align_columns(&rows.iter().map(row).collect::<Vec<_>>())

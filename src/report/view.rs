@@ -19,7 +19,7 @@ use crate::psog::Roi;
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::Placement;
 
-pub use sight::{Gains, InformationView};
+pub(super) use sight::{Gains, InformationView};
 
 /// Frames that the slider goes through at most, on a page of one scene and on one of several.
 const FRAMES: [u32; 2] = [12, 6];
@@ -30,7 +30,7 @@ const VOXELS: usize = 60_000;
 
 /// Data that the 3-D view of a placement shows in one scene.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ViewData {
+pub(crate) struct ViewData {
     scene: String,
     roi: Roi,
     classes: Vec<String>,
@@ -49,7 +49,7 @@ impl ViewData {
     ///
     /// # Errors
     /// See [`Backend::bitmaps`] and [`Backend::hits`].
-    pub fn new(
+    pub(crate) fn new(
         scene: &Scene,
         problem: &Problem,
         engine: &mut dyn Backend,
@@ -75,22 +75,22 @@ impl ViewData {
     }
 
     /// Name of the scene.
-    pub fn scene(&self) -> &str {
+    pub(crate) fn scene(&self) -> &str {
         &self.scene
     }
 
     /// Numbers of the frames shown.
-    pub fn frames(&self) -> &[usize] {
+    pub(crate) fn frames(&self) -> &[usize] {
         &self.frames
     }
 
     /// Nats that the layouts gain, by class and by distance.
-    pub fn gains(&self) -> &Gains {
+    pub(crate) fn gains(&self) -> &Gains {
         &self.sight.gains
     }
 
     /// Sentences on frames, things and voxels that the view leaves out.
-    pub fn left_out(&self) -> Vec<String> {
+    pub(crate) fn left_out(&self) -> Vec<String> {
         let (shown, all) = (self.frames.len(), self.frame_count);
         let frames =
             (shown < all).then(|| format!("The slider goes through {shown} of {all} frames."));
@@ -105,7 +105,7 @@ const CELLS: [f64; 2] = [0.1, 30.0];
 
 /// Things that the view draws.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Things {
+pub(super) struct Things {
     /// Equal things share a shape.
     pub shapes: Vec<TriangleSoup>,
     /// Shape of each thing, in the order static world, actors, bodies of the ego.
@@ -120,7 +120,7 @@ pub struct Things {
 
 impl Things {
     /// The things of a scene and their poses in some of its frames, on a page with `scenes` scenes.
-    pub fn new(scene: &Scene, frames: &[usize], scenes: usize) -> Self {
+    pub(super) fn new(scene: &Scene, frames: &[usize], scenes: usize) -> Self {
         let mut shapes: Vec<TriangleSoup> = Vec::new();
         let mut shape_of = Vec::new();
         for part in scene.parts(EgoBody::Include) {
@@ -153,7 +153,7 @@ impl Things {
     }
 
     /// Sentence on corners that were merged; `None` where none was.
-    pub fn left_out(&self) -> Option<String> {
+    pub(super) fn left_out(&self) -> Option<String> {
         let (all, shown) = (self.triangles, count(&self.shapes));
         let words = "The scene's {all} triangles are drawn as {shown}: near corners are merged.";
         let words = words.replace("{all}", &all.to_string()).replace("{shown}", &shown.to_string());
@@ -189,7 +189,7 @@ const BEAMS: usize = 1200;
 
 /// Ends of beams in the ego frame, metres; beams that hit nothing are left out where beams end at hits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BeamEnds {
+pub(super) struct BeamEnds {
     /// `[frames][lidars]`.
     pub ends: Vec<Vec<Vec<[f32; 3]>>>,
     /// Largest step over the LiDARs: one in `every` beams is drawn.
@@ -200,7 +200,7 @@ pub struct BeamEnds {
 
 impl BeamEnds {
     /// The beams of a placement in some frames of a scene, on a page with `scenes` scenes.
-    pub fn new(
+    pub(super) fn new(
         problem: &Problem,
         engine: &mut dyn Backend,
         placement: &Placement,
@@ -266,7 +266,7 @@ fn step(value: f64, [low, high]: [f64; 2], steps: f64) -> f64 {
 
 impl ViewData {
     /// The JSON header, and the bytes as base64.
-    pub fn packed(&self) -> (String, String) {
+    pub(crate) fn packed(&self) -> (String, String) {
         let mut bytes = Bytes::default();
         let shapes: Vec<Value> =
             self.things.shapes.iter().map(|shape| shape_json(shape, &mut bytes)).collect();

@@ -21,7 +21,7 @@ use sightline_files::json::counted;
 ///
 /// A baseline counts if it keeps the rules of the mount and violates no guard. A result that gains less information
 /// than such a baseline is never called better without saying so.
-pub fn run_verdict(run: &RunRecord) -> String {
+pub(crate) fn run_verdict(run: &RunRecord) -> String {
     let near = run.near_field.as_ref().map(|near| unseen_in_words(&near.near)).unwrap_or_default();
     let of_run = OfRun { price: price_in_words(&run.settings), near };
     verdict_at(&of_run, run.best.as_ref(), &run.baselines, &run.objective)
@@ -64,7 +64,7 @@ fn verdict_at(
 }
 
 /// Like [`run_verdict`], for a placement that was given.
-pub fn judged(best: &Scored, baselines: &[Scored], objective: &str) -> String {
+pub(crate) fn judged(best: &Scored, baselines: &[Scored], objective: &str) -> String {
     let of_run = OfRun { price: best.price.map_or(String::new(), at_price), ..OfRun::default() };
     judged_at(&best.placement.name, &of_run, best, baselines, objective)
 }
@@ -218,7 +218,7 @@ fn met_in_words(subject: &str, facts: &str, best: &Scored) -> String {
 }
 
 /// A line for each placement that breaks rules of the mount, with the first of them.
-pub fn broken_in_words(all: &[Scored]) -> Vec<String> {
+pub(crate) fn broken_in_words(all: &[Scored]) -> Vec<String> {
     let line = |scored: &Scored| {
         let (first, others) = scored.violations.split_first()?;
         let more =
@@ -306,7 +306,7 @@ fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
 
 /// Sentence that compares the gain over the best baseline with the spread between scenes; `None` where there is nothing
 /// to compare.
-pub fn spread_in_words(run: &RunRecord) -> Option<String> {
+pub(crate) fn spread_in_words(run: &RunRecord) -> Option<String> {
     if let Some(spread) = &run.spread {
         return Some(spread.words.clone());
     }
@@ -353,7 +353,7 @@ fn penalty_in_words(best: &Scored, objective: &str) -> String {
 
 /// How far apart the climbs of the swaps ended; where none met all requirements and the result does, where that is from.
 /// `None` without swaps.
-pub fn climbs_in_words(run: &RunRecord) -> Option<String> {
+pub(crate) fn climbs_in_words(run: &RunRecord) -> Option<String> {
     let is_met = run.best.as_ref().is_some_and(|best| best.scores.missing() == 0.0);
     let won = run.methods.iter().find(|method| method.won).map(|method| method.method);
     Some(climbs_and_result(run.climbs.as_ref()?, is_met, won))
@@ -373,7 +373,7 @@ fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String
 }
 
 /// Objective that each search method reached, and which method gave the result.
-pub fn methods_in_words(run: &RunRecord) -> String {
+pub(crate) fn methods_in_words(run: &RunRecord) -> String {
     let won = run.methods.iter().find(|method| method.won);
     let is_beaten = run.methods.iter().any(|m| won.is_some_and(|won| m.objective > won.objective));
     let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
@@ -398,7 +398,7 @@ pub fn methods_in_words(run: &RunRecord) -> String {
 }
 
 /// Bounds on placements that were not evaluated.
-pub fn certificate_in_words(run: &RunRecord) -> String {
+pub(crate) fn certificate_in_words(run: &RunRecord) -> String {
     match &run.certificate {
         None => "nothing is claimed about placements that were not evaluated".into(),
         Some(certificate) => {
@@ -409,13 +409,13 @@ pub fn certificate_in_words(run: &RunRecord) -> String {
 
 /// Frames that result and baselines are scored over: `40 frames`, or `4 of 40 frames` where time or a wish to stop ended a
 /// search early.
-pub fn frames_in_words(scored: usize, all: usize) -> String {
+pub(crate) fn frames_in_words(scored: usize, all: usize) -> String {
     let frames = counted(all, "frame");
     if scored < all { format!("{scored} of {frames}") } else { frames }
 }
 
 /// How much better than the result another placement on a grid could be.
-pub fn bound_in_words(certificate: &Certificate, best: &Scored) -> String {
+pub(crate) fn bound_in_words(certificate: &Certificate, best: &Scored) -> String {
     let is_chosen = best.placement.lidars.iter().any(|lidar| !lidar.sensor.is_none());
     let words = [
         (is_chosen, ", with these sensors on their mounts"),
@@ -426,7 +426,7 @@ pub fn bound_in_words(certificate: &Certificate, best: &Scored) -> String {
 }
 
 /// A text as one word of a shell: as it is, or between quotes where a shell would take it apart.
-pub fn word(text: &str) -> String {
+pub(crate) fn word(text: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-/:=,+%".contains(c);
     match !text.is_empty() && text.chars().all(is_plain) {
         true => text.to_owned(),
@@ -435,7 +435,7 @@ pub fn word(text: &str) -> String {
 }
 
 /// An absolute path as a command names it: relative where the file lies below the current folder.
-pub fn from_here(path: &Path) -> String {
+pub(crate) fn from_here(path: &Path) -> String {
     let here = std::env::current_dir().ok();
     let below = here.and_then(|here| path.strip_prefix(here).ok());
     let below = below.map(Path::to_string_lossy);

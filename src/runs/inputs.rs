@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::{Computing, RunError, Watcher};
 use crate::json::{FileKind, ForeignJson};
 use crate::problem::Problem;
-pub use crate::vehicle::placement_file::file_and_name;
+pub(super) use crate::vehicle::placement_file::file_and_name;
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{
     Constraints, Doubts, ForeignLidar, Placement, PlacementFileError, SensorChoice, SensorPose,

@@ -52,7 +52,7 @@ fn told(scene: Scene, watcher: &dyn Watcher) -> Result<Scene, RunError> {
 }
 
 /// Files and options of a command: scenes, weather and frames, and the vehicle of all commands.
-pub fn files(
+pub(super) fn files(
     scenes: &[PathBuf],
     conditions: &[Condition],
     frames: Option<u32>,
@@ -63,7 +63,7 @@ pub fn files(
 }
 
 /// Reads the scenes of a job and reads or builds their P-SOGs; problems are made when they are first needed.
-pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, RunError> {
+pub(super) fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, RunError> {
     job_within(files, None, computing)
 }
 
@@ -97,14 +97,14 @@ pub(crate) fn job_within(
 }
 
 /// Notes that the ground of a scene is not level where targets of requirements and range cards stand.
-pub fn note_relief(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
+pub(super) fn note_relief(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
     job.relief_in_words()?.iter().for_each(|words| watcher.note(words));
     Ok(())
 }
 
 /// Reads or builds the P-SOG of a scene, until the watcher or a limit of time stops it. A scene of few frames is scanned
 /// whatever the time.
-pub fn psog(
+pub(super) fn psog(
     scene: &JobScene,
     time: Option<TimeLimit>,
     watcher: &dyn Watcher,
@@ -299,7 +299,7 @@ pub(crate) fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(),
 }
 
 /// Notes on mounts, and on ground that is not level, of a job that is about to search.
-pub fn note_before_search(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
+pub(super) fn note_before_search(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
     note_mounts(&job.scenes()[0], watcher)?;
     note_relief(job, watcher)
 }

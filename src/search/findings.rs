@@ -43,7 +43,7 @@ const FEWEST: usize = 10;
 
 /// Rank correlations of layout properties with the score over a sample, also with mean height held fixed; none of fewer
 /// than ten placements.
-pub fn findings(sample: &[(Placement, f64)]) -> Vec<Finding> {
+pub(super) fn findings(sample: &[(Placement, f64)]) -> Vec<Finding> {
     if sample.len() < FEWEST { Vec::new() } else { correlated(sample) }
 }
 

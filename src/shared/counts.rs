@@ -106,7 +106,7 @@ pub(super) struct PlacementModels {
 }
 
 impl PlacementModels {
-    pub fn new(lidars: impl IntoIterator<Item = SensorName>) -> Self {
+    pub(super) fn new(lidars: impl IntoIterator<Item = SensorName>) -> Self {
         let mut models = Self { names: Vec::new(), of: Vec::new() };
         for name in lidars {
             let known = models.names.iter().position(|known| *known == name);
@@ -143,7 +143,7 @@ pub(super) struct Sets {
 
 impl Sets {
     /// From a set a LiDAR, all of the same number of words.
-    pub fn new(sets: &[&[u64]], models: &PlacementModels) -> Self {
+    pub(super) fn new(sets: &[&[u64]], models: &PlacementModels) -> Self {
         let words = sets.first().map_or(0, |set| set.len());
         let by_number = levels(sets.iter().copied(), words);
         if models.names.len() < 2 {
@@ -163,7 +163,7 @@ impl Sets {
     }
 
     /// From a set a technology, all of the same number of words.
-    pub fn of_technologies(sets: Vec<Vec<u64>>) -> Self {
+    pub(super) fn of_technologies(sets: Vec<Vec<u64>>) -> Self {
         let words = sets.first().map_or(0, Vec::len);
         Self { by_number: levels(sets.iter().map(Vec::as_slice), words), each: sets }
     }
@@ -183,7 +183,7 @@ pub(super) struct Sums {
 
 impl Sums {
     /// Adds a frame that stands for `weight` ones with `all` things; without a mask every bit counts.
-    pub fn add(&mut self, weight: u64, sets: &Sets, all: u64, mask: Option<&[u64]>) {
+    pub(super) fn add(&mut self, weight: u64, sets: &Sets, all: u64, mask: Option<&[u64]>) {
         let count = |set: &Vec<u64>| -> u64 {
             let words = set.iter().enumerate();
             let masked = |(k, word): (usize, &u64)| mask.map_or(*word, |mask| word & mask[k]);
@@ -205,7 +205,7 @@ impl Sums {
     }
 
     /// Means over the frames.
-    pub fn mean(&self, models: &PlacementModels) -> SeenBy {
+    pub(super) fn mean(&self, models: &PlacementModels) -> SeenBy {
         let any = self.frames_with_any;
         let alone = models.names.iter().zip(self.means_of_each());
         SeenBy {
@@ -219,7 +219,7 @@ impl Sums {
     }
 
     /// Means over the frames, of sets of technologies.
-    pub fn mean_of_technologies(&self, names: &[String]) -> SeenByTechnologies {
+    pub(super) fn mean_of_technologies(&self, names: &[String]) -> SeenByTechnologies {
         let each = names.iter().zip(self.means_of_each());
         let each = each.map(|(name, (count, share))| SeenByTechnology {
             technology: name.clone(),

@@ -46,7 +46,7 @@ fn widened([low, high]: [f64; 2], value: f64) -> [f64; 2] {
 }
 
 impl FieldOfView {
-    pub fn of(table: &BeamTable) -> Self {
+    pub(crate) fn of(table: &BeamTable) -> Self {
         const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
         if let Some(grid) = table.grid() {
             let of_channels =
@@ -74,7 +74,7 @@ impl FieldOfView {
 
     /// First azimuth and width of the narrowest sector that all directions lie in, radians; `None` where they leave no
     /// gap of 20° or more.
-    pub fn sector(&self) -> Option<[f64; 2]> {
+    pub(crate) fn sector(&self) -> Option<[f64; 2]> {
         let mut parts: Vec<[f64; 2]> = self.parts.iter().map(|(azimuth, _)| *azimuth).collect();
         parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let next = parts.iter().map(|part| part[0]).cycle().skip(1);
@@ -89,7 +89,7 @@ impl FieldOfView {
     }
 
     /// Lowest and highest elevation at an azimuth, radians; of listed directions those within 3° of it.
-    pub fn elevations(&self, azimuth: f64) -> Option<[f64; 2]> {
+    pub(crate) fn elevations(&self, azimuth: f64) -> Option<[f64; 2]> {
         let beside = if self.parts.len() > 1 { NEARBY } else { SLACK };
         let near = self.parts.iter().filter(|([from, width], _)| {
             (azimuth - from + beside).rem_euclid(TAU) <= width + 2.0 * beside
@@ -156,7 +156,7 @@ pub(super) struct Cones {
 }
 
 impl Cones {
-    pub fn new(sensors: &[OtherSensor]) -> Self {
+    pub(super) fn new(sensors: &[OtherSensor]) -> Self {
         let mut technologies: Vec<(String, Vec<OtherSensor>)> = Vec::new();
         for sensor in sensors {
             match technologies.iter_mut().find(|(word, _)| *word == sensor.technology) {
@@ -169,7 +169,7 @@ impl Cones {
 
     /// True for each box that at least one sensor of a technology sees, a list a technology; nothing is in between where
     /// there is no frame.
-    pub fn see(&self, frame: Option<&Frame>, boxes: &[Box3]) -> Vec<Vec<bool>> {
+    pub(super) fn see(&self, frame: Option<&Frame>, boxes: &[Box3]) -> Vec<Vec<bool>> {
         let seen_by = |(_, sensors): &(String, Vec<OtherSensor>)| {
             let mut seen = vec![false; boxes.len()];
             sensors.iter().for_each(|sensor| mark_seen(sensor, frame, boxes, &mut seen));

@@ -86,7 +86,7 @@ pub(super) struct ConeSite {
 
 impl ConeSite {
     /// `None` for a vehicle without sensors of other technologies.
-    pub fn new(sensors: &[OtherSensor]) -> Option<Self> {
+    pub(super) fn new(sensors: &[OtherSensor]) -> Option<Self> {
         let cones = Cones::new(sensors);
         let others = cones.technologies.iter().map(|(word, _)| word.clone());
         let names = std::iter::once(LIDAR.to_owned()).chain(others).collect();
@@ -95,14 +95,14 @@ impl ConeSite {
     }
 
     /// Number of sensors of each technology on a rig of some LiDARs.
-    pub fn sensors(&self, lidars: usize) -> Vec<SensorsOf> {
+    pub(super) fn sensors(&self, lidars: usize) -> Vec<SensorsOf> {
         let others = self.cones.technologies.iter().map(|(_, sensors)| sensors.len());
         let counts = std::iter::once(lidars).chain(others).zip(&self.names);
         counts.map(|(count, word)| SensorsOf { technology: word.clone(), count }).collect()
     }
 
     /// Sentences about sensors whose view the own body blocks for the most part.
-    pub fn notes(&self, body: &Frame) -> Vec<String> {
+    pub(super) fn notes(&self, body: &Frame) -> Vec<String> {
         let sensors = self.cones.technologies.iter().flat_map(|(_, sensors)| sensors);
         let note = |sensor: &OtherSensor| {
             let blocked = blocked_share(sensor, body);
@@ -119,7 +119,7 @@ impl ConeSite {
     }
 
     /// Occupied voxels that each technology sees, in each distinct frame.
-    pub fn occupied(&self, problem: &Problem) -> &[SetsOfCones] {
+    pub(super) fn occupied(&self, problem: &Problem) -> &[SetsOfCones] {
         let look = || {
             let (roi, edge) = (problem.roi(), DVec3::from(problem.roi().voxel()));
             let voxel = |index: u32| -> Box3 {
@@ -136,7 +136,7 @@ impl ConeSite {
     }
 
     /// Cells of the ground that each technology sees, in each distinct frame.
-    pub fn ground(&self, near: &NearSite, problem: &Problem) -> &[SetsOfCones] {
+    pub(super) fn ground(&self, near: &NearSite, problem: &Problem) -> &[SetsOfCones] {
         let look = || {
             let of_frame = |(frame, points): (usize, Vec<DVec3>)| {
                 let boxes: Vec<Box3> = points.into_iter().map(|point| [point; 2]).collect();
@@ -148,7 +148,7 @@ impl ConeSite {
     }
 
     /// Targets that each technology sees, each alone on level ground, with the own body in the way.
-    pub fn targets(&self, body: &Frame, standing: &[PlacedTarget<'_>]) -> SetsOfCones {
+    pub(super) fn targets(&self, body: &Frame, standing: &[PlacedTarget<'_>]) -> SetsOfCones {
         let around = |standing: &PlacedTarget<'_>| -> Box3 {
             standing.target.corners.map(|corner| DVec3::from(corner) + DVec3::from(standing.at))
         };
@@ -156,12 +156,12 @@ impl ConeSite {
     }
 
     /// Sets of one frame: things that any LiDAR sees, and those of the cones.
-    pub fn sets(&self, lidars: Vec<u64>, cones: &SetsOfCones) -> Sets {
+    pub(super) fn sets(&self, lidars: Vec<u64>, cones: &SetsOfCones) -> Sets {
         Sets::of_technologies(std::iter::once(lidars).chain(cones.iter().cloned()).collect())
     }
 
     /// Means over frames of sums of such sets.
-    pub fn mean(&self, sums: &Sums) -> SeenByTechnologies {
+    pub(super) fn mean(&self, sums: &Sums) -> SeenByTechnologies {
         sums.mean_of_technologies(&self.names)
     }
 

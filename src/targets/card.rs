@@ -370,7 +370,7 @@ fn column(azimuth: f64) -> usize {
 }
 
 impl BeamFinder {
-    pub fn new(directions: &[[f32; 3]]) -> Self {
+    pub(super) fn new(directions: &[[f32; 3]]) -> Self {
         let cell = |direction: &[f32; 3]| {
             let [azimuth, elevation] = angles(DVec3::from(direction.map(f64::from)));
             row(elevation) * COLUMNS + column(azimuth)
@@ -389,7 +389,7 @@ impl BeamFinder {
 
     /// Asks `go_on` with every beam within `half_angle` radians of an axis, and with a few more beside them, until it
     /// says no. Beams at the height of the axis come first.
-    pub fn near(&self, axis: DVec3, half_angle: f64, mut go_on: impl FnMut(usize) -> bool) {
+    pub(super) fn near(&self, axis: DVec3, half_angle: f64, mut go_on: impl FnMut(usize) -> bool) {
         let (half_angle, [azimuth, elevation]) = (half_angle + SLACK, angles(axis));
         let [low, high] = [elevation - half_angle, elevation + half_angle];
         let (first, last) = (row(low.max(-FRAC_PI_2)), row(high.min(FRAC_PI_2)));

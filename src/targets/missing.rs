@@ -25,7 +25,7 @@ pub(super) struct Missing {
 impl Missing {
     /// Bearings and distances of places of a rule that are not met, from its places in order, each with `true` where it is
     /// met; `None` where all are met.
-    pub fn new(
+    pub(super) fn new(
         rule: &TargetRule,
         places: impl IntoIterator<Item = ([f64; 3], bool)>,
     ) -> Option<Self> {

@@ -28,7 +28,7 @@ pub(crate) struct Relief {
 impl Relief {
     /// The place of a problem's scene, as far as its rules on targets reach, 50 m at least; `None` where the ground is level
     /// to 0.2 m, or there is none.
-    pub fn of(problem: &Problem, ground: &GroundBelow) -> Option<Self> {
+    pub(crate) fn of(problem: &Problem, ground: &GroundBelow) -> Option<Self> {
         let rules = problem.target_rules().iter().map(|rule| rule.within);
         let farthest = rules.fold(SECTOR_RANGE[1], f64::max);
         let target = card_targets().last()?;

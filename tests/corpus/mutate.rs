@@ -29,7 +29,7 @@ const WORDS: [u64; 10] = [
 const LONGEST: usize = 1 << 16;
 
 /// One to four changes of one of the seeds.
-pub fn mutated(seeds: &[Vec<u8>], rng: &mut ChaCha8Rng) -> Vec<u8> {
+pub(crate) fn mutated(seeds: &[Vec<u8>], rng: &mut ChaCha8Rng) -> Vec<u8> {
     let seed = &seeds[rng.random_range(0..seeds.len())];
     let mut bytes = match repacked(seed, rng) {
         Some(bytes) => return bytes,

@@ -16,7 +16,7 @@ fn hostile_divide(a: f32, b: f32) -> f32 {
 ";
 
 /// A kernel as it is shipped.
-pub fn hostile(kernel: &str, source: String) -> String {
+pub(super) fn hostile(kernel: &str, source: String) -> String {
     match kernel {
         "cast_closest" | "cover_voxels" => compiled(&flushing(&source)) + DIVIDE,
         _ => source,
@@ -24,7 +24,7 @@ pub fn hostile(kernel: &str, source: String) -> String {
 }
 
 /// A kernel without `rounded` and with the device's own division.
-pub fn hostile_to_plain_arithmetic(kernel: &str, source: String) -> String {
+pub(super) fn hostile_to_plain_arithmetic(kernel: &str, source: String) -> String {
     if !matches!(kernel, "cast_closest" | "cover_voxels") {
         return source;
     }

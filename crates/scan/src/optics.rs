@@ -33,7 +33,14 @@ impl Optics {
 
     /// ρ·cos θ / r² of a surface, dimmed by fog; snow is drawn for each beam apart. The seed decides how dark
     /// objects are.
-    pub fn power(&self, seed: u64, class: u16, instance: u16, cosine: f64, range: f64) -> f64 {
+    pub(crate) fn power(
+        &self,
+        seed: u64,
+        class: u16,
+        instance: u16,
+        cosine: f64,
+        range: f64,
+    ) -> f64 {
         let weather = &self.weather;
         let mut reflectance = self.reflectance.of(class, instance, seed);
         if let Some(echo) = &weather.echo

@@ -198,7 +198,7 @@ pub(super) struct FrontProgress<'a> {
 
 impl FrontProgress<'_> {
     /// Changes the state, and tells it.
-    pub fn keep(&mut self, change: impl FnOnce(&mut FrontState)) {
+    pub(super) fn keep(&mut self, change: impl FnOnce(&mut FrontState)) {
         change(self.state);
         (self.tell)(self.state);
     }

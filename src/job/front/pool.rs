@@ -56,7 +56,7 @@ pub(super) struct Pool<'a> {
 
 impl<'a> Pool<'a> {
     /// An empty pool, with an engine for each scene; notes the device.
-    pub fn open(
+    pub(super) fn open(
         job: &'a Job,
         suite: &'a Suite,
         vehicle: &'a Vehicle,
@@ -73,7 +73,7 @@ impl<'a> Pool<'a> {
 
     /// Scores equipment on its poses of the coarse grid. All of it where the observer has stopped the choices before, else
     /// until it says so.
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         chosen: Vec<Chosen>,
         end: End,
@@ -173,7 +173,7 @@ impl<'a> Pool<'a> {
     }
 
     /// Searches placements around the best candidates so far, which all stay in the pool.
-    pub fn polish(
+    pub(super) fn polish(
         &mut self,
         kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
@@ -227,7 +227,7 @@ impl<'a> Pool<'a> {
 
     /// Searches the fewest sensors that meet all requirements, and the best for all the money, unless a candidate meets
     /// them.
-    pub fn meet(
+    pub(super) fn meet(
         &mut self,
         kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
@@ -295,7 +295,7 @@ impl<'a> Pool<'a> {
     }
 
     /// The front, each point looked at closely as `sightline score` does, and its picks.
-    pub fn finish(
+    pub(super) fn finish(
         mut self,
         requires: bool,
         mut end: End,

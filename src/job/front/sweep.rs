@@ -50,7 +50,7 @@ pub(super) struct FrontSweep {
 
 impl FrontSweep {
     /// Limits and gains for some objectives; `own` is the gain where they name none.
-    pub fn new(
+    pub(super) fn new(
         objectives: &FrontObjectives,
         vehicle: &Vehicle,
         most_money: f64,
@@ -96,7 +96,7 @@ impl FrontSweep {
     }
 
     /// Limits under which the poses are cast: the widest.
-    pub fn widest(&self) -> Limits {
+    pub(super) fn widest(&self) -> Limits {
         let budget = self.budgets.iter().copied().fold(f64::MIN, f64::max);
         Limits { budget, sensors: self.numbers.last().copied().unwrap_or(MAX_LIDARS) }
     }
@@ -106,7 +106,7 @@ impl FrontSweep {
     ///
     /// # Errors
     /// See [`Equipping::open`].
-    pub fn run(
+    pub(super) fn run(
         &self,
         casting: &PoseCaster<'_>,
         kept: &mut FrontProgress<'_>,

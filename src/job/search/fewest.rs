@@ -35,13 +35,13 @@ pub(super) enum Next {
 
 impl Fewest {
     /// A choice that begins with `least` sensors.
-    pub fn new(budget: f64, least: usize) -> Self {
+    pub(super) fn new(budget: f64, least: usize) -> Self {
         let limits = Limits { budget, sensors: least.max(1) };
         Self { limits, held: None, searched: Vec::new() }
     }
 
     /// True for sensors whose placements were searched, in whatever order.
-    pub fn was_searched(&self, equipment: &Equipment) -> bool {
+    pub(super) fn was_searched(&self, equipment: &Equipment) -> bool {
         let sorted = |equipment: &Equipment| {
             let mut kinds: Vec<(usize, String)> =
                 equipment.iter().map(|(mount, sensor)| (*mount, sensor.to_string())).collect();
@@ -54,7 +54,7 @@ impl Fewest {
     /// Looks at the result of a choice under [`Self::limits`]. Where all is met on the grid, a cheaper choice is looked for,
     /// down to `cheapest`; where little is missing, the search of placements may close the gap. Else, and for equipment that
     /// was searched before, one sensor more is allowed, up to `most`.
-    pub fn next(&mut self, found: Equipped, most: usize, cheapest: f64) -> Next {
+    pub(super) fn next(&mut self, found: Equipped, most: usize, cheapest: f64) -> Next {
         let was_searched = self.was_searched(&found.equipment);
         match &self.held {
             _ if found.missing <= 0.0 && !was_searched => {

@@ -13,7 +13,7 @@ const FINEST: f64 = 0.01;
 const SLACK: f64 = 1.05;
 
 /// A point of a view.
-pub type Flat = [f64; 2];
+pub(crate) type Flat = [f64; 2];
 /// A corner of the grid.
 type Corner = [i32; 2];
 

@@ -26,12 +26,12 @@ pub(super) struct Marker {
 
 impl Marker {
     /// `0`, or `0, 1` where several LiDARs lie behind one another.
-    pub fn words(&self) -> String {
+    pub(super) fn words(&self) -> String {
         self.lidars.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
     }
 
     /// Half of the width of its sign, millimetres.
-    pub fn half_width(&self) -> f64 {
+    pub(super) fn half_width(&self) -> f64 {
         match self.lidars.len() {
             0 | 1 => RADIUS,
             _ => RADIUS.max(0.5 * CHARACTER[0] * 2.4 * self.words().chars().count() as f64 + 0.8),
@@ -44,7 +44,7 @@ impl Marker {
     }
 
     /// The LiDARs of a view: those behind one another as one, numbers that would touch side by side.
-    pub fn of(rig: &DrawnRig<'_>, shown: &View, panel: &Panel) -> Vec<Self> {
+    pub(super) fn of(rig: &DrawnRig<'_>, shown: &View, panel: &Panel) -> Vec<Self> {
         let mut markers: Vec<Self> = Vec::new();
         for (lidar, drawn) in rig.lidars.iter().enumerate() {
             let at = panel.at((shown.flat)(drawn.pose.position()));
@@ -98,18 +98,18 @@ pub(super) struct Labels(Vec<[f64; 4]>);
 
 impl Labels {
     /// Keeps the places of LiDARs' numbers.
-    pub fn keep_markers(&mut self, markers: &[Marker]) {
+    pub(super) fn keep_markers(&mut self, markers: &[Marker]) {
         self.0.extend(markers.iter().map(Marker::bounds));
     }
 
     /// Keeps the place of words that stand where they stand.
-    pub fn keep(&mut self, at: Point, size: f64, words: &str, anchor: Anchor) {
+    pub(super) fn keep(&mut self, at: Point, size: f64, words: &str, anchor: Anchor) {
         self.0.push(bounds(at, size, words, anchor));
     }
 
     /// The first of some places at which words lie over nothing, else the first line above or below that is free, which is
     /// none of them; the place is then taken.
-    pub fn place(
+    pub(super) fn place(
         &mut self,
         candidates: &[(Point, Anchor)],
         size: f64,

@@ -12,7 +12,7 @@ use crate::report::front::{
 use crate::report::{FrontRecord, scores_text};
 
 /// The page of a front, one file that loads nothing.
-pub fn front_html(front: &Front, record: &FrontRecord) -> String {
+pub(crate) fn front_html(front: &Front, record: &FrontRecord) -> String {
     let verdict = front_verdict(front);
     let stopped = format!("Stopped: {}.", record.stopped);
     let command = format!("{} --backend {}", record.command, record.backend);

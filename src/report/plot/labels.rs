@@ -22,7 +22,7 @@ pub(in crate::report) struct PlotLabels {
 impl PlotLabels {
     /// Words beside points: `labels` are (number of a point, words), `points` pixels, `area` (left, right, top, bottom)
     /// within a drawing of `width`.
-    pub fn new<'a>(
+    pub(crate) fn new<'a>(
         points: &[(f64, f64)],
         labels: impl Iterator<Item = (usize, &'a str)>,
         area: [f64; 4],
@@ -49,12 +49,12 @@ impl PlotLabels {
     }
 
     /// Lines under the chart, from the left of the area on; `None` where the words stand beside their points.
-    pub fn list(&self) -> Option<&[String]> {
+    pub(crate) fn list(&self) -> Option<&[String]> {
         self.list.as_deref()
     }
 
     /// Words or numbers beside the points.
-    pub fn draw(&self) -> Markup {
+    pub(crate) fn draw(&self) -> Markup {
         if self.list.is_none() {
             return html! {
                 @for (at, words) in &self.places {

@@ -16,7 +16,7 @@ struct OfPlacement<'a> {
 
 /// A block a placement: distances of detection, or the beams at each distance where there are at most four. Where a target
 /// is not detected at a bearing, how near the best came; `beams` count.
-pub fn targets_text(table: &TargetTable, beams: u32) -> String {
+pub(crate) fn targets_text(table: &TargetTable, beams: u32) -> String {
     let mut distances: Vec<f64> = table.rows.iter().map(|row| row.distance).collect();
     distances.sort_by(f64::total_cmp);
     distances.dedup();

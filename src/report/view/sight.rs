@@ -15,7 +15,7 @@ const RINGS: usize = 8;
 
 /// Information by one property of its voxels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct InformationShare {
+pub(crate) struct InformationShare {
     /// Class, or range of distance.
     pub name: String,
     /// Nats in all.
@@ -26,7 +26,7 @@ pub struct InformationShare {
 
 /// Nats that a placement and its baselines gain, over the frames shown.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Gains {
+pub(crate) struct Gains {
     /// By class, most information first; a voxel of several classes counts with the rarest of them.
     pub by_class: Vec<InformationShare>,
     /// By distance from the ego's origin, seen from above.
@@ -41,7 +41,7 @@ pub struct Gains {
 
 /// A voxel that is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drawn {
+pub(crate) struct Drawn {
     /// Linear index in the grid.
     pub index: u32,
     /// Share of the largest entropy.
@@ -52,7 +52,7 @@ pub struct Drawn {
 
 /// Voxels that hold most information, and the layouts that see them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct InformationView {
+pub(crate) struct InformationView {
     /// Voxels drawn, most information first.
     pub voxels: Vec<Drawn>,
     /// A bit a LiDAR that sees it, `[frames shown][voxels]`.
@@ -74,7 +74,7 @@ struct Voxel {
 
 impl InformationView {
     /// Looks at the `most` voxels with most information, in the frames `shown`.
-    pub fn new(
+    pub(crate) fn new(
         problem: &Problem,
         engine: &mut dyn Backend,
         placement: &Placement,
@@ -121,7 +121,7 @@ impl InformationView {
     }
 
     /// Sentence on voxels that are not drawn; `None` where all are.
-    pub fn left_out(&self) -> Option<String> {
+    pub(crate) fn left_out(&self) -> Option<String> {
         let (all, nats) = self.of;
         let drawn = self.voxels.len();
         (drawn < all).then(|| {
@@ -261,7 +261,7 @@ impl Gains {
     }
 
     /// Nats that the placement gains.
-    pub fn gained(&self) -> f64 {
+    pub(crate) fn gained(&self) -> f64 {
         self.by_distance.iter().filter_map(|part| part.gained.first()).sum()
     }
 

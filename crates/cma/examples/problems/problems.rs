@@ -11,7 +11,7 @@ use serde_json::Value;
 
 /// `cma_problems.json`.
 #[derive(Deserialize)]
-pub struct File {
+pub(crate) struct File {
     pub schema: String,
     pub settings: Value,
     pub problems: Vec<TestFunction>,
@@ -28,7 +28,7 @@ struct Common {
 }
 
 #[derive(Deserialize)]
-pub struct TestFunction {
+pub(crate) struct TestFunction {
     pub id: String,
     pub func: String,
     pub n: usize,
@@ -45,16 +45,16 @@ pub struct TestFunction {
 }
 
 /// The cost of a point without its noise.
-pub type Cost<'a> = Box<dyn Fn(&[f64]) -> f64 + 'a>;
+pub(crate) type Cost<'a> = Box<dyn Fn(&[f64]) -> f64 + 'a>;
 
 impl File {
     /// Start of one run.
-    pub fn start(&self, problem: &TestFunction, run: usize) -> Vec<f64> {
+    pub(crate) fn start(&self, problem: &TestFunction, run: usize) -> Vec<f64> {
         self.common[&problem.n].x0[run].iter().map(|x| x * problem.x0_scale).collect()
     }
 
     /// The function of a problem; `None` if this program does not know it.
-    pub fn cost<'a>(&'a self, problem: &'a TestFunction) -> Option<Cost<'a>> {
+    pub(crate) fn cost<'a>(&'a self, problem: &'a TestFunction) -> Option<Cost<'a>> {
         let n = problem.n;
         let common = self.common.get(&n)?;
         let rotation = self.rotations.get(&n)?;
@@ -106,14 +106,14 @@ impl File {
 }
 
 /// Noise of one run, added to every cost before the search is told.
-pub struct Noise {
+pub(crate) struct Noise {
     rng: ChaCha8Rng,
     share: f64,
     offset: f64,
 }
 
 impl Noise {
-    pub fn new(problem: &TestFunction, run: usize) -> Self {
+    pub(crate) fn new(problem: &TestFunction, run: usize) -> Self {
         let noise = problem.params.get("noise").copied().unwrap_or(0.0);
         let of = |func: &str| if problem.func == func { noise } else { 0.0 };
         Self {
@@ -123,7 +123,7 @@ impl Noise {
         }
     }
 
-    pub fn observe(&mut self, cost: f64) -> f64 {
+    pub(crate) fn observe(&mut self, cost: f64) -> f64 {
         let draw: f64 = StandardNormal.sample(&mut self.rng);
         cost * (1.0 + self.share * draw) + self.offset * draw
     }

@@ -13,7 +13,7 @@ const START: f64 = 4.0;
 
 /// Result of one run.
 #[derive(Serialize)]
-pub struct Attempt {
+pub(crate) struct Attempt {
     /// Evaluations to the target; `None` if it was not reached.
     pub evaluations: Option<u64>,
     /// Evaluations until the end of the run, whether it reached the target or not.
@@ -25,7 +25,7 @@ pub struct Attempt {
 }
 
 /// Runs one problem until its target, its budget or a stop of the optimizer.
-pub fn run(file: &File, problem: &TestFunction, run: usize) -> Result<Attempt, String> {
+pub(crate) fn run(file: &File, problem: &TestFunction, run: usize) -> Result<Attempt, String> {
     let cost = file.cost(problem).ok_or_else(|| format!("{}: unknown function", problem.id))?;
     let mut noise = Noise::new(problem, run);
     let bounds = problem.lower.zip(problem.upper);

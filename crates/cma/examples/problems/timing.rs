@@ -10,7 +10,7 @@ const GENERATIONS: usize = 200;
 const WARM_UP: usize = 20;
 
 /// Prints the median times of one ask and one tell, with bounds.
-pub fn print() -> Result<(), CmaError> {
+pub(crate) fn print() -> Result<(), CmaError> {
     println!("{:>3} {:>6} {:>9} {:>9} {:>9}", "n", "lambda", "ask ms", "tell ms", "sum ms");
     for (n, population) in [(16, 1000), (48, 1000), (16, 12), (48, 15)] {
         let options = CmaOptions {

@@ -6,23 +6,23 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 /// A keyframe: time in seconds, ego position and heading, points in the sensor frame with their labels.
-pub struct Keyframe {
+pub(super) struct Keyframe {
     pub time: f64,
     pub ego: (DVec3, DQuat),
     pub points: Vec<([f32; 3], u8)>,
 }
 
 /// A box in the world: instance, category, keyframe, middle, size (w, l, h), yaw.
-pub type BoxRow = (&'static str, &'static str, usize, [f64; 3], [f64; 3], f64);
+pub(super) type BoxRow = (&'static str, &'static str, usize, [f64; 3], [f64; 3], f64);
 
 /// Where LIDAR_TOP stands: x right, y forward, as in nuScenes, a little tilted.
-pub fn lidar() -> (DVec3, DQuat) {
+pub(super) fn lidar() -> (DVec3, DQuat) {
     let turn = DQuat::from_rotation_z(-std::f64::consts::FRAC_PI_2);
     (DVec3::new(0.9437, 0.0, 1.8402), turn * DQuat::from_rotation_x(0.02))
 }
 
 /// Categories of the set with their indices.
-pub const CATEGORIES: [(&str, u8); 7] = [
+pub(super) const CATEGORIES: [(&str, u8); 7] = [
     ("noise", 0),
     ("human.pedestrian.adult", 2),
     ("vehicle.car", 17),
@@ -37,7 +37,7 @@ fn wxyz(q: DQuat) -> [f64; 4] {
 }
 
 /// Writes the set `v1.0-mini` with the scene `scene-0061`, and an empty second scene's rows among them.
-pub fn write(folder: &Path, keyframes: &[Keyframe], boxes: &[BoxRow]) {
+pub(super) fn write(folder: &Path, keyframes: &[Keyframe], boxes: &[BoxRow]) {
     for sub in ["v1.0-mini", "samples/LIDAR_TOP", "lidarseg/v1.0-mini"] {
         std::fs::create_dir_all(folder.join(sub)).unwrap();
     }
