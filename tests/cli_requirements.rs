@@ -146,15 +146,15 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
         told.contains("no equipment of 1 sensor was found that meets all requirements"),
         "{told}"
     );
+    // It wrote a file of placements.
+    let again = ["score", "street.json", "round/placements.json", "--backend", "cpu"];
+    assert_eq!(ok(dir.path(), &again)["scores"][0]["requirements"][0]["met"], true);
     // One LiDAR alone can never hold what must hold without any one: the choice begins with two.
     let mut lost = car([-15, 15], 0.95);
     lost["without_any_one"] = json!(true);
     let (_, sensors, _, _, told) = search("lost", json!([lost]));
     assert!(sensors.len() >= 2 && told.contains("--fewest begins with 2 sensors"), "{told}");
     assert!(!told.contains("no equipment of 1 sensor"), "{told}");
-    // It wrote a file of placements.
-    let again = ["score", "street.json", "round/placements.json", "--backend", "cpu"];
-    assert_eq!(ok(dir.path(), &again)["scores"][0]["requirements"][0]["met"], true);
     // A requirement that nothing meets: as many as there may be, and exit code 1.
     let hopeless = json!({ "target": "tyre", "from": 15, "within": 15, "beams": 100, "share": 1 });
     let (code, sensors, _, found, _) = search("hopeless", json!([hopeless]));

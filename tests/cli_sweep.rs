@@ -130,11 +130,14 @@ fn a_table_for_people_and_a_chart() {
     let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
     let of = ["--of", "1.pitch", "--from", "0", "--to", "30", "--values", "2"];
     let found = ok(dir.path(), &[&level[..], &of].concat());
-    // A sensor that looks down by 30° loses a car ahead; the other one sees it to 25 m.
-    let blind = |row: usize| {
-        found["sweeps"][0]["rows"][row]["scores"]["range_card"]["blind"][0]["bearings"].clone()
-    };
-    assert_eq!([blind(1), blind(2)], [json!([52.5, -52.5]), json!([-180.0, 180.0])]);
+    // A sensor that looks down by 30° loses a car ahead; the other one sees it to 25 m. Level, it loses one at 45 m between two
+    // of its beams.
+    let blind =
+        |row: usize| found["sweeps"][0]["rows"][row]["scores"]["range_card"]["blind"].clone();
+    let [level, down] = [1, 2].map(blind);
+    assert_eq!((&level[0]["distances"], &level[0]["worst"]), (&json!([45.0, 50.0]), &json!(-3.75)));
+    assert_eq!(level[1]["bearings"], json!([52.5, -52.5]));
+    assert_eq!(down[0]["bearings"], json!([-180.0, 180.0]));
 }
 
 #[test]

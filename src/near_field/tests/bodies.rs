@@ -94,6 +94,7 @@ fn each_side_of_the_blind_zone_is_that_of_its_worst_frame() {
     };
     let near = looked(&all);
     let alone = [0, 1, 2].map(|frame| looked(&Arc::new(all.over(&[frame]))));
+    let mut differs = false;
     for side in ["ahead", "behind", "left", "right"] {
         let depth = |near: &NearField| {
             let (_, depth) =
@@ -103,9 +104,9 @@ fn each_side_of_the_blind_zone_is_that_of_its_worst_frame() {
         let deepest = alone.iter().map(depth).fold(0.0, f64::max);
         assert_eq!(depth(&near), deepest, "{side}");
         assert_eq!(depth(&alone[near.zone.worst_frames[side]]), deepest, "{side}");
+        differs |= alone.iter().any(|near| depth(near) < deepest);
     }
-    let behind = alone.each_ref().map(|near| near.zone.behind);
-    assert!(behind.iter().any(|depth| *depth != behind[0]), "the frames differ: {behind:?}");
+    assert!(differs, "a side is blinder in one frame than in another");
     // Shares stay means, and the worst frame stands beside them.
     let shares = alone.each_ref().map(|near| near.near_field);
     assert!((near.near_field - shares.iter().sum::<f64>() / 3.0).abs() < 1e-12, "{shares:?}");

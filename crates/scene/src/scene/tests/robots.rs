@@ -58,7 +58,7 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
         let notes = scene.notes().iter().filter(|note| note.is_doubt());
         notes.map(|note| note.text().to_owned()).collect::<String>()
     };
-    let visual = r#""urdf": {"file": "car/urdf/car.urdf"}"#;
+    let visual = r#""urdf": {"file": "car/urdf/car.urdf", "packages": "."}"#;
     let told = doubts(visual);
     assert!(
         told.contains("car.urdf: no <visual>, so that no beam meets them: links `lidar`; write"),
