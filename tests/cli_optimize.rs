@@ -159,6 +159,27 @@ fn an_interrupted_run_goes_on_to_the_same_bytes() {
     assert_eq!(whole["best"], resumed["best"]);
 }
 
+#[test]
+fn a_bound_asked_for_is_closer_and_changes_nothing_else() {
+    let dir = TempDir::new().unwrap();
+    let path = room(dir.path());
+    // Three LiDARs of few beams do not see all.
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    (scene["lidar"]["channels"], scene["lidar"]["azimuth_steps"]) = (json!(4), json!(24));
+    scene["mount"]["lidars"] = json!(3);
+    fs::write(&path, scene.to_string()).unwrap();
+    let with = |out: &'static str, more: &[&'static str]| {
+        ok(dir.path(), &[&optimize_args(out, "12")[..], &["--delta", "0.3,0.3"], more].concat())
+    };
+    let (plain, close) = (with("plain", &[]), with("close", &["--bound", "0"]));
+    assert_eq!(plain["best"]["placement"], close["best"]["placement"]);
+    let of = |run: &Value, key: &str| run["certificate"]["gain"][key].clone();
+    let upper = |run: &Value| of(run, "upper").as_f64().unwrap();
+    assert!(upper(&close) < upper(&plain), "{} {}", upper(&close), upper(&plain));
+    assert_eq!((of(&plain, "proven"), of(&close, "proven")), (json!(false), json!(true)));
+    assert_eq!(of(&close, "upper_at_root"), of(&plain, "upper_at_root"));
+}
+
 /// Coordinates and rolls of all LiDARs of the result.
 fn numbers_of(run: &Value) -> Vec<[f64; 4]> {
     let lidars = run["best"]["placement"]["lidars"].as_array().unwrap();

@@ -92,7 +92,7 @@ maybe_whole_numbers! {
 }
 
 maybe_reals! {
-    bound: "per cent, 0 or more, or None", |percent| percent >= 0.0;
+    bound: "per cent, 0 to 100, or None", |percent| (0.0..=100.0).contains(&percent);
     budget: "a price from 0 to 1e12, or None", |price| (0.0..=1e12).contains(&price);
     range: "metres, more than 0, or None", |metres| metres > 0.0;
     reach: "metres, 0 or more, or None", |metres| metres >= 0.0;

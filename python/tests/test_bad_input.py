@@ -88,7 +88,7 @@ def test_options(small, scene) -> None:
         sightline.optimize(scene, objective="gain")
     with pytest.raises(ValueError, match="objective: is 3; give the name of a score or a weighted sum"):
         sightline.optimize(scene, objective=3)
-    for option in [{"method": "swaps"}, {"frames": 2}, {"budget": 9.0}, {"tolerance": None}]:
+    for option in [{"method": "swaps"}, {"frames": 2}, {"budget": 9.0}, {"tolerance": None}, {"bound": 2}]:
         (name,) = option
         with pytest.raises(ValueError, match=f"{name}: is not taken where objective is a function"):
             sightline.optimize(scene, objective=lambda scores: scores["near_gain"], **option)

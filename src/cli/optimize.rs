@@ -11,7 +11,7 @@ use crate::report::run_tables::run_csv;
 use crate::runs::optimize::{
     FrontStart, NewRun, OptimizeRequest, Start, finished, front, holds_front, optimize,
 };
-use crate::runs::parse::{number_as, price, whole};
+use crate::runs::parse::{number_as, number_that, price, whole};
 use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
 use crate::runs::{RunError, TableFormat, Watcher};
 use crate::scan::conditions::in_words;
@@ -102,7 +102,8 @@ pub(super) struct OptimizeArgs {
     delta: Option<Spacing>,
     /// Work on the bound until it shows that no placement on its grid is better than the best one there by more than this
     /// percentage; may take a minute or more [default: a bound that takes few seconds]
-    #[arg(long, value_name = "PERCENT", conflicts_with = "resume", value_parser = number_as("2"))]
+    #[arg(long, value_name = "PERCENT", conflicts_with = "resume",
+          value_parser = number_that(|percent| (0.0..=100.0).contains(&percent), "0 to 100 per cent, as 2"))]
     bound: Option<f64>,
     /// Seed of all randomness
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]

@@ -466,6 +466,7 @@ mod tests {
                 "is not below 0: write a length and an angle",
             ),
             ("optimize s.json --delta -0.1,2", "is no spacing"),
+            ("optimize s.json --bound -1", "give 0 to 100 per cent, as 2"),
             ("optimize s.json --memory -1G", "give at least one byte"),
             ("study targets s.json --distances -1,2", "give metres above 0 and up to 1000"),
             ("optimize s.json --budget 12k", "give a number, as 12000"),

@@ -55,7 +55,7 @@ fn trade(front: &Front, record: &FrontRecord) -> Markup {
                 }
                 " The knee is farthest from the line or plane between the best of each objective, each axis scaled to \
                  [0, 1]. Sensors are chosen on a coarse grid of poses: other placements may be better. "
-                (sentence(&refined_in_words(front, record)))
+                (layout::prose(&sentence(&refined_in_words(front, record))))
                 @if has_requirements(front) {
                     " copies %: copies mounted within the tolerance that meet all requirements."
                 }

@@ -129,6 +129,15 @@ pub(super) fn text(text: impl AsRef<str>) -> Markup {
     html! { (text.as_ref()) }
 }
 
+/// A sentence, with code where it stands between backticks.
+pub(super) fn prose(words: &str) -> Markup {
+    html! {
+        @for (index, part) in words.split('`').enumerate() {
+            @if index % 2 == 1 { code { (part) } } @else { (part) }
+        }
+    }
+}
+
 /// A share as a bar, with a mark at another share.
 pub(super) fn bar(share: f64, mark: Option<f64>) -> Markup {
     let per_cent = |share: f64| format!("{:.1}%", 100.0 * share.clamp(0.0, 1.0));

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::layout::{figure, table, text};
+use super::layout::{figure, prose, table, text};
 use super::{Figures, Subject};
 use crate::report::svg::trimmed;
 use crate::report::targets::{
@@ -41,7 +41,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 (sizes_in_words(card))
                 @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { " " (words) }
             }
-            @if let Some(words) = &figures.relief { p { "Note: " (words) "." } }
+            @if let Some(words) = &figures.relief { p { "Note: " (prose(words)) "." } }
             div.polar {
                 @for (title, svg) in range_card_svgs(&best.placement.name, card) { (figure(&svg, &title)) }
             }

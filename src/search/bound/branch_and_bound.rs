@@ -24,7 +24,7 @@ const CHOOSING: u64 = 8;
 /// Words of bitmaps that are read for the overlaps of pairs for each evaluation of a search.
 const PAIR_WORDS: u64 = 1 << 25;
 /// Words that are read for the overlaps of pairs beside a first pose for each evaluation of a search.
-const FIRST_WORDS: u64 = 1 << 25;
+const FIRST_WORDS: u64 = 1 << 24;
 /// Gap to the best placement met that sets by their first pose are to close where no other is asked for.
 const GAP: f64 = 0.01;
 /// Gap up to which the best placement met counts as proven: worths of several kinds or scenes are rounded to integers.

@@ -8,6 +8,8 @@ use crate::search::grid_search::Places;
 
 /// Candidates that the sets of one first pose may hold, at most: 16 bytes each.
 const MOST_CANDIDATES: usize = 1 << 24;
+/// Words whose reading takes as long as all else of a pair and the sets with it.
+const WORDS_OF_PAIR: u64 = 1024;
 /// First poses a thread between two questions whether to go on.
 const AT_ONCE: usize = 4;
 
@@ -43,7 +45,8 @@ impl<'a> FirstPoses<'a> {
     pub(crate) fn new(columns: &'a Columns, places: &'a Places, unit: f64) -> Self {
         let poses = columns.poses() as u32;
         let of_kind = |kind: usize| (0..poses).filter(move |&pose| places.kind(pose) == kind);
-        let kinds = 0..places.lidars_by_kind().len();
+        let lidars = places.lidars_by_kind();
+        let kinds = (0..lidars.len()).filter(|&kind| lidars[kind] > 0);
         let fewest = kinds.min_by_key(|&kind| of_kind(kind).count()).unwrap_or(0);
         let mut firsts: Vec<u32> = of_kind(fewest).filter(|&p| places.fits(p, &[])).collect();
         firsts.sort_by_key(|&pose| (std::cmp::Reverse(columns.single(pose)), pose));
@@ -56,11 +59,11 @@ impl<'a> FirstPoses<'a> {
         Self { columns, places, unit, firsts, rank }
     }
 
-    /// Words of bitmaps that the overlaps of pairs take, at most.
+    /// Words of bitmaps that could be read in the time that all sets take, about.
     pub(crate) fn words(&self) -> u64 {
         let of = |at: usize| self.rank.iter().filter(|&&rank| rank > at).count() as u64;
         let pairs = (0..self.firsts.len()).map(|at| of(at).pow(2) / 2).sum::<u64>();
-        pairs * self.columns.lead().len() as u64
+        pairs * (self.columns.lead().len() as u64 + WORDS_OF_PAIR)
     }
 
     /// Looks at every set that may be above `floor`. `None` once `go_on` says no.
