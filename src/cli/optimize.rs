@@ -136,7 +136,7 @@ pub(super) struct OptimizeArgs {
     /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. --resume goes
     /// on with a stopped front: only the choice or the search that was under way is done again.
     #[arg(long, value_name = "A,B[,C]", value_parser = objectives, conflicts_with_all = ["resume", "fewest", "target",
-          "baselines", "inject", "gltf"])]
+          "baselines", "inject", "gltf", "bound"])]
     front: Option<FrontObjectives>,
     #[command(flatten)]
     mounting: MountingArgs,

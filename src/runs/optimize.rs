@@ -442,6 +442,7 @@ fn settings_json(sitting: &RunSession, settings: &Settings, left_out: &[LeftOut]
         "population": settings.population,
         "seed": settings.seed,
         "delta": settings.delta,
+        "gap": settings.gap,
     });
     if !settings.starts.is_empty() {
         all["starts"] = json!(settings.starts);

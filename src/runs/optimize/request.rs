@@ -138,10 +138,15 @@ impl NewRun {
 
     /// An error of reading the scenes, which names files as they were given where reading them again tells it.
     pub(super) fn as_given(&self, error: RunError) -> RunError {
-        // A pipe is read once.
+        // A pipe is read once, and an engine that fails is no fault of a file.
         let is_plain = |path: &PathBuf| path.is_file() || !path.exists();
         let files = &self.files;
-        if !files.scenes().chain(&files.vehicle).all(is_plain) {
+        let is_of_files = match &error {
+            RunError::Interrupted(_) => false,
+            RunError::Library(crate::Error::Job(error)) => error.of_engine().is_none(),
+            _ => true,
+        };
+        if !is_of_files || !files.scenes().chain(&files.vehicle).all(is_plain) {
             return error;
         }
         let again = files.scenes().find_map(|path| files.read_scene(path).err());
@@ -250,6 +255,8 @@ pub(super) fn command(
         words.extend(value.map(|value| format!("--{option} {}", word(&value))));
     };
     let number = |value: Option<f64>| value.map(|value| value.to_string());
+    // Hundredths as they were written: 7 % are no 7.000000000000001.
+    let percent = |share: Option<f64>| number(share.map(|share| (1e11 * share).round() / 1e9));
     give("vehicle", begun.files.vehicle.as_deref().map(name));
     give("budget", number(begun.files.budget));
     give("tolerance", begun.files.tolerance.map(|tolerance| tolerance.to_string()));
@@ -260,6 +267,7 @@ pub(super) fn command(
     give("population", settings.population.map(|count| count.to_string()));
     give("enough", number(settings.target));
     give("max-seconds", number(max_seconds));
+    give("bound", percent(settings.gap));
     give("delta", settings.delta.map(|delta| format!("{},{}", delta.metres, delta.radians)));
     match settings.frames {
         FrameChoice::OnDemand => {}
