@@ -287,8 +287,12 @@ impl Run {
         let found = self.objective().value(there).unwrap_or(f64::NAN);
         let mut certificate = Certificate::new(bounds.sample.lipschitz(), bounds.gain, found);
         let (frames, all) = (self.frames_of_bounds().len(), self.suite.frame_count());
-        if certificate.gain.is_some() && frames < all {
-            certificate.gain_says += &format!(" (over {frames} of {all} frames)");
+        if let Some(gain) = certificate.gain.as_ref().filter(|_| frames < all) {
+            let reached = self.objective().spoken(found);
+            certificate.gain_says +=
+                &format!(" (over {frames} of {all} frames, in which the result has {reached}");
+            let others = "; a placement that is better there may be worse over all)";
+            certificate.gain_says += if gain.upper > found { others } else { ")" };
         }
         if certificate.gain.is_some() && self.suite.constraints().ties.any() {
             certificate.gain_says += " (over placements that need not be symmetric or level)";
