@@ -286,7 +286,11 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     // The bound holds over the frames that the search began with, and says so.
     let says = |run: &Value| run["certificate"]["gain_says"].as_str().unwrap().to_owned();
     let first = levels[0];
-    assert!(says(&auto).contains(&format!("(over {first} of 8 frames, in which the result has ")), "{}", says(&auto));
+    assert!(
+        says(&auto).contains(&format!("(over {first} of 8 frames, in which the result has ")),
+        "{}",
+        says(&auto)
+    );
     assert!(!says(&full).contains("frames)"), "{}", says(&full));
     // Both are reported over all frames.
     assert_eq!((&auto["frames"], &full["frames"]), (&json!(8), &json!(8)));

@@ -98,8 +98,10 @@ fn bounds_bracket_the_best_of_all_placements() {
         let about = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b;
         let mut uppers = Vec::new();
         for gap in [None, Some(0.1), Some(0.02), Some(0.0)] {
-            let effort =
-                Effort { first_words: gap.map_or(0, |_| u64::MAX), ..Effort::of(1000, gap) };
+            let effort = Effort {
+                first_words: gap.map_or(0, |_| u64::MAX),
+                ..Effort::of(1000, gap, MEMORY)
+            };
             let go_on = &mut |_| true;
             let bound = bound_gain(&mut search, &mut evaluator, &greedy, &effort, go_on).unwrap();
             assert!(bound.upper >= best.value * (1.0 - 1e-12), "seed {seed}, gap {gap:?}");
@@ -119,6 +121,57 @@ fn bounds_bracket_the_best_of_all_placements() {
             }
         }
         assert!(uppers.is_sorted_by(|a, b| a >= b), "more work, tighter bounds: {uppers:?}");
+    }
+}
+
+#[test]
+fn bounds_over_several_mounts_bracket_the_best_of_all_placements() {
+    for (seed, counts, apart) in
+        [(1, [1, 2], 0.0), (2, [2, 2], 0.0), (3, [2, 1], 2.5), (4, [1, 1], 0.0)]
+    {
+        let problem = random_problem(seed, true);
+        let mut rules = constraints(counts[0], apart);
+        let low = [-2.0, -2.0, -1.0, 0.0, 0.0, 0.0];
+        let other = Constraints::in_box(low, [2.0, 2.0, -1.0, 0.0, 0.0, 0.0], counts[1]);
+        rules.slots.extend(other.slots);
+        let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
+        let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
+        let grid = PoseGrid::new(&rules, Spacing { metres: 2.0, radians: 0.6 }).unwrap();
+        let objective: Objective = "near_gain".parse().unwrap();
+        let atlas = Atlas::new(problem.clone(), grid, objective.needed(), MEMORY);
+        let mut search = GridSearch::new(atlas, objective, &evaluator);
+        let all: Vec<u32> = (0..search.atlas().grid().len()).collect();
+        assert_eq!(all.len(), 36 + 9);
+        let lidars = counts[0] + counts[1];
+        let best = best_of_all(&mut search, &mut evaluator, lidars, &mut Vec::new()).unwrap();
+        let greedy = search.greedy(&mut evaluator, &all).unwrap().unwrap();
+        for gap in [None, Some(0.1), Some(0.0)] {
+            let effort = Effort {
+                first_words: gap.map_or(0, |_| u64::MAX),
+                ..Effort::of(1000, gap, MEMORY)
+            };
+            let bound =
+                bound_gain(&mut search, &mut evaluator, &greedy, &effort, &mut |_| true).unwrap();
+            assert!(
+                bound.upper >= best.value * (1.0 - 1e-12),
+                "seed {seed}, gap {gap:?}: {bound:?}"
+            );
+            let most = bound.best.value * (1.0 + gap.unwrap_or(0.2));
+            assert!(bound.upper <= most * (1.0 + 1e-6), "seed {seed}, gap {gap:?}: {bound:?}");
+            assert_eq!(bound.short, None, "seed {seed}");
+            let is_in_order =
+                bound.best.poses.is_sorted_by_key(|&pose| search.atlas().grid().kind(pose));
+            assert!(is_in_order, "{bound:?}");
+            if gap == Some(0.0) {
+                assert!(
+                    bound.proven && (bound.best.value - best.value).abs() <= 1e-12 * best.value
+                );
+            }
+        }
+        let effort = Effort::of(1000, Some(0.0), 1);
+        let bound =
+            bound_gain(&mut search, &mut evaluator, &greedy, &effort, &mut |_| true).unwrap();
+        assert!(bound.proven || bound.short.unwrap().contains("raise --memory"), "seed {seed}");
     }
 }
 

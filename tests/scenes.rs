@@ -132,7 +132,7 @@ fn the_grid_and_its_bound_are_those_of_all_scenes() {
         let greedy = search.greedy(&mut evaluator, &all).unwrap().unwrap();
         let plain = !objective.to_string().contains("gain_");
         for gap in [None, Some(0.0)] {
-            let effort = Effort::of(1000, gap);
+            let effort = Effort::of(1000, gap, MEMORY);
             let go_on = &mut |_| true;
             let bound = bound_gain(&mut search, &mut evaluator, &greedy, &effort, go_on).unwrap();
             assert!(bound.upper >= best.value * (1.0 - 1e-9), "{gap:?}");

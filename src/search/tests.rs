@@ -196,7 +196,7 @@ fn a_bound_that_is_told_to_stop_is_one() {
             asked += 1;
             asked < last
         };
-        let effort = Effort::of(1000, Some(0.0));
+        let effort = Effort::of(1000, Some(0.0), 1 << 34);
         let bound = bound_gain(&mut search, &mut evaluator, &found, &effort, &mut go_on).unwrap();
         (bound, asked)
     };

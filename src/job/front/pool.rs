@@ -188,6 +188,7 @@ impl<'a> Pool<'a> {
                 baselines: Vec::new(),
                 starts: vec![from.placement.clone()],
                 time: None,
+                gap: None,
                 ..self.job.settings.clone()
             };
             let asked =

@@ -48,8 +48,11 @@ pub struct GainBound {
     pub upper_at_root: f64,
     /// Sets of sensors whose gains were looked at.
     pub nodes: u64,
-    /// True if the best placement is proven to be the best on the grid.
+    /// True if the best placement is proven to be the best on the grid, or within a millionth of it.
     pub proven: bool,
+    /// Why the gap asked for was not reached, where one was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub short: Option<String>,
 }
 
 /// Work that a bound may take. It is counted, not timed, so that equal runs give equal bounds.
@@ -63,18 +66,45 @@ pub struct Effort {
     pub first_words: u64,
     /// Gap to the best placement met that sets by their first pose are to close, as a share of it.
     pub gap: f64,
+    /// True if the gap was asked for.
+    pub is_asked: bool,
+    /// Bytes that sets by their first pose may take.
+    pub memory: u64,
 }
 
 impl Effort {
-    /// Work allowed for a search of `evaluations` evaluations; with a `gap` asked for, as much as closing it takes.
-    pub fn of(evaluations: u64, gap: Option<f64>) -> Self {
+    /// Work allowed for a search of `evaluations` evaluations within about `memory` bytes; with a `gap` asked for, as much as
+    /// closing it takes.
+    pub fn of(evaluations: u64, gap: Option<f64>, memory: u64) -> Self {
         let first_words = evaluations.saturating_mul(FIRST_WORDS);
         Self {
             pair_candidates: evaluations.saturating_mul(PAIR_CANDIDATES).min(MOST_CANDIDATES),
             pair_words: evaluations.saturating_mul(PAIR_WORDS),
             first_words: gap.map_or(first_words, |_| u64::MAX),
             gap: gap.unwrap_or(GAP),
+            is_asked: gap.is_some(),
+            memory,
         }
+    }
+
+    /// Words that may be read for one first pose.
+    fn most_words(&self, firsts: &FirstPoses) -> u64 {
+        if self.is_asked { u64::MAX } else { self.first_words / firsts.count().max(1) }
+    }
+
+    /// Why no set is looked at by its first pose, if so.
+    fn leaves_out(&self, firsts: &FirstPoses, worths: &Worths) -> Option<String> {
+        let bytes = firsts.bytes();
+        if !worths.is_plain() {
+            return Some("voxels of this objective count again for a second LiDAR".into());
+        }
+        if bytes > self.memory / 2 {
+            let mib = bytes >> 20;
+            return Some(format!(
+                "its sets of sensors take up to {mib} MiB; raise --memory, widen --delta or use fewer --threads"
+            ));
+        }
+        (firsts.words() > self.first_words).then(|| "they are too many".into())
     }
 
     /// Sets of sensors to look at through pairs: the root alone where no overlaps are known.
@@ -121,6 +151,7 @@ pub fn bound_gain(
         upper_at_root: beside.max(found.value),
         nodes: 1,
         proven: beside <= found.value,
+        short: None,
     };
     let Some(columns) = Columns::new(search.atlas(), poses, &worths.once, &shares, &typical, &ask)
     else {
@@ -137,19 +168,38 @@ pub fn bound_gain(
     bound.upper_at_root = bound.upper.min(by_pairs).max(found.value);
     bound.upper = bound.upper_at_root;
     let floor = found.value * (1.0 + effort.gap);
-    if worths.is_plain() && bound.upper > floor {
-        let firsts = FirstPoses::new(&columns, &places, worths.unit);
-        let fits = firsts.words() <= effort.first_words;
-        if fits && let Some(looked) = firsts.look(floor, &mut **asked.borrow_mut()) {
-            bound.nodes += looked.sets;
-            if let Some((poses, _)) = looked.best {
-                let value = search.value(evaluator, &poses)?;
-                if value > bound.best.value {
-                    bound.best = GridPlacement { poses, value };
+    if bound.upper > floor {
+        let firsts = FirstPoses::new(&columns, &places, worths.unit, effort.memory / 4);
+        let look = || firsts.look(floor, effort.most_words(&firsts), &mut **asked.borrow_mut());
+        let looked = match effort.leaves_out(&firsts, &worths) {
+            Some(why) => Err(why),
+            None => Ok(look()),
+        };
+        let why = match looked {
+            Err(why) => why,
+            Ok(looked) => {
+                bound.nodes += looked.sets;
+                if let Some((mut poses, _)) = looked.best {
+                    // In the order of the slots.
+                    poses.sort_by_key(|&pose| (places.kind(pose), pose));
+                    let value = search.value(evaluator, &poses)?;
+                    if value > bound.best.value {
+                        bound.best = GridPlacement { poses, value };
+                    }
                 }
+                if looked.is_whole {
+                    bound.upper = bound.upper.min(looked.upper).max(bound.best.value);
+                }
+                if looked.is_whole {
+                    "too many sets of sensors stay above it"
+                } else {
+                    "the time was over"
+                }
+                .into()
             }
-            bound.upper = bound.upper.min(looked.upper).max(bound.best.value);
-        }
+        };
+        let is_short = bound.upper > bound.best.value * (1.0 + effort.gap) * (1.0 + PROVEN);
+        bound.short = (effort.is_asked && is_short).then_some(why);
     }
     bound.proven = bound.upper <= bound.best.value * (1.0 + PROVEN);
     Ok(bound)

@@ -10,8 +10,6 @@ use crate::search::grid_search::Places;
 const MOST_CANDIDATES: usize = 1 << 24;
 /// Words whose reading takes as long as all else of a pair and the sets with it.
 const WORDS_OF_PAIR: u64 = 1024;
-/// First poses a thread between two questions whether to go on.
-const AT_ONCE: usize = 4;
 
 /// Sets of sensors by their first pose.
 ///
@@ -27,13 +25,17 @@ pub(super) struct FirstPoses<'a> {
     firsts: Vec<u32>,
     /// Number in `firsts` of each pose; that of other kinds is the largest there is.
     rank: Vec<usize>,
+    /// Candidates that the sets of one first pose may hold.
+    most_candidates: usize,
 }
 
 /// Outcome of a look at all sets.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Looked {
-    /// No set is above this.
+    /// No set that was looked at is above this.
     pub upper: f64,
+    /// True if every set was looked at.
+    pub is_whole: bool,
     /// The best set above the floor, if any.
     pub best: Option<(Vec<u32>, f64)>,
     /// Sets whose gains were looked at.
@@ -41,8 +43,8 @@ pub(super) struct Looked {
 }
 
 impl<'a> FirstPoses<'a> {
-    /// All sets of the poses of the columns.
-    pub(crate) fn new(columns: &'a Columns, places: &'a Places, unit: f64) -> Self {
+    /// All sets of the poses of the columns, within about `memory` bytes.
+    pub(crate) fn new(columns: &'a Columns, places: &'a Places, unit: f64, memory: u64) -> Self {
         let poses = columns.poses() as u32;
         let of_kind = |kind: usize| (0..poses).filter(move |&pose| places.kind(pose) == kind);
         let lidars = places.lidars_by_kind();
@@ -56,7 +58,9 @@ impl<'a> FirstPoses<'a> {
             rank[pose as usize] = 0;
         }
         firsts.iter().enumerate().for_each(|(at, &pose)| rank[pose as usize] = at);
-        Self { columns, places, unit, firsts, rank }
+        let each = memory / (64 * rayon::current_num_threads() as u64);
+        let most_candidates = (each as usize).min(MOST_CANDIDATES);
+        Self { columns, places, unit, firsts, rank, most_candidates }
     }
 
     /// Words of bitmaps that could be read in the time that all sets take, about.
@@ -66,20 +70,35 @@ impl<'a> FirstPoses<'a> {
         pairs * (self.columns.lead().len() as u64 + WORDS_OF_PAIR)
     }
 
-    /// Looks at every set that may be above `floor`. `None` once `go_on` says no.
+    /// First poses.
+    pub(crate) fn count(&self) -> u64 {
+        self.firsts.len() as u64
+    }
+
+    /// Bytes that a look takes beside the columns, at most.
+    pub(crate) fn bytes(&self) -> u64 {
+        let poses = self.columns.poses() as u64;
+        let overlaps = 8 * poses * (poses + self.columns.lead().len() as u64);
+        rayon::current_num_threads() as u64 * (overlaps + 16 * self.most_candidates as u64)
+    }
+
+    /// Looks at every set that may be above `floor`, for at most `most_words` words of bitmaps a first pose. `go_on` is asked
+    /// after some first poses, with the number done and that of all.
     pub(crate) fn look(
         &self,
         floor: f64,
+        most_words: u64,
         go_on: &mut dyn FnMut([u64; 2]) -> bool,
-    ) -> Option<Looked> {
+    ) -> Looked {
         let mut looked = Looked { upper: floor, ..Looked::default() };
         let numbers: Vec<usize> = (0..self.firsts.len()).collect();
-        for some in numbers.chunks(AT_ONCE * rayon::current_num_threads()) {
-            if !go_on([some[0], numbers.len()].map(|count| count as u64)) {
-                return None;
+        let mut done = 0;
+        for some in numbers.chunks(rayon::current_num_threads()) {
+            if !go_on([done, numbers.len() as u64]) {
+                return looked;
             }
-            let each: Vec<Looked> = some.par_iter().map(|&at| self.sets_of(at, floor)).collect();
-            for one in each {
+            let each = some.par_iter().map(|&at| self.sets_of(at, floor, most_words));
+            for one in each.collect::<Vec<Looked>>() {
                 looked.upper = looked.upper.max(one.upper);
                 looked.sets += one.sets;
                 let value =
@@ -88,19 +107,23 @@ impl<'a> FirstPoses<'a> {
                     looked.best = one.best;
                 }
             }
+            done += some.len() as u64;
         }
-        Some(looked)
+        go_on([done; 2]);
+        Looked { is_whole: true, ..looked }
     }
 
     /// Looks at the sets of one first pose.
-    fn sets_of(&self, at: usize, floor: f64) -> Looked {
+    fn sets_of(&self, at: usize, floor: f64, most_words: u64) -> Looked {
         let mut open = Open::new(floor);
         open.push(self.first(at));
         let Some(node) = open.pop() else { return Looked { upper: floor, ..Looked::default() } };
         let pairs = Beside::new(self, &node);
+        let mut words = (node.candidates() as u64).pow(2) / 2 * self.columns.lead().len() as u64;
         open.push(node);
         let (mut looked, mut held) = (Looked::default(), 0);
-        while held <= MOST_CANDIDATES
+        while held <= self.most_candidates
+            && words <= most_words
             && let Some(mut node) = open.pop()
         {
             if node.left() == 0 {
@@ -111,11 +134,12 @@ impl<'a> FirstPoses<'a> {
                 }
             } else if node.exact {
                 let child = node.split(self.places, |pose, beside| pairs.added(pose, beside));
-                held += child.candidates();
+                held += child.candidates() + 1;
                 open.push(node);
                 open.push(child);
             } else {
                 self.make_exact(&mut node);
+                words += node.candidates() as u64 * self.columns.words() as u64;
                 looked.sets += 1;
                 open.push(node);
             }

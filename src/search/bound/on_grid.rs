@@ -45,7 +45,7 @@ pub(in crate::search) fn bounds(
             return Ok(Bounds { sample, gain: Err(why) });
         }
     };
-    let gain = gain(&mut search, evaluator, settings, watch)?;
+    let gain = gain(&mut search, evaluator, settings, memory, watch)?;
     let sample = sample(&mut search, evaluator, settings, watch)?;
     Ok(Bounds { sample, gain })
 }
@@ -106,14 +106,18 @@ fn gain(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,
     settings: &Settings,
+    memory: u64,
     watch: &mut Watch,
 ) -> Result<Result<GainBound, String>, SearchError> {
     let poses = search.atlas().grid().len();
     watch.note(&format!("bounding the gain over {poses} sensor poses"));
     let all: Vec<u32> = (0..poses).collect();
-    let effort = Effort::of(settings.evaluations, settings.gap);
-    let mut go_on =
-        |[done, total]: [u64; 2]| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
+    let effort = Effort::of(settings.evaluations, settings.gap, memory);
+    // Overlaps of pairs have no first pose to count.
+    let mut go_on = |[done, total]: [u64; 2]| match total {
+        1 => watch.goes_on(),
+        _ => watch.tell(&Event::Progress { work: Work::Bounds, done, total }),
+    };
     let late = || Ok(Err("no bound was computed: the time was over before".into()));
     if search.hold_while(evaluator, &all, &mut |_| go_on([0, 1]))?.len() < all.len() {
         return late();
@@ -178,6 +182,9 @@ impl Certificate {
             Err(why) => (None, why),
             Ok(gain) => {
                 let more = 100.0 * (gain.upper / found - 1.0);
+                let short = gain.short.as_ref().map_or_else(String::new, |why| {
+                    format!("; the gap asked for was not reached: {why}")
+                });
                 let poses = gain.poses;
                 let says = if gain.upper <= found {
                     format!(
@@ -197,7 +204,7 @@ impl Certificate {
                 } else {
                     format!(
                         "the best placement on the grid of {poses} sensor poses is at most {more:.2} % \
-                         better than the result"
+                         better than the result{short}"
                     )
                 };
                 (Some(gain), says)

@@ -211,6 +211,11 @@ impl Columns {
         self.poses
     }
 
+    /// Words of a bitmap.
+    pub(crate) fn words(&self) -> usize {
+        self.words
+    }
+
     /// Words of the columns that many poses cover, which have most of the overlaps.
     pub(crate) fn lead(&self) -> Range<usize> {
         self.lead..self.words
