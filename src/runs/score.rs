@@ -84,12 +84,19 @@ fn prices_of(vehicle: &Vehicle, placements: &[Placement]) -> Vec<f64> {
     placements.iter().filter_map(|placement| vehicle.price_of_rig(placement)).collect()
 }
 
-/// Sentence on placements that are too many to be looked at closely.
-fn not_looked_closely() -> String {
-    format!(
-        "range cards, blind sectors, `self_hit` and copies within the tolerance are looked at for up to {FEW_PLACEMENTS} \
-         placements; here are more: score the best of them alone, as PLACEMENTS:NAME"
-    )
+/// Sentence on placements that are too many to be looked at closely, the first of which has these scores; `None` where
+/// there would be nothing to look at. `ends_at_hits`: beams end at surfaces in a scene.
+fn not_looked_closely(ends_at_hits: bool, first: Option<&Scores>) -> Option<String> {
+    let things = match (ends_at_hits, first.is_some_and(|first| !first.required.is_empty())) {
+        (true, true) => "range cards, blind sectors, `self_hit` and copies within the tolerance",
+        (true, false) => "range cards, blind sectors and `self_hit`",
+        (false, true) => "copies within the tolerance",
+        (false, false) => return None,
+    };
+    Some(format!(
+        "{things} are looked at for up to {FEW_PLACEMENTS} placements; here are more: score the best of them alone, as \
+         PLACEMENTS:NAME"
+    ))
 }
 
 /// Scores as JSON has them: keys of what nobody looked at, and the price of the placement last, where a sensor has one.
@@ -103,21 +110,27 @@ struct Listed<'a> {
     price: Option<f64>,
 }
 
-/// Keys of scores that nobody looked at closely.
-#[derive(Default, Serialize)]
+/// Keys of scores that nobody looked at closely, each `null`; none for what a close look would not find either.
+#[derive(Serialize)]
 struct NotLooked {
+    #[serde(skip_serializing_if = "Option::is_none")]
     range_card: Option<()>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     requirements_hold_in: Option<()>,
 }
 
-/// Scores for JSON with their prices, which there are for all or for none.
+/// Scores for JSON with their prices, which there are for all or for none. `ends_at_hits`: beams end at surfaces.
 fn listed<'a>(
     all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
     prices: &'a [f64],
     is_looked_at: bool,
+    ends_at_hits: bool,
 ) -> impl Iterator<Item = Listed<'a>> + 'a {
     all.into_iter().enumerate().map(move |(k, scores): (usize, &'a Scores)| {
-        let not_looked = (!is_looked_at).then(NotLooked::default);
+        let not_looked = (!is_looked_at).then(|| NotLooked {
+            range_card: ends_at_hits.then_some(()),
+            requirements_hold_in: (!scores.required.is_empty()).then_some(()),
+        });
         Listed { scores, not_looked, price: prices.get(k).copied() }
     })
 }
@@ -296,7 +309,10 @@ fn score_each(
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
     } else {
-        computing.watcher.note(&not_looked_closely());
+        let ends_at_hits = batch.members().any(|(_, member)| member.problem().ends_at_hits());
+        let first = batch.judged.first().map(|judged| &judged.scores);
+        let note = not_looked_closely(ends_at_hits, first);
+        note.iter().for_each(|note| computing.watcher.note(note));
     }
     if request.near_field {
         batch.add_near_fields(&job, &placements)?;
@@ -453,7 +469,7 @@ impl Batch {
                 "frames": problem.frame_count(),
                 "modelled": problem.modelled(),
                 "threads": rayon::current_num_threads(),
-                "scores": self.listed(self.of_scene(index), &prices),
+                "scores": self.listed(self.of_scene(index), &prices, problem.ends_at_hits()),
                 // Loading and the whole are those of all scenes together.
                 "timings": timings(self.times, stages, self.start),
             });
@@ -466,13 +482,15 @@ impl Batch {
             scene
         };
         let scenes: Vec<Value> = self.members().map(scene).collect();
-        json!({ "scenes": scenes, "mean": self.listed(mean.iter().collect(), &prices) })
+        // The mean has the card of the first scene.
+        let ends_at_hits = self.members().next().is_some_and(|(_, m)| m.problem().ends_at_hits());
+        json!({ "scenes": scenes, "mean": self.listed(mean.iter().collect(), &prices, ends_at_hits) })
     }
 
     /// Scores of all placements for JSON.
-    fn listed<'a>(&self, scores: Vec<&'a Scores>, prices: &'a [f64]) -> Value {
+    fn listed<'a>(&self, scores: Vec<&'a Scores>, prices: &'a [f64], ends_at_hits: bool) -> Value {
         let is_looked_at = scores.len() <= FEW_PLACEMENTS;
-        json!(listed(scores, prices, is_looked_at).collect::<Vec<_>>())
+        json!(listed(scores, prices, is_looked_at, ends_at_hits).collect::<Vec<_>>())
     }
 
     /// Covered voxels of each placement, in a folder a scene.

@@ -204,7 +204,9 @@ impl Scoring<'_> {
             self.below = report::rigs_text(self.job.scene().vehicle(), &block, &scores);
             self.is_looked_at = true;
         } else if self.count == 0 {
-            self.watcher.note(&super::not_looked_closely());
+            let ends_at_hits = self.evaluator.problem().ends_at_hits();
+            let note = super::not_looked_closely(ends_at_hits, scores.first());
+            note.iter().for_each(|note| self.watcher.note(note));
         }
         let (vehicle, rules) = (self.job.scene().vehicle(), self.evaluator.problem().rules());
         self.prices = super::prices_of(vehicle, &block);
@@ -395,7 +397,9 @@ impl Scoring<'_> {
             let body = text.split_once('\n').map_or("", |(_, body)| body);
             return Ok(if first { text } else { body.to_owned() });
         }
-        for (index, scores) in listed(scores, &self.prices, self.is_looked_at).enumerate() {
+        let ends_at_hits = self.evaluator.problem().ends_at_hits();
+        let listed = listed(scores, &self.prices, self.is_looked_at, ends_at_hits);
+        for (index, scores) in listed.enumerate() {
             text += if first && index == 0 { "\n" } else { ",\n" };
             text += &self.json(&scores, CompactFormatter)?;
         }
