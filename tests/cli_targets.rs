@@ -64,6 +64,11 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
     }
     // A direction that is given twice has one row.
     let twice = ["--target", "tyre", "--distances", "10", "--bearings", "0,180,360,0,-180"];
+    let told = sightline(dir.path(), &[&STUDY[..], &twice].concat()).stderr;
+    let told = String::from_utf8_lossy(&told).into_owned();
+    assert!(told.contains("--bearings: 360° is 0°: given once, as 0°"), "{told}");
+    assert!(told.contains("--bearings: -180° is 180°: given once, as 180°"), "{told}");
+    assert_eq!(told.matches("given once").count(), 2, "{told}");
     let found_twice = ok(dir.path(), &[&STUDY[..], &twice].concat());
     let bearings = rows(&found_twice, "one", "tyre");
     let bearings: Vec<&Value> = bearings.iter().map(|row| &row["bearing"]).collect();
