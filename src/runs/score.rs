@@ -1,6 +1,7 @@
 //! Scores of a batch of placements: as a stream in one scene, with their mean in several.
 
 mod journal;
+mod listed;
 mod rigs;
 mod stream;
 
@@ -8,7 +9,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, note_unpriced};
@@ -22,12 +22,15 @@ use crate::files::{
 use crate::job::{Job, JobFiles};
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
+use crate::report::run_tables::{
+    requirements_of, rows_with_requirements, titles_with_requirements,
+};
 use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::{Placement, PlacementFileError, Vehicle};
+use listed::{listed, not_looked_closely};
 use rigs::RigFiles;
 use sightline_files::json::counted;
 
@@ -82,57 +85,6 @@ fn meets(scores: &Scores) -> bool {
 /// Price of each placement; empty where no sensor has one.
 fn prices_of(vehicle: &Vehicle, placements: &[Placement]) -> Vec<f64> {
     placements.iter().filter_map(|placement| vehicle.price_of_rig(placement)).collect()
-}
-
-/// Sentence on placements that are too many to be looked at closely, the first of which has these scores; `None` where
-/// there would be nothing to look at. `ends_at_hits`: beams end at surfaces in a scene.
-fn not_looked_closely(ends_at_hits: bool, first: Option<&Scores>) -> Option<String> {
-    let things = match (ends_at_hits, first.is_some_and(|first| !first.required.is_empty())) {
-        (true, true) => "range cards, blind sectors, `self_hit` and copies within the tolerance",
-        (true, false) => "range cards, blind sectors and `self_hit`",
-        (false, true) => "copies within the tolerance",
-        (false, false) => return None,
-    };
-    Some(format!(
-        "{things} are looked at for up to {FEW_PLACEMENTS} placements; here are more: score the best of them alone, as \
-         PLACEMENTS:NAME"
-    ))
-}
-
-/// Scores as JSON has them: keys of what nobody looked at, and the price of the placement last, where a sensor has one.
-#[derive(Serialize)]
-struct Listed<'a> {
-    #[serde(flatten)]
-    scores: &'a Scores,
-    #[serde(flatten)]
-    not_looked: Option<NotLooked>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    price: Option<f64>,
-}
-
-/// Keys of scores that nobody looked at closely, each `null`; none for what a close look would not find either.
-#[derive(Serialize)]
-struct NotLooked {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    range_card: Option<()>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    requirements_hold_in: Option<()>,
-}
-
-/// Scores for JSON with their prices, which there are for all or for none. `ends_at_hits`: beams end at surfaces.
-fn listed<'a>(
-    all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
-    prices: &'a [f64],
-    is_looked_at: bool,
-    ends_at_hits: bool,
-) -> impl Iterator<Item = Listed<'a>> + 'a {
-    all.into_iter().enumerate().map(move |(k, scores): (usize, &'a Scores)| {
-        let not_looked = (!is_looked_at).then(|| NotLooked {
-            range_card: ends_at_hits.then_some(()),
-            requirements_hold_in: (!scores.required.is_empty()).then_some(()),
-        });
-        Listed { scores, not_looked, price: prices.get(k).copied() }
-    })
 }
 
 /// Placements that are read, scored and printed at a time.
@@ -440,7 +392,9 @@ impl Batch {
     fn csv(&self) -> String {
         let prices = prices_of(&self.vehicle, &self.placements);
         let mean: Vec<&Scores> = self.judged.iter().map(|judged| &judged.scores).collect();
-        let titles = titles_with_requirements(&prices, mean.first().copied());
+        let of_scenes = self.members().flat_map(|(index, _)| self.of_scene(index));
+        let names = requirements_of(mean.iter().copied().chain(of_scenes));
+        let titles = titles_with_requirements(&prices, &names);
         let titles = std::iter::once("scene".to_owned()).chain(titles).collect();
         let mut rows: Vec<Vec<String>> = vec![titles];
         let mut add = |scene: &str, scores: Vec<Vec<String>>| {
@@ -448,9 +402,9 @@ impl Batch {
             rows.extend(scores.into_iter().map(named));
         };
         for (index, member) in self.members() {
-            add(member.name(), rows_with_requirements(&self.of_scene(index), &prices));
+            add(member.name(), rows_with_requirements(&self.of_scene(index), &prices, &names));
         }
-        add("mean", rows_with_requirements(&mean, &prices));
+        add("mean", rows_with_requirements(&mean, &prices, &names));
         csv(rows)
     }
 
