@@ -135,9 +135,29 @@ fn rigs_are_compared_as_text_and_as_json() {
 fn a_rig_comes_through_standard_input() {
     let dir = folder();
     let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "top", "x": 1, "y": 0, "z": 2}]"#;
-    let output = piped(dir.path(), &["rig", "import", "-"], list.as_bytes());
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && text.contains("\"x\": 1.0"), "{output:?}");
+    let import = |bytes: &[u8]| piped(dir.path(), &["rig", "import", "-"], bytes);
+    for text in [list.to_owned(), format!("\u{feff}{list}")] {
+        let output = import(text.as_bytes());
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success() && text.contains("\"x\": 1.0"), "{output:?}");
+    }
+    let utf_16: Vec<u8> = list.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let large = [list.as_bytes(), &b" ".repeat(16 << 20)].concat();
+    for (bytes, words) in [
+        (utf_16, "standard input: is UTF-16 text; save it as UTF-8"),
+        (large, "standard input: is larger than the limit of 16777216 bytes"),
+    ] {
+        let output = import(&bytes);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && told.contains(words), "{told}");
+    }
+    let alone = "-: stands for standard input alone";
+    for args in
+        [["import", "-", "p.json"], ["import", "p.json", "-"], ["compare", "p.json:one", "-"]]
+    {
+        let told = fails(dir.path(), &[&["rig"], &args[..]].concat());
+        assert!(told.contains(alone), "{args:?}: {told}");
+    }
 }
 
 #[test]

@@ -31,29 +31,47 @@ pub(crate) fn run_csv(run: &RunRecord) -> String {
     };
     let prices: Vec<f64> = all.iter().filter_map(|of| of.price).collect();
     let rows: Vec<Scores> = all.iter().map(scores).collect();
-    let titles = titles_with_requirements(&prices, rows.first());
-    let rows = rows_with_requirements(&rows.iter().collect::<Vec<_>>(), &prices);
+    let names = requirements_of(&rows);
+    let titles = titles_with_requirements(&prices, &names);
+    let rows = rows_with_requirements(&rows.iter().collect::<Vec<_>>(), &prices, &names);
     csv(std::iter::once(titles).chain(rows))
 }
 
-/// Titles of [`rows_with_requirements`]: those of scores, with four for each requirement of a placement before the price.
-pub(crate) fn titles_with_requirements(prices: &[f64], of: Option<&Scores>) -> Cells {
-    let of_each = |seen: &Seen| {
-        ["found", "required", "met", "holds_in"].map(|what| format!("{}_{what}", seen.name))
-    };
-    let required = of.into_iter().flat_map(|scores| &scores.required);
-    before_price(score_titles(prices), prices, required.flat_map(of_each))
+/// Names of the requirements of any of some placements, in the order in which they come.
+pub(crate) fn requirements_of<'a>(all: impl IntoIterator<Item = &'a Scores>) -> Vec<&'a str> {
+    let mut names: Vec<&str> = Vec::new();
+    for seen in all.into_iter().flat_map(|scores| &scores.required) {
+        if !names.contains(&&*seen.name) {
+            names.push(&seen.name);
+        }
+    }
+    names
 }
 
-/// Like [`score_rows`], with the share found of each requirement, the share required, whether it is met, and the share of
-/// copies that still meet it, before the price.
-pub(crate) fn rows_with_requirements(all: &[&Scores], prices: &[f64]) -> Vec<Cells> {
-    let of_each = |seen: &Seen| {
+/// Titles of [`rows_with_requirements`]: those of scores, with four for each requirement by its name before the price.
+pub(crate) fn titles_with_requirements(prices: &[f64], names: &[&str]) -> Cells {
+    let of_each =
+        |name: &&str| ["found", "required", "met", "holds_in"].map(|what| format!("{name}_{what}"));
+    before_price(score_titles(prices), prices, names.iter().flat_map(of_each))
+}
+
+/// Like [`score_rows`], with the share found of each requirement by its name, the share required, whether it is met, and the
+/// share of copies that still meet it, before the price. Cells are empty for a requirement that a placement does not have.
+pub(crate) fn rows_with_requirements(
+    all: &[&Scores],
+    prices: &[f64],
+    names: &[&str],
+) -> Vec<Cells> {
+    let cells = |seen: &Seen| {
         let met = seen.is_met().to_string();
         [number(seen.share), number(seen.least), met, number(seen.holds_in)]
     };
-    let rows = score_rows(all.iter().copied(), prices).into_iter().zip(all);
-    rows.map(|(row, of)| before_price(row, prices, of.required.iter().flat_map(of_each))).collect()
+    let row = |(row, of): (Cells, &&Scores)| {
+        let named = |name: &&str| of.required.iter().find(|seen| seen.name == *name);
+        let of_each = names.iter().flat_map(|name| named(name).map(cells).unwrap_or_default());
+        before_price(row, prices, of_each)
+    };
+    score_rows(all.iter().copied(), prices).into_iter().zip(all).map(row).collect()
 }
 
 /// Puts cells into a row before the price, which is last where there is one.
@@ -118,4 +136,27 @@ fn cells_of(change: &Stability) -> [String; 8] {
             .map(number);
     let none = String::new;
     [none(), none(), median, worst, median_tau, tau, height, change.first.clone()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requirements_of_one_scene_alone_have_columns_that_are_empty_in_others() {
+        let scores = |required: &[(&str, f64)]| {
+            let required = required.iter().map(|(name, share)| Seen::of(name, *share)).collect();
+            Scores { required, ..Scores::default() }
+        };
+        let [first, second] = [scores(&[("a", 0.25)]), scores(&[("b", 0.75), ("a", 1.0)])];
+        let names = requirements_of([&first, &second]);
+        assert_eq!(names, ["a", "b"]);
+        let titles = titles_with_requirements(&[1.0; 2], &names);
+        let rows = rows_with_requirements(&[&first, &second], &[1.0; 2], &names);
+        let before = titles.len() - 9;
+        let named = ["a_found", "a_required", "a_met", "a_holds_in", "b_found"];
+        assert_eq!(titles[before..before + 5], named);
+        assert_eq!(rows[0][before..], ["0.25", "0.9", "false", "", "", "", "", "", "1"]);
+        assert_eq!(rows[1][before..], ["1", "0.9", "true", "", "0.75", "0.9", "false", "", "1"]);
+    }
 }

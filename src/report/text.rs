@@ -103,6 +103,7 @@ pub(super) fn rule_lines(rules: &[String]) -> Vec<String> {
         // Sensors on a mount come before its own rules, each of which begins with its name.
         let counted = rule.split_once(" × ").and_then(|(_, rest)| rest.split_once(" on "));
         let own = mount.and_then(|mount| rule.strip_prefix(mount));
+        let own = own.filter(|own| own.starts_with([':', ',']));
         match (lines.last_mut(), own.map(|own| own.trim_start_matches([':', ',', ' ']))) {
             (Some(line), Some(own)) => {
                 let between = if line.contains(": ") { ", " } else { ": " };
@@ -424,11 +425,13 @@ mod tests {
             "roof: roll = 0",
             "2 × side-64 on roof-rear",
             "roof-rear, in its own frame: z = 0",
+            "roof-rear-left: yaw = 0",
         ];
         let want = [
             "LiDARs at least 0.3 m apart; all LiDARs at one height",
             "1 × spin-32 on roof: yaw = 0, roll = 0",
             "2 × side-64 on roof-rear: in its own frame: z = 0",
+            "roof-rear-left: yaw = 0",
         ];
         assert_eq!(rule_lines(&rules.map(str::to_owned)), want);
         assert_eq!(rule_lines(&["yaw = 0".to_owned()]), ["yaw = 0"]);

@@ -380,9 +380,13 @@ fn question(
     distances.dedup();
     let mut bearings: Vec<f64> = Vec::new();
     for bearing in or(&request.bearings, card_bearings()) {
-        // 0 and 360 are one direction.
-        if bearings.iter().all(|known| (known - bearing).rem_euclid(360.0) != 0.0) {
-            bearings.push(bearing);
+        let is_same = |known: &f64| (known - bearing).rem_euclid(360.0) == 0.0;
+        match bearings.iter().copied().find(is_same) {
+            Some(known) if known != bearing => computing
+                .watcher
+                .note(&format!("--bearings: {bearing}° is {known}°: given once, as {known}°")),
+            Some(_) => {}
+            None => bearings.push(bearing),
         }
     }
     let (frames, of_frames) = (request.frames, request.of_frames.unwrap_or(request.frames));

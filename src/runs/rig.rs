@@ -1,7 +1,6 @@
 //! Rigs in the formats of other programs, as files: read, written and compared.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::inputs::{file_and_name, rig_file};
@@ -14,6 +13,7 @@ use crate::rig::{
 };
 use crate::scene::Scene;
 use crate::vehicle::{PlacementFileError, Vehicle, in_millimetres};
+use sightline_files::json::stream_text;
 
 /// Most bytes of a rig on standard input, as of a file.
 const MOST_INPUT: u64 = 16 << 20;
@@ -171,6 +171,11 @@ pub fn import_files(
     watcher: &dyn Watcher,
 ) -> Result<Option<String>, RunError> {
     let _session = Session::begin();
+    if files.len() > 1 && files.iter().any(|file| file == Path::new("-")) {
+        return Err(RunError::Usage(
+            "-: stands for standard input alone, the whole rig; give it as the only file, or give files".into(),
+        ));
+    }
     let only = match files {
         [only] if settings.name.is_none() => only.to_str(),
         _ => None,
@@ -199,9 +204,8 @@ pub fn import_files(
 
 /// A rig's text from standard input.
 fn standard_input() -> Result<RigSource, RunError> {
-    let (file, mut text) = ("standard input".to_owned(), String::new());
-    let mut input = std::io::stdin().lock().take(MOST_INPUT);
-    input.read_to_string(&mut text).map_err(RunError::io(Path::new("-")))?;
+    let file = "standard input".to_owned();
+    let text = stream_text(std::io::stdin().lock(), &file, MOST_INPUT).map_err(RigError::from)?;
     Ok(RigSource { file, text })
 }
 
@@ -234,6 +238,11 @@ pub fn compare_files(
     settings: &ImportSettings,
     watcher: &dyn Watcher,
 ) -> Result<Comparison, RunError> {
+    if [before, after].contains(&"-") {
+        return Err(RunError::Usage(
+            "-: stands for standard input alone in `rig import`; give two files to compare".into(),
+        ));
+    }
     let read = |text: &str| {
         let imported = named_rig(&rig_file(text)?, settings)?;
         imported.notes.iter().for_each(|note| watcher.detail(note.text()));

@@ -1,6 +1,7 @@
 //! Scores of a batch of placements: as a stream in one scene, with their mean in several.
 
 mod journal;
+mod listed;
 mod rigs;
 mod stream;
 
@@ -8,7 +9,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, note_unpriced};
@@ -22,12 +22,15 @@ use crate::files::{
 use crate::job::{Job, JobFiles};
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
+use crate::report::run_tables::{
+    requirements_of, rows_with_requirements, titles_with_requirements,
+};
 use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::{Placement, PlacementFileError, Vehicle};
+use listed::{listed, not_looked_closely};
 use rigs::RigFiles;
 use sightline_files::json::counted;
 
@@ -82,44 +85,6 @@ fn meets(scores: &Scores) -> bool {
 /// Price of each placement; empty where no sensor has one.
 fn prices_of(vehicle: &Vehicle, placements: &[Placement]) -> Vec<f64> {
     placements.iter().filter_map(|placement| vehicle.price_of_rig(placement)).collect()
-}
-
-/// Sentence on placements that are too many to be looked at closely.
-fn not_looked_closely() -> String {
-    format!(
-        "range cards, blind sectors, `self_hit` and copies within the tolerance are looked at for up to {FEW_PLACEMENTS} \
-         placements; here are more: score the best of them alone, as PLACEMENTS:NAME"
-    )
-}
-
-/// Scores as JSON has them: keys of what nobody looked at, and the price of the placement last, where a sensor has one.
-#[derive(Serialize)]
-struct Listed<'a> {
-    #[serde(flatten)]
-    scores: &'a Scores,
-    #[serde(flatten)]
-    not_looked: Option<NotLooked>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    price: Option<f64>,
-}
-
-/// Keys of scores that nobody looked at closely.
-#[derive(Default, Serialize)]
-struct NotLooked {
-    range_card: Option<()>,
-    requirements_hold_in: Option<()>,
-}
-
-/// Scores for JSON with their prices, which there are for all or for none.
-fn listed<'a>(
-    all: impl IntoIterator<Item = &'a Scores, IntoIter: 'a>,
-    prices: &'a [f64],
-    is_looked_at: bool,
-) -> impl Iterator<Item = Listed<'a>> + 'a {
-    all.into_iter().enumerate().map(move |(k, scores): (usize, &'a Scores)| {
-        let not_looked = (!is_looked_at).then(NotLooked::default);
-        Listed { scores, not_looked, price: prices.get(k).copied() }
-    })
 }
 
 /// Placements that are read, scored and printed at a time.
@@ -296,7 +261,10 @@ fn score_each(
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
     } else {
-        computing.watcher.note(&not_looked_closely());
+        let ends_at_hits = batch.members().any(|(_, member)| member.problem().ends_at_hits());
+        let first = batch.judged.first().map(|judged| &judged.scores);
+        let note = not_looked_closely(ends_at_hits, first);
+        note.iter().for_each(|note| computing.watcher.note(note));
     }
     if request.near_field {
         batch.add_near_fields(&job, &placements)?;
@@ -424,7 +392,9 @@ impl Batch {
     fn csv(&self) -> String {
         let prices = prices_of(&self.vehicle, &self.placements);
         let mean: Vec<&Scores> = self.judged.iter().map(|judged| &judged.scores).collect();
-        let titles = titles_with_requirements(&prices, mean.first().copied());
+        let of_scenes = self.members().flat_map(|(index, _)| self.of_scene(index));
+        let names = requirements_of(mean.iter().copied().chain(of_scenes));
+        let titles = titles_with_requirements(&prices, &names);
         let titles = std::iter::once("scene".to_owned()).chain(titles).collect();
         let mut rows: Vec<Vec<String>> = vec![titles];
         let mut add = |scene: &str, scores: Vec<Vec<String>>| {
@@ -432,9 +402,9 @@ impl Batch {
             rows.extend(scores.into_iter().map(named));
         };
         for (index, member) in self.members() {
-            add(member.name(), rows_with_requirements(&self.of_scene(index), &prices));
+            add(member.name(), rows_with_requirements(&self.of_scene(index), &prices, &names));
         }
-        add("mean", rows_with_requirements(&mean, &prices));
+        add("mean", rows_with_requirements(&mean, &prices, &names));
         csv(rows)
     }
 
@@ -453,7 +423,7 @@ impl Batch {
                 "frames": problem.frame_count(),
                 "modelled": problem.modelled(),
                 "threads": rayon::current_num_threads(),
-                "scores": self.listed(self.of_scene(index), &prices),
+                "scores": self.listed(self.of_scene(index), &prices, problem.ends_at_hits()),
                 // Loading and the whole are those of all scenes together.
                 "timings": timings(self.times, stages, self.start),
             });
@@ -466,13 +436,15 @@ impl Batch {
             scene
         };
         let scenes: Vec<Value> = self.members().map(scene).collect();
-        json!({ "scenes": scenes, "mean": self.listed(mean.iter().collect(), &prices) })
+        // The mean has the card of the first scene.
+        let ends_at_hits = self.members().next().is_some_and(|(_, m)| m.problem().ends_at_hits());
+        json!({ "scenes": scenes, "mean": self.listed(mean.iter().collect(), &prices, ends_at_hits) })
     }
 
     /// Scores of all placements for JSON.
-    fn listed<'a>(&self, scores: Vec<&'a Scores>, prices: &'a [f64]) -> Value {
+    fn listed<'a>(&self, scores: Vec<&'a Scores>, prices: &'a [f64], ends_at_hits: bool) -> Value {
         let is_looked_at = scores.len() <= FEW_PLACEMENTS;
-        json!(listed(scores, prices, is_looked_at).collect::<Vec<_>>())
+        json!(listed(scores, prices, is_looked_at, ends_at_hits).collect::<Vec<_>>())
     }
 
     /// Covered voxels of each placement, in a folder a scene.

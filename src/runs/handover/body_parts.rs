@@ -26,19 +26,38 @@ fn joined([low, high]: BoxCorners, [from, to]: BoxCorners) -> BoxCorners {
     [[0, 1, 2].map(|k| low[k].min(from[k])), [0, 1, 2].map(|k| high[k].max(to[k]))]
 }
 
-/// A box around each part of each shape, without those inside another; a box a shape where there would be more than 16.
+/// A box around each part of each shape, without those inside another; a box a shape where there would be more than 16. Parts
+/// are cut into slices one after the other, as long as there are no more than 16 boxes in all.
 pub(super) fn boxes_of(
     body: &[[[f32; 3]; 3]],
     shapes: impl IntoIterator<Item = Range<usize>>,
 ) -> Vec<BoxCorners> {
     let shapes: Vec<_> = shapes.into_iter().map(|shape| &body[shape]).collect();
-    let parts: Vec<BoxCorners> =
-        shapes.iter().flat_map(|shape| parts(shape)).flat_map(|part| slices(&part)).collect();
-    let parts = outermost(&parts);
-    match parts.len() > MOST_BOXES {
-        true => shapes.iter().filter_map(|shape| around(shape.iter().flatten())).collect(),
-        false => parts,
+    let parts: Vec<_> = shapes.iter().flat_map(|shape| parts(shape)).collect();
+    let whole = |part: &Vec<[[f32; 3]; 3]>| around(part.iter().flatten()).into_iter().collect();
+    let mut boxes: Vec<Vec<BoxCorners>> = parts.iter().map(whole).collect();
+    let mut outer = outermost(&boxes.concat());
+    if outer.len() > MOST_BOXES {
+        return shapes.iter().filter_map(|shape| around(shape.iter().flatten())).collect();
     }
+    for (k, part) in parts.iter().enumerate() {
+        if !boxes[k].iter().all(|whole| outer.contains(whole)) {
+            continue;
+        }
+        let cut = slices(part, MOST_SLICES.min(1 + MOST_BOXES - outer.len()));
+        if cut.len() < 2 {
+            continue;
+        }
+        let whole = std::mem::replace(&mut boxes[k], cut);
+        // Smaller parts beside the slices may have been in the whole box.
+        let with_slices = outermost(&boxes.concat());
+        if with_slices.len() <= MOST_BOXES {
+            outer = with_slices;
+        } else {
+            boxes[k] = whole;
+        }
+    }
+    outer
 }
 
 /// Boxes that lie in no other; of equal ones the first.
@@ -52,8 +71,8 @@ fn outermost(all: &[BoxCorners]) -> Vec<BoxCorners> {
 }
 
 /// Boxes around a part: one, or for a part that is turned in plan as few slices of equal length along its longer side as come
-/// near its area from above.
-fn slices(part: &[[[f32; 3]; 3]]) -> Vec<BoxCorners> {
+/// near its area from above, `most` at most.
+fn slices(part: &[[[f32; 3]; 3]], most: usize) -> Vec<BoxCorners> {
     let Some(whole) = around(part.iter().flatten()) else { return Vec::new() };
     let flat = |&[x, y, _]: &[f32; 3]| [f64::from(x), f64::from(y)];
     let hull = Footprint::of(part.iter().flatten().map(flat));
@@ -72,7 +91,7 @@ fn slices(part: &[[[f32; 3]; 3]]) -> Vec<BoxCorners> {
     };
     let mut boxes = vec![whole];
     let mut count = 1;
-    while !is_close(&boxes) && count < MOST_SLICES {
+    while count < most && !is_close(&boxes) {
         count += 1;
         boxes = cut(count);
     }
@@ -194,12 +213,40 @@ mod tests {
         assert_eq!(boxes_of(&along, std::iter::once(0..along.len())).len(), 1);
     }
 
+    /// A part of half a metre, each a metre on along x.
+    fn part(k: usize) -> Vec<[[f32; 3]; 3]> {
+        let x = k as f64;
+        tube([[x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]])
+    }
+
+    #[test]
+    fn many_parts_leave_a_turned_one_fewer_slices() {
+        let (sin, cos) = crate::maths::sin_cos(0.6);
+        let turned = |[x, y, z]: [f32; 3]| {
+            let [x, y] = [f64::from(x), f64::from(y)];
+            [(cos * x - sin * y) as f32, (sin * x + cos * y) as f32, z]
+        };
+        let trailer = tube([[-9.0, -0.75, 0.4], [-3.0, 0.75, 1.5]]);
+        let trailer: Vec<_> = trailer.iter().map(|triangle| triangle.map(turned)).collect();
+        let all = |parts: &[[[f32; 3]; 3]]| boxes_of(parts, std::iter::once(0..parts.len()));
+        for (straight, most) in [(2, MOST_SLICES), (12, 4), (15, 1)] {
+            let parts: Vec<_> = (0..straight).flat_map(part).chain(trailer.clone()).collect();
+            let boxes = all(&parts);
+            assert_eq!(boxes.len(), straight + most, "{straight}: {boxes:?}");
+            assert!((0..straight).all(|k| boxes[k][0][0] == k as f64), "{boxes:?}");
+        }
+        // A mirror lies in the box around the trailer, and in none of its slices.
+        let mirror = tube([[-7.5, -2.0, 0.75], [-7.25, -1.5, 1.25]]);
+        let boxes = all(&[&trailer[..], &mirror[..]].concat());
+        assert_eq!(boxes.len(), MOST_SLICES + 1);
+        assert_eq!(boxes.last(), around(mirror.iter().flatten()).as_ref());
+        // Two slices would leave no room for it: the trailer stays whole.
+        let tight = [trailer, mirror, (0..14).flat_map(part).collect()].concat();
+        assert_eq!(all(&tight).len(), 15);
+    }
+
     #[test]
     fn a_mesh_of_many_parts_has_one_box() {
-        let part = |k: usize| {
-            let x = k as f64;
-            tube([[x, 0.0, 0.0], [x + 0.5, 1.0, 1.0]])
-        };
         let mesh: Vec<_> = (0..17).flat_map(part).collect();
         assert_eq!(boxes_of(&mesh, std::iter::once(0..mesh.len())), [[[0.0; 3], [16.5, 1.0, 1.0]]]);
         assert_eq!(boxes_of(&mesh, std::iter::once(0..6 * 16)).len(), 16);

@@ -11,8 +11,9 @@ use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
+use super::listed::{listed, not_looked_closely};
 use super::rigs::{RigFiles, RigReader};
-use super::{BLOCK, ScoreRequest, interrupted, listed, write_coverage, write_out};
+use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::csv::csv;
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
@@ -20,7 +21,9 @@ use crate::files::{
 use crate::job::Job;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
-use crate::report::run_tables::{rows_with_requirements, titles_with_requirements};
+use crate::report::run_tables::{
+    requirements_of, rows_with_requirements, titles_with_requirements,
+};
 use crate::runs::inputs::Given;
 use crate::runs::opening::{LoadTimes, Loaded, note_relief, timings};
 use crate::runs::{Bar, Computing, GRACE, RunError, TableFormat, Watcher, outputs};
@@ -204,7 +207,9 @@ impl Scoring<'_> {
             self.below = report::rigs_text(self.job.scene().vehicle(), &block, &scores);
             self.is_looked_at = true;
         } else if self.count == 0 {
-            self.watcher.note(&super::not_looked_closely());
+            let ends_at_hits = self.evaluator.problem().ends_at_hits();
+            let note = not_looked_closely(ends_at_hits, scores.first());
+            note.iter().for_each(|note| self.watcher.note(note));
         }
         let (vehicle, rules) = (self.job.scene().vehicle(), self.evaluator.problem().rules());
         self.prices = super::prices_of(vehicle, &block);
@@ -382,9 +387,10 @@ impl Scoring<'_> {
     fn text(&self, scores: &[Scores], first: bool) -> Result<String, RunError> {
         let mut text = String::new();
         if self.request.format == TableFormat::Csv {
-            let rows = rows_with_requirements(&scores.iter().collect::<Vec<_>>(), &self.prices);
+            let (all, names) = (scores.iter().collect::<Vec<_>>(), requirements_of(scores));
+            let rows = rows_with_requirements(&all, &self.prices, &names);
             return Ok(if first {
-                let titles = titles_with_requirements(&self.prices, scores.first());
+                let titles = titles_with_requirements(&self.prices, &names);
                 csv(std::iter::once(titles).chain(rows))
             } else {
                 csv(rows)
@@ -395,7 +401,9 @@ impl Scoring<'_> {
             let body = text.split_once('\n').map_or("", |(_, body)| body);
             return Ok(if first { text } else { body.to_owned() });
         }
-        for (index, scores) in listed(scores, &self.prices, self.is_looked_at).enumerate() {
+        let ends_at_hits = self.evaluator.problem().ends_at_hits();
+        let listed = listed(scores, &self.prices, self.is_looked_at, ends_at_hits);
+        for (index, scores) in listed.enumerate() {
             text += if first && index == 0 { "\n" } else { ",\n" };
             text += &self.json(&scores, CompactFormatter)?;
         }

@@ -15,8 +15,8 @@ pub use numbers::{Quantity, counted, fixed, quoted, shortened, spoken, written};
 pub use objects::{Objects, from_text};
 pub use parse::{
     FileKind, ForeignJson, UniqueKeys, check_version, comma_too_many, parse, plain_words,
-    read_limited, read_text, refuse_comment, refuse_foreign, refuse_own_kinds, unknown_key,
-    version_1,
+    read_limited, read_text, refuse_comment, refuse_foreign, refuse_own_kinds, stream_text,
+    unknown_key, version_1,
 };
 pub use xml::{check_xml, has_no_prefix, plain_names};
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

@@ -3,6 +3,7 @@
 //! The kind of a JSON file is known by its keys, to explain a file given in the wrong place on the command line.
 
 use std::fmt;
+use std::io::Read;
 use std::path::Path;
 
 use serde::de::{DeserializeOwned, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
@@ -266,7 +267,25 @@ fn line_and_column(before: &str) -> (usize, usize) {
 /// # Errors
 /// Like [`read_limited`], and a text that is no UTF-8.
 pub fn read_text(file: &Path, limit: u64) -> Result<String, DescriptionError> {
-    let bytes = read_limited(file, limit)?;
+    decoded(read_limited(file, limit)?, file)
+}
+
+/// Like [`read_text`], from a stream that errors call `name`, as `standard input`.
+///
+/// # Errors
+/// See [`read_text`].
+pub fn stream_text(stream: impl Read, name: &str, limit: u64) -> Result<String, DescriptionError> {
+    let (file, mut bytes) = (Path::new(name), Vec::new());
+    let read = stream.take(limit + 1).read_to_end(&mut bytes);
+    read.map_err(|source| DescriptionError::Read { file: file.to_owned(), source })?;
+    if bytes.len() as u64 > limit {
+        return Err(DescriptionError::TooLarge { file: file.to_owned(), limit });
+    }
+    decoded(bytes, file)
+}
+
+/// The text of a file's bytes, without a byte order mark.
+fn decoded(bytes: Vec<u8>, file: &Path) -> Result<String, DescriptionError> {
     if is_utf_16(&bytes) {
         return Err(DescriptionError::Utf16 { file: file.to_owned() });
     }

@@ -196,16 +196,16 @@ impl Launch<'_> {
             if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
                 return Ok(None);
             }
-            yaml::attribute(node, "args", &at)?
+            yaml::attribute(node, "args", &at)?.to_owned()
         } else {
             // `ros2 run tf2_ros static_transform_publisher`, or its path, and then the arguments.
-            let command = node.attribute("cmd").unwrap_or_default();
-            let Some(word) = command.split_whitespace().find(|word| is_publisher(word)) else {
+            let mut words = node.attribute("cmd").unwrap_or_default().split_whitespace();
+            if !words.any(is_publisher) {
                 return Ok(None);
-            };
-            command.split_once(word).map_or("", |(_, args)| args)
+            }
+            words.collect::<Vec<_>>().join(" ")
         };
-        let args = self.resolved(args, &at)?;
+        let args = self.resolved(&args, &at)?;
         // A shell takes the quotes off.
         let quotes: &[char] = if node.has_tag_name("node") { &[] } else { &['"', '\''] };
         let bare = |word: &str| word.trim_matches(quotes).to_owned();

@@ -103,15 +103,20 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
 
 /// Refuses an arc or a spiral that turns round and round: a curvature of another unit, most likely.
 fn turns(node: Node<'_, '_>, curvatures: &[&str]) -> Result<(), String> {
-    let bend = curvatures.iter().map(|key| number(node, key).abs()).fold(0.0, f64::max);
+    let ends: Vec<f64> = curvatures.iter().map(|key| number(node, key)).collect();
+    let (from, to) = (ends[0], ends[ends.len() - 1]);
+    // Curvature is linear along the way: a trapezium, or a triangle on each side of where it changes its sign.
+    let sum = from.abs() + to.abs();
+    let twice = if from * to < 0.0 { (from * from + to * to) / sum } else { sum };
     let length = node.parent_element().map_or(0.0, |parent| number(parent, "length"));
-    let turns = bend * length / TAU;
+    let turns = 0.5 * twice * length / TAU;
     if turns <= MOST_TURNS {
         return Ok(());
     }
     Err(format!(
-        "`{}` of {bend} over {length} m are {turns:.0} turns, at most {MOST_TURNS} are read; write 1/radius, 0.1 for 10 m",
-        curvatures.join("`, `")
+        "`{}` of {} over {length} m are {turns:.0} turns, at most {MOST_TURNS} are read; write 1/radius, 0.1 for 10 m",
+        curvatures.join("`, `"),
+        ends.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
     ))
 }
 
@@ -280,4 +285,27 @@ fn versions(xml: &Document<'_>, file: &str) -> Option<Note> {
             words(minor)
         ))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_of_a_spiral_are_those_of_its_mean_curvature() {
+        let told = |[from, to]: [f64; 2], turns: f64| {
+            let (length, ends) = (turns * TAU, format!("curvStart='{from}' curvEnd='{to}'"));
+            let text = format!("<geometry length='{length}'><spiral {ends}/></geometry>");
+            let xml = Document::parse(&text).unwrap();
+            let spiral = xml.root_element().first_child().unwrap();
+            check(spiral, "spiral").err().unwrap_or_default()
+        };
+        for ends in [[0.0, 2.0], [2.0, 0.0], [1.0, 1.0], [-1.5, -0.5], [-2.0, 2.0]] {
+            assert_eq!(told(ends, 99.9), "", "{ends:?}");
+            assert!(told(ends, 110.0).contains("are 110 turns"), "{ends:?}");
+        }
+        // Triangles of a quarter and three quarters of the way: 0.125 + 1.125 a metre.
+        assert!(told([-1.0, 3.0], 88.0).contains("`curvEnd` of -1, 3 over"));
+        assert!(told([-1.0, 3.0], 88.0).contains("are 110 turns"));
+    }
 }

@@ -260,7 +260,7 @@ fn values_with_a_silent_default_are_refused() {
         ),
         (
             plain.replace("<line/>", "<spiral curvStart='0' curvEnd='-1e6'/>"),
-            "<spiral> `curvStart`, `curvEnd` of 1000000 over 200 m are",
+            "<spiral> `curvStart`, `curvEnd` of 0, -1000000 over 200 m are 15915494 turns",
         ),
         (
             straight(

@@ -139,9 +139,11 @@ fn a_publisher_may_be_a_command() {
             format!("<launch><executable cmd=\"{command}\" output='screen'/>{node}</launch>");
         read(&text).map(|read| read.rig.lidars.iter().map(|l| l.pose.x).collect::<Vec<_>>())
     };
-    for program in
-        ["ros2 run tf2_ros static_transform_publisher", "/opt/static_transform_publisher"]
-    {
+    for program in [
+        "ros2 run tf2_ros static_transform_publisher",
+        "/opt/static_transform_publisher",
+        "/opt/static_transform_publisher/bin/run --prefix=static_transform_publisher static_transform_publisher",
+    ] {
         let positional = with(&format!("{program} 5 0 2 0 0 0 base_link 'lidar_b'"));
         assert_eq!(positional.unwrap(), [5.0, 1.0]);
         let flags = with(&format!("{program} --x 6 --frame-id base_link --child-frame-id lidar_b"));

@@ -1,12 +1,14 @@
 //! Doubts about where things stand: the own body under the ground, above it, or inside the static world; mounts inside the
 //! body, far from it, or too close for their LiDARs.
 
+use std::cell::Cell;
+
 use glam::DVec3;
 use lidar_cast::geom::Pose;
 
 use super::super::{around, clipped};
 use super::{Ground, Scene, Solid, corners, inside, inside_faces};
-use crate::scene::parts;
+use crate::scene::parts::{self, OwnBody};
 use crate::vehicle::Region;
 use sightline_files::json::Location;
 
@@ -15,8 +17,33 @@ use sightline_files::json::Location;
 const LOWEST: [f64; 2] = [-0.1, 1.0];
 /// Metres by which a surface must reach into the body: things may touch it.
 const TOUCH: f64 = 0.05;
-/// Triangles of the body, or of the world in all frames of a body that moves, that are looked at.
+/// Triangles that a doubt looks at, in all frames, bodies and mounts together.
 const MOST_LOOKS: usize = 20_000_000;
+
+/// Triangles that a doubt may still look at. Where they are spent, it finds nothing more.
+struct Looks(Cell<usize>);
+
+impl Looks {
+    fn new() -> Self {
+        Self(Cell::new(MOST_LOOKS))
+    }
+
+    fn is_left(&self) -> bool {
+        self.0.get() > 0
+    }
+
+    /// Spends a look at some triangles; the last one may be at more than are left. False where none are.
+    fn spend(&self, triangles: usize) -> bool {
+        let left = self.0.get();
+        self.0.set(left.saturating_sub(triangles));
+        left > 0
+    }
+
+    /// [`inside`] closed triangles, and false where no look is left.
+    fn inside(&self, solid: &Solid, p: DVec3) -> bool {
+        self.spend(solid.faces.len()) && inside(solid, p)
+    }
+}
 
 /// A doubt about a body whose lowest point is far from the ground.
 pub(super) fn off_ground(who: &str, solid: &Solid) -> Option<String> {
@@ -79,34 +106,32 @@ fn middle_of_ego(scene: &Scene) -> DVec3 {
 
 /// A doubt where the middle of an actor lies in the own body in some frame, or the ego's middle in an actor.
 pub(super) fn in_actor(scene: &Scene) -> Option<String> {
-    let middle = middle_of_ego(scene);
-    let holds = |solid: &Solid, p: DVec3| {
-        let within =
-            corners(solid).is_some_and(|[low, high]| p.cmpge(low).all() && p.cmple(high).all());
-        within && inside(solid, p)
+    let (looks, middle) = (Looks::new(), middle_of_ego(scene));
+    let holds = |solid: &Solid, ends: Option<[DVec3; 2]>, p: DVec3| {
+        let within = ends.is_some_and(|[low, high]| p.cmpge(low).all() && p.cmple(high).all());
+        within && looks.inside(solid, p)
     };
-    let boxes: Vec<_> = scene.actors.iter().map(|actor| corners(&actor.parts)).collect();
-    (0..scene.frames).find_map(|t| {
+    let own_ends = corners(&scene.body);
+    let body_ends: Vec<_> = scene.bodies.iter().map(|body| corners(&body.parts)).collect();
+    let actor_ends: Vec<_> = scene.actors.iter().map(|actor| corners(&actor.parts)).collect();
+    (0..scene.frames).take_while(|_| looks.is_left()).find_map(|t| {
         let ego_from_world = scene.ego_pose(t).inverse();
         let meets = |(i, ends): (usize, &Option<[DVec3; 2]>)| {
             let [low, high] = (*ends)?;
-            let ego_from_actor = ego_from_world.compose(&scene.actors[i].motion.pose(t));
-            let own = ego_from_actor.apply(0.5 * (low + high));
-            let in_moving = scene.bodies.iter().any(|body| {
+            let actor = &scene.actors[i];
+            let ego_from_actor = ego_from_world.compose(&actor.motion.pose(t));
+            let of_actor = ego_from_actor.apply(0.5 * (low + high));
+            let in_this = |p: DVec3| holds(&actor.parts, *ends, ego_from_actor.inverse().apply(p));
+            let in_moving = scene.bodies.iter().zip(&body_ends).any(|(body, body_ends)| {
                 let ego_from_body = body.motion.pose(t);
-                let holds_body = |[low, high]: [DVec3; 2]| {
-                    let middle = ego_from_body.apply(0.5 * (low + high));
-                    holds(&scene.actors[i].parts, ego_from_actor.inverse().apply(middle))
-                };
-                holds(&body.parts, ego_from_body.inverse().apply(own))
-                    || corners(&body.parts).is_some_and(holds_body)
+                let middle = body_ends.map(|[low, high]| ego_from_body.apply(0.5 * (low + high)));
+                holds(&body.parts, *body_ends, ego_from_body.inverse().apply(of_actor))
+                    || middle.is_some_and(&in_this)
             });
-            let met = in_moving
-                || holds(&scene.body, own)
-                || holds(&scene.actors[i].parts, ego_from_actor.inverse().apply(middle));
+            let met = in_moving || holds(&scene.body, own_ends, of_actor) || in_this(middle);
             met.then_some(i)
         };
-        let actor = boxes.iter().enumerate().find_map(meets)?;
+        let actor = actor_ends.iter().enumerate().find_map(meets)?;
         Some(format!(
             "actors[{actor}] stands inside the ego in frame {t}: move its poses, or those of `ego`"
         ))
@@ -116,33 +141,38 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
 /// A doubt where a surface of the static world that is no ground lies inside the body in frame 0, or inside one that moves in
 /// any frame.
 fn surface_inside(scene: &Scene) -> Option<String> {
-    let frames = scene.frames.min(MOST_LOOKS / scene.world.faces.len().max(1)).max(1);
     let moving = || {
-        let in_frame = |t: usize| {
-            let mut bodies = scene.bodies.iter();
-            bodies.find_map(|body| surface_in(scene, &body.parts, t, body.motion.pose(t)))
-        };
-        (0..frames).find_map(in_frame)
+        // Triangles that are walked over, and those of bodies that may hold one.
+        let (walks, looks) = (Looks::new(), Looks::new());
+        let all = (0..scene.frames).flat_map(|t| scene.bodies.iter().map(move |body| (t, body)));
+        let walked = |body: &OwnBody| scene.world.faces.len() + body.parts.faces.len();
+        all.take_while(|(_, body)| walks.spend(walked(body)))
+            .find_map(|(t, body)| surface_in(scene, &body.parts, t, body.motion.pose(t), &looks))
     };
-    surface_in(scene, &scene.body, 0, Pose::IDENTITY).or_else(moving)
+    surface_in(scene, &scene.body, 0, Pose::IDENTITY, &Looks::new()).or_else(moving)
 }
 
 /// A doubt where a surface of the static world that is no ground lies inside a body where it stands in a frame.
-fn surface_in(scene: &Scene, body: &Solid, t: usize, ego_from_body: Pose) -> Option<String> {
+fn surface_in(
+    scene: &Scene,
+    body: &Solid,
+    t: usize,
+    ego_from_body: Pose,
+    looks: &Looks,
+) -> Option<String> {
     let [low, high] = corners(body)?;
     let [low, high] = [low + TOUCH, high - TOUCH];
     let is_ground = Ground::among(&scene.classes.names);
     let body_from_world = ego_from_body.inverse().compose(&scene.ego_pose(t).inverse());
     let world = &scene.world;
-    let others = world.faces.iter().zip(&world.classes);
+    let others = world.faces.iter().zip(&world.classes).take_while(|_| looks.is_left());
     let others =
         others.filter(|(_, class)| !is_ground.get(usize::from(**class)).is_some_and(|g| *g));
-    let near = others.filter_map(|(face, class)| {
+    let mut near = others.filter_map(|(face, class)| {
         let triangle = face.map(|v| body_from_world.apply(world.vertices[v as usize]));
         Some((middle_within(&triangle, low, high)?, class))
     });
-    let most = MOST_LOOKS / body.faces.len().max(1);
-    let (at, class) = near.take(most).find(|(at, _)| inside(body, *at))?;
+    let (at, class) = near.find(|(at, _)| looks.inside(body, *at))?;
     let class = scene.classes.names.get(usize::from(*class)).map_or("", String::as_str);
     let at = ego_from_body.apply(at);
     Some(format!(
@@ -172,11 +202,12 @@ const MOST_PLACES: usize = 16;
 pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
     let body = parts::standing(&scene.body, &scene.bodies, 0);
     let Some([low, high]) = corners(&body) else { return Vec::new() };
+    let looks = Looks::new();
     let far = scene.vehicle.mounts.iter().zip(places).filter_map(|(mount, at)| {
         let [from, to] = mount.region.corners().map(DVec3::from);
         let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
         let is_box = mount.region.ego_from_region.is_none();
-        let swept = swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner)).filter(|_| is_box);
+        let swept = is_box.then(|| swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner), &looks)).flatten();
         if let Some((body, frame)) = swept {
             return Some(format!(
                 "{at}: the whole mount lies inside the ego's body {body} that moves in frame {frame}, where every beam ends at \
@@ -217,13 +248,11 @@ pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
 }
 
 /// Number of a body that moves and the first frame in which all corners of a mount lie inside it; `None` where none does.
-fn swept(scene: &Scene, corners: &[DVec3; 8]) -> Option<(usize, usize)> {
-    let faces: usize = scene.bodies.iter().map(|body| body.parts.faces.len()).sum();
-    let most = MOST_LOOKS / (8 * faces.max(1));
-    (0..scene.frames.min(most)).find_map(|t| {
-        let holds = |body: &parts::OwnBody| {
+fn swept(scene: &Scene, corners: &[DVec3; 8], looks: &Looks) -> Option<(usize, usize)> {
+    (0..scene.frames).take_while(|_| looks.is_left()).find_map(|t| {
+        let holds = |body: &OwnBody| {
             let body_from_ego = body.motion.pose(t).inverse();
-            corners.iter().all(|corner| inside(&body.parts, body_from_ego.apply(*corner)))
+            corners.iter().all(|corner| looks.inside(&body.parts, body_from_ego.apply(*corner)))
         };
         Some((scene.bodies.iter().position(holds)?, t))
     })
@@ -262,6 +291,7 @@ pub(super) fn apart(scene: &Scene, at: &Location) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::scene::tests::told;
 
     /// Notes on a body of two shapes in a scene with a building along y, from and to some x.
@@ -282,6 +312,24 @@ mod tests {
             wall[0],
             wall[1]
         ))
+    }
+
+    #[test]
+    fn looks_end_once_their_triangles_are_spent() {
+        let corner = |k: u32| DVec3::from([0_u32, 1, 2].map(|axis| f64::from(k >> axis & 1)));
+        let sides = [[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4]];
+        let others = [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 3, 7], [1, 7, 5]];
+        let cube = Solid {
+            vertices: (0..8).map(corner).collect(),
+            faces: [sides, others].concat(),
+            ..Solid::default()
+        };
+        let looks = Looks(Cell::new(cube.faces.len() + 1));
+        let within = DVec3::new(0.4, 0.5, 0.3);
+        assert!(!looks.inside(&cube, within + DVec3::X));
+        // One triangle is left, and then none.
+        assert!(looks.inside(&cube, within) && !looks.is_left());
+        assert!(!looks.inside(&cube, within));
     }
 
     #[test]

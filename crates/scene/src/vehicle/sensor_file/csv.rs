@@ -30,14 +30,17 @@ pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
     // Old spreadsheets end lines by a carriage return alone.
     let end = if text.contains('\n') { '\n' } else { '\r' };
     let rows = text.split(end).enumerate().map(move |(i, line)| (i + 1, cells_of(line)));
-    rows.filter(|(_, cells)| cells.iter().any(|cell| !cell.is_empty()) && !is_comment(cells))
+    let rows = rows.filter(|(_, cells)| cells.iter().any(|cell| !cell.is_empty()));
+    rows.filter_map(|(line, cells)| Some((line, without_hash(cells)?)))
 }
 
-/// True if a row is a comment behind `#`, and no row of titles.
-fn is_comment(cells: &[&str]) -> bool {
-    let words = ["elevation", "azimuth", "zenith"];
-    let is_title = |cell: &&str| words.iter().any(|w| cell.to_ascii_lowercase().contains(w));
-    cells[0].starts_with('#') && !cells.iter().any(is_title)
+/// A row, without the `#` before two or more known titles; `None` for a comment.
+fn without_hash(mut cells: Vec<&str>) -> Option<Vec<&str>> {
+    let Some(first) = cells[0].strip_prefix('#') else { return Some(cells) };
+    cells[0] = first.trim();
+    let known = || HESAI_TITLES.iter().chain(&LIVOX_TITLES);
+    let is_title = |cell: &&str| known().any(|title| begins(cell, title));
+    (cells.len() > 1 && cells.iter().all(is_title)).then_some(cells)
 }
 
 /// A comma at the end begins no cell: spreadsheets write one behind the last column.

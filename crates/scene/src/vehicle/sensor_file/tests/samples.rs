@@ -94,14 +94,18 @@ fn hesai_in_all_its_forms() {
         "EEFF,1,1\nLaser id,Elevation,Azimuth\n1,14.5,-1.25\n2,-3,0\n",
         "\u{feff}Channel,Elevation,Azimuth\r\n1,14.5,-1.25\r\n2,-3,0\r\n",
         "channel,azimuth(deg),elevation(deg)\n1,-1.25,14.5\n2,0,-3\n",
+        "# Channel, Elevation, Azimuth\n1,14.5,-1.25\n2,-3,0\n",
     ];
     let checksum = format!("{}{},,\r\n", texts[0], "0123456789abcdef".repeat(4));
-    let comment = format!("# made by x, y\n{}", texts[0]);
-    for text in texts.into_iter().chain([checksum.as_str(), &comment]) {
+    let comments = ["made by x, y", "Elevation, in degrees", "azimuth and elevation", "Elevation"];
+    let commented = comments.map(|comment| format!("# {comment}\n{}", texts[0]));
+    let more = commented.iter().map(String::as_str).chain([checksum.as_str()]);
+    for text in texts.into_iter().chain(more) {
         let pattern = read(text).unwrap();
         assert_eq!(pattern.format, SensorFormat::Hesai, "{text}");
         assert_eq!(channels(&pattern), [[14.5, 1.25], [-3.0, 0.0]], "{text}");
         assert!(channels(&pattern)[1][1].is_sign_positive());
+        assert_eq!(notes(&pattern), "", "{text}");
     }
     let gap = message("Channel,Elevation,Azimuth\n1,14.5,-1.25\n5,,\n");
     assert_eq!(gap, "f: line 3: \"\" is not a number in column 2, as 1.5");
