@@ -188,7 +188,7 @@ pub(super) fn front_rows(front: &Front) -> (Vec<String>, Vec<Vec<String>>) {
         cells.extend((!by_number).then(|| point.placement.lidars.len().to_string()));
         let met = if point.meets { "met" } else { "NOT MET" };
         cells.extend(requires.then(|| met.to_owned()));
-        cells.extend(has_copies.then(|| optional(copies(point).map(|share| 100.0 * share), 0)));
+        cells.extend(has_copies.then(|| optional(copies(point).map(percent_down), 1)));
         cells.extend(has_blind.then(|| blind(point).map_or("–".to_owned(), |of| trimmed(of, 1))));
         cells.push(picks_of(front, k));
         cells

@@ -148,10 +148,11 @@ impl fmt::Display for Climbs {
         write!(f, "of {climbs} from different starts, over {frames}, ")?;
         match met {
             Some(0) => write!(f, "none met all requirements")?,
+            Some(1) if self.count > 1 => write!(f, "one alone met all requirements")?,
             Some(met) => write!(f, "{met} met all requirements, and {near_best} of these")?,
             None => write!(f, "{near_best}")?,
         }
-        if *met != Some(0) {
+        if *met != Some(0) && (*met != Some(1) || self.count == 1) {
             let near = 100.0 * NEAR_BEST;
             write!(
                 f,
@@ -476,6 +477,8 @@ mod tests {
         ]);
         let words = "2 met all requirements, and 1 of these ended within 0.5 %";
         assert!(some.contains(words) && some.contains("is 10.0 % below it"), "{some}");
+        let one = said(&[(0.5, Some(true)), (-0.04, Some(false))]);
+        assert!(one.contains("one alone met all requirements. Another seed"), "{one}");
         let none = said(&[(-0.04, Some(false)), (-0.3, Some(false))]);
         assert!(none.contains("none met all requirements"), "{none}");
         assert!(!none.contains('%') && none.ends_with("Another seed takes other starts"), "{none}");

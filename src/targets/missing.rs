@@ -92,7 +92,12 @@ fn tenths(value: f64) -> String {
 
 /// A bearing in degrees from -180 to 180, as tables have it; a rule may count from 0 to 360.
 fn within_half_turn(bearing: f64) -> f64 {
-    if bearing.abs() > 180.0 { bearing - 360.0_f64.copysign(bearing) } else { bearing }
+    match bearing {
+        // Straight behind.
+        -180.0 => 180.0,
+        _ if bearing.abs() > 180.0 => bearing - 360.0_f64.copysign(bearing),
+        _ => bearing,
+    }
 }
 
 /// `2 to 5`, or `2` where both are written the same.
@@ -146,7 +151,7 @@ mod tests {
         let round = |missing: &[usize]| words([-180.0, 180.0], 48, missing, [25.0, 25.0]);
         assert_eq!(
             round(&[0, 47]),
-            "missing at 25 m: 2 of 48 bearings, 172.5° to -180°",
+            "missing at 25 m: 2 of 48 bearings, 172.5° to 180°",
             "two neighbours are not the whole circle"
         );
         assert_eq!(round(&[24]), "missing at 25 m: 1 of 48 bearings, 0°");

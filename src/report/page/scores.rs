@@ -382,7 +382,7 @@ mod tests {
     #[test]
     fn missed_places_of_met_requirements_are_told() {
         let mut best = planted("found", 1.0, 500.0);
-        let words = "missing at 25 m: 2 of 48 bearings, 172.5° to -180°";
+        let words = "missing at 25 m: 2 of 48 bearings, 172.5° to 180°";
         let car = Seen { missing: Some(words.to_owned()), ..Seen::of("car", 0.95) };
         best.scores.required = vec![car, Seen::of("child", 1.0)];
         let subject = Subject::given("s", &[], &best, &[], "near_gain", String::new());

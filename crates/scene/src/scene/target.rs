@@ -96,6 +96,18 @@ pub(crate) struct TargetDescription {
     source: Option<String>,
 }
 
+/// Words for presets in other parts of the world, and the preset.
+const OTHER_NAMES: [(&str, &str); 8] = [
+    ("bicycle", "cyclist"),
+    ("bike", "cyclist"),
+    ("curb", "kerb"),
+    ("kid", "child"),
+    ("motorbike", "motorcycle"),
+    ("pedestrian", "adult"),
+    ("person", "adult"),
+    ("tire", "tyre"),
+];
+
 /// Every preset, in the order of `targets.json`.
 pub fn preset_targets() -> &'static [Target] {
     static PRESETS: OnceLock<Vec<Target>> = OnceLock::new();
@@ -139,7 +151,14 @@ impl Target {
             });
         }
         let known = preset_targets().iter().map(|preset| preset.name.as_str());
-        Err(check::unknown_name(at, "preset or file of a target", text, known))
+        let mut error = check::unknown_name(at, "preset or file of a target", text, known);
+        let meant = OTHER_NAMES.iter().find(|(name, _)| *name == text);
+        if let (json::DescriptionError::UnknownName { nearest, .. }, Some((_, preset))) =
+            (&mut error, meant)
+        {
+            *nearest = Some((*preset).to_owned());
+        }
+        Err(error)
     }
 
     /// Reads a target file.
@@ -273,6 +292,10 @@ mod tests {
     fn every_preset_is_read_and_says_its_source() {
         let all: Vec<Value> = serde_json::from_str(include_str!("targets.json")).unwrap();
         assert_eq!(preset_targets().len(), all.len());
+        for (other, preset) in OTHER_NAMES {
+            let told = Target::named(other).unwrap_err().to_string();
+            assert!(told.contains(&format!("did you mean `{preset}`?")), "{told}");
+        }
         for name in ["child", "adult", "cyclist", "car", "tyre", "motorcycle", "pole", "kerb"] {
             let target = Target::named(name).unwrap();
             assert!(target.source.is_some() && target.notes.is_empty(), "{name}");
