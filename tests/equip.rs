@@ -427,11 +427,17 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     };
     let stopped = choice.or_given(&vehicle, &given, few.clone(), &mut stop).unwrap();
     assert_eq!((stopped, told, is_given), (None, 1, true));
-    // Where the time is over the rig chosen stays.
+    // Where the time is over the rig chosen stays, as one of a choice that was cut.
     let choice = choice.until(Some(Instant::now()));
     given[1] = many.placement.clone();
-    let kept = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap();
-    assert_eq!(kept, Some((few, None)));
+    let mut is_told = false;
+    let mut listen = |event: &Event| {
+        is_told |= matches!(event, Event::Note(words) if words.starts_with("the time ended"));
+        true
+    };
+    let kept = choice.or_given(&vehicle, &given, few.clone(), &mut listen).unwrap();
+    assert!(is_told && !few.is_cut);
+    assert_eq!(kept, Some((Equipped { is_cut: true, ..few }, None)));
 }
 
 #[test]
