@@ -363,7 +363,7 @@ impl Job {
         Ok(is_whole)
     }
 
-    /// Looks again, at bearings as close together as the target is wide, at requirements on targets that are met everywhere.
+    /// Looks again, at bearings as close together as the target is wide, at targets that are required everywhere and met everywhere.
     ///
     /// # Errors
     /// See [`Self::problem`]; a sensor that the vehicle does not have.

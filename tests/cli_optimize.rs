@@ -283,6 +283,11 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     assert!(levels.len() > 1 && levels.last() == Some(&8), "{report}");
     assert!(report["share_of_full"].as_f64().unwrap() < 0.9, "{report}");
     assert!(report["words"].as_str().unwrap().contains("finalists"));
+    // A run that ends before the first check: its finalists at the end tell the loss.
+    let short =
+        ["optimize", "room.json", "--backend", "cpu", "--evaluations", "1", "--out", "short"];
+    let short = ok(dir.path(), &short);
+    assert!(short["fidelity"]["worst_loss_seen"].is_number(), "{}", short["fidelity"]);
     // The bound holds over the frames that the search began with, and says so.
     let says = |run: &Value| run["certificate"]["gain_says"].as_str().unwrap().to_owned();
     let first = levels[0];

@@ -393,11 +393,9 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     let problem = problem(5, &vehicle).with_areas(&vehicle.require);
     let (objective, engine) = ("information_gain".parse().unwrap(), EngineChoice::cpu());
     let silent = &mut |_: &Event| true;
-    let suite = problem.clone().into();
-    let limits = Limits::budget(6.0);
-    let choice =
-        Equipping::open(&suite, &vehicle, &objective, limits, &engine, None, silent).unwrap();
-    let choice = choice.unwrap();
+    let (suite, limits) = (problem.clone().into(), Limits::budget(6.0));
+    let open = Equipping::open(&suite, &vehicle, &objective, limits, &engine, None, silent);
+    let choice = open.unwrap().unwrap();
     let [few, many, dear] = [2.0, 6.0, 30.0].map(|budget| equipped(&problem, &vehicle, budget));
     assert!(few.missing > many.missing && many.missing > dear.missing, "{few:?} {many:?} {dear:?}");
     let mut given = [&few, &many, &dear].map(|of| of.placement.clone());
@@ -406,10 +404,8 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     given[1].lidars.reverse();
     let (taken, name) = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap().unwrap();
     assert_eq!((name.as_deref(), taken.cost), (Some("mine"), many.cost));
-    assert_eq!(
-        (&taken.equipment, &taken.placement.lidars),
-        (&many.equipment, &many.placement.lidars)
-    );
+    assert_eq!(taken.equipment, many.equipment);
+    assert_eq!(taken.placement.lidars, many.placement.lidars);
     // A worse one is not taken, nor the chosen rig itself.
     let worse = [&few, &many].map(|of| of.placement.clone());
     let (kept, name) = choice.or_given(&vehicle, &worse, many.clone(), silent).unwrap().unwrap();
@@ -419,7 +415,7 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     let (kept, name) = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap().unwrap();
     assert_eq!((name, kept), (None, few.clone()));
     // The look is told before each cast, and can be stopped there.
-    let (mut told, mut is_given) = (0, true);
+    let (mut told, mut is_given, mut notes) = (0, true, 0);
     let mut stop = |event: &Event| {
         is_given &= matches!(event, Event::Progress { work: Work::Given, done: 0, total: 1.. });
         told += 1;
@@ -427,11 +423,15 @@ fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
     };
     let stopped = choice.or_given(&vehicle, &given, few.clone(), &mut stop).unwrap();
     assert_eq!((stopped, told, is_given), (None, 1, true));
-    // Where the time is over the rig chosen stays.
+    // Where the time is over the rig chosen stays, as one of a choice that was cut.
     let choice = choice.until(Some(Instant::now()));
     given[1] = many.placement.clone();
-    let kept = choice.or_given(&vehicle, &given, few.clone(), silent).unwrap();
-    assert_eq!(kept, Some((few, None)));
+    let listen = &mut |event: &Event| {
+        notes += u32::from(matches!(event, Event::Note(_)));
+        true
+    };
+    let kept = choice.or_given(&vehicle, &given, few.clone(), listen).unwrap();
+    assert_eq!((kept, notes), (Some((Equipped { is_cut: true, ..few }, None)), 1));
 }
 
 #[test]

@@ -28,15 +28,16 @@ def made(problem: Problem, program: Path) -> None:
 
 
 class Refused(SystemExit):
-    """The program ended with an exit code that says no; holds the command and its words."""
+    """The program ended with exit code 2, a refusal; holds the command and its words."""
 
 
 def called(program: Path, arguments: list[str], codes: tuple[int, ...]) -> str:
-    """Runs the program and returns what it prints. Refused, with its words, for other exit codes."""
+    """Runs the program and returns what it prints. Refused for exit code 2, SystemExit for others; both hold its words."""
     command = [str(program), *arguments]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode not in codes:
-        raise Refused(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stderr.strip()}")
+        kind = Refused if done.returncode == 2 else SystemExit
+        raise kind(f"{shlex.join(command)}: exit code {done.returncode}\n{done.stderr.strip()}")
     return done.stdout
 
 

@@ -158,6 +158,14 @@ def test_a_method_that_the_program_refuses_is_left_out_with_its_words(tmp_path, 
     assert bench.notes == ["swaps is left out on van on a street: sightline: too many poses"]
 
 
+@pytest.mark.parametrize(("code", "kind"), [(2, ours.Refused), (101, SystemExit)])
+def test_only_exit_code_2_is_a_refusal(code, kind):
+    says = f"import sys; print('no', file=sys.stderr); sys.exit({code})"
+    with pytest.raises(SystemExit, match=f"exit code {code}\nno$") as ended:
+        ours.called(Path(sys.executable), ["-c", says], (0,))
+    assert ended.type is kind
+
+
 def test_the_best_known_is_replaced_by_better_alone(tmp_path):
     best = BestKnown(tmp_path / "best.json")
     assert best.offer("uc", 0.5, [{"x": 1.0}], "a", "c")

@@ -343,9 +343,10 @@ impl JobRun<'_> {
             EquipStep::OutOfTime(found) => {
                 self.is_late = true;
                 let kept: Vec<Placement> = self.kept.iter().cloned().collect();
-                let Some((found, _)) = choice.or_given(vehicle, &kept, found, observer)? else {
+                let Some((found, name)) = choice.or_given(vehicle, &kept, found, observer)? else {
                     return Ok(ControlFlow::Break(JobStep::Stopped));
                 };
+                tell_given(name.map(|_| "the result of an earlier sitting"), observer);
                 return Ok(ControlFlow::Continue(Equipped { is_cut: true, ..found }));
             }
         };
@@ -354,11 +355,11 @@ impl JobRun<'_> {
         let Some((found, name)) = choice.or_given(vehicle, &given, found, observer)? else {
             return Ok(ControlFlow::Break(JobStep::Stopped));
         };
-        if let Some(name) = name {
-            observer.on(&Event::Note(&format!(
-                "{name} is better over few frames than the rig chosen: its sensors and poses are taken"
-            )));
+        if found.is_cut {
+            self.is_late = true;
+            return Ok(ControlFlow::Continue(found));
         }
+        tell_given(name.as_deref(), observer);
         Ok(match taken(&mut self.state.fewest, found, vehicle, observer) {
             Next::Take(found) => ControlFlow::Continue(*found),
             Next::Again(limits) => {
@@ -443,6 +444,15 @@ impl JobRun<'_> {
         let equipped = self.equipped().cloned();
         let settings = self.run?.state().settings().clone();
         Some(Found { outcome, suite: self.suite, settings, equipment, equipped, equipping })
+    }
+}
+
+/// Notes a placement that replaces the sensors chosen, by its name.
+fn tell_given(name: Option<&str>, observer: &mut dyn Observer) {
+    if let Some(name) = name {
+        observer.on(&Event::Note(&format!(
+            "{name} is better over few frames than the rig chosen: its sensors and poses are taken"
+        )));
     }
 }
 

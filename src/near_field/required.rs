@@ -113,6 +113,11 @@ impl RequiredGround {
         self.frame_words() * self.site.frames.len()
     }
 
+    /// True if bodies move in the scene.
+    pub(crate) fn moves(&self) -> bool {
+        self.site.poses.len() > 1
+    }
+
     fn asked(&self, rule: &GroundRule) -> CellRule {
         match rule.asked {
             GroundAsked::Within(metres) => {

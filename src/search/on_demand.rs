@@ -57,8 +57,9 @@ pub(crate) struct FramesOnDemand {
     work: PlacementFrames,
     /// (generation, frames from then on), the start first.
     steps: Vec<(u64, u32)>,
-    /// Largest loss from following a level that a check saw, as a share of the best score.
-    worst_loss: f64,
+    /// Largest loss from following a level that was seen, as a share of the best score; `None` where none was compared.
+    #[serde(default)]
+    worst_loss: Option<f64>,
 }
 
 /// Placements × frames that were scored.
@@ -88,8 +89,8 @@ pub struct FramesUsed {
     pub share_of_full: f64,
     /// Placements confirmed over all frames.
     pub finalists: usize,
-    /// Largest loss that a check saw, as a share of the best score.
-    pub worst_loss_seen: f64,
+    /// Largest loss that was seen, as a share of the best score; `None` where no finalists were compared over all frames.
+    pub worst_loss_seen: Option<f64>,
     /// These facts in a sentence.
     pub words: String,
 }
@@ -173,7 +174,7 @@ impl FramesOnDemand {
     /// A search at the first of some levels.
     fn over(levels: Vec<Vec<usize>>, errors: Vec<Option<f64>>) -> Self {
         let steps = vec![(0, levels[0].len() as u32)];
-        let (at, finalists, worst_loss) = (0, Vec::new(), 0.0);
+        let (at, finalists, worst_loss) = (0, Vec::new(), None);
         let work = PlacementFrames::default();
         Self { levels, errors, at, finalists, work, steps, worst_loss }
     }
@@ -306,16 +307,28 @@ impl FramesOnDemand {
         }
     }
 
-    /// True if following the present level loses more than half the tolerance, as the checked finalists
-    /// see it: (best over all frames − that of the first) / |best|.
+    /// True if following the present level loses more than half the tolerance, as the checked finalists see it.
     pub(crate) fn is_unsure(&mut self) -> bool {
-        let checked = self.finalists.iter().take(CHECKED);
-        let of_all: Vec<f64> = checked.filter_map(|f| f.confirmed?.value).collect();
-        let best = of_all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let lost =
-            of_all.first().map_or(0.0, |first| (best - first) / best.abs().max(f64::MIN_POSITIVE));
-        self.worst_loss = self.worst_loss.max(lost);
-        lost > 0.5 * TOLERANCE
+        self.note_loss(CHECKED).is_some_and(|lost| lost > 0.5 * TOLERANCE)
+    }
+
+    /// Takes note of the loss from following the last level of the generations, as all confirmed finalists see it.
+    pub(crate) fn note_last_loss(&mut self) {
+        if !self.is_full() {
+            self.note_loss(FINALISTS);
+        }
+    }
+
+    /// Takes note of the loss that so many finalists see: (best over all frames − that of the first) / |best|. `None` where
+    /// the first is not confirmed, or alone.
+    fn note_loss(&mut self, count: usize) -> Option<f64> {
+        let over_all = |f: &Finalist| f.confirmed.and_then(|standing| standing.value);
+        let mut of_all = self.finalists.iter().take(count).map(over_all);
+        let first = of_all.next()??;
+        let best = of_all.flatten().reduce(f64::max)?.max(first);
+        let lost = (best - first) / best.abs().max(f64::MIN_POSITIVE);
+        self.worst_loss = Some(self.worst_loss.map_or(lost, |worst| worst.max(lost)));
+        Some(lost)
     }
 
     /// The best of the confirmed finalists; `None` where the search itself was over all frames.
@@ -365,14 +378,15 @@ impl FramesOnDemand {
             return format!("searched over all {all} frames: fewer would not keep the ranking");
         }
         let steps = in_steps(&self.steps, all);
-        format!(
+        let words = format!(
             "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
-             placements × frames of a search over all; {}",
+             placements × frames of a search over all",
             steps.join(", "),
             self.confirmed_count(),
             100.0 * share,
-            loss_in_words(self.worst_loss)
-        )
+        );
+        let loss = self.worst_loss.map(|worst| format!("; {}", loss_in_words(worst)));
+        words + &loss.unwrap_or_default()
     }
 }
 
@@ -424,11 +438,40 @@ pub(crate) fn drawn(constraints: &Constraints, count: usize, seed: u64) -> Vec<P
 
 #[cfg(test)]
 mod tests {
-    use super::loss_in_words;
+    use super::*;
 
     #[test]
     fn a_loss_is_told_only_where_there_was_one() {
         assert!(loss_in_words(0.0).ends_with("as all frames do"));
         assert!(loss_in_words(0.0012).contains("is 0.120 % below the best over all"));
+    }
+
+    #[test]
+    fn finalists_that_were_never_compared_say_nothing_of_a_loss() {
+        let standing = Standing { value: Some(0.4), ..Standing::outside(0.0) };
+        let finalist = |confirmed: Option<f64>| Finalist {
+            placement: Placement { name: String::new(), lidars: Vec::new() },
+            standing,
+            confirmed: confirmed.map(|value| Standing { value: Some(value), ..standing }),
+        };
+        let seen = |values: &[Option<f64>]| {
+            let mut levels = FramesOnDemand::hurried(vec![0], 4);
+            levels.finalists = values.iter().map(|value| finalist(*value)).collect();
+            levels.note_last_loss();
+            let used = levels.used(1, 0, 1);
+            (used.worst_loss_seen, used.words)
+        };
+        let never: [&[Option<f64>]; 3] = [&[], &[None, None], &[Some(0.4)]];
+        for (loss, words) in never.map(seen) {
+            assert!(loss.is_none() && words.ends_with("of a search over all"), "{words}");
+        }
+        // The best stands behind those that a check within the generations looks at.
+        let (loss, words) = seen(&[Some(0.4), Some(0.3), Some(0.3), Some(0.3), Some(0.5)]);
+        assert!(
+            (loss.unwrap() - 0.2).abs() < 1e-12 && words.ends_with("over all, at most"),
+            "{words}"
+        );
+        let (loss, words) = seen(&[Some(0.4), Some(0.3)]);
+        assert!(loss == Some(0.0) && words.ends_with("as all frames do"), "{words}");
     }
 }

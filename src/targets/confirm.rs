@@ -1,4 +1,4 @@
-//! Places of a rule on targets, and the closer look at a rule that is met at all of them.
+//! Places of a rule on targets, and the closer look at a rule that must be met at all of them.
 
 use rayon::prelude::*;
 
@@ -86,9 +86,10 @@ impl<'a> CloseLook<'a> {
     }
 }
 
-/// Looks again at each rule on a target that is met at all its places, at bearings as close together as the target is wide at
-/// the farthest distance. Narrow things on the own body hide a target between the places of a search. A share that is lower
-/// there, and the places missed, take the place of the 100 %.
+/// Looks again at each rule on a target that asks for 100 % and has it, at bearings as close together as the target is wide at
+/// the farthest distance. Narrow things on the own body hide a target between the places of a search. The shares there, and
+/// the places missed, replace those of the search. Rules that ask for less are judged at the places of the search alone: else
+/// a rig met at 100 % of these could fail where one met at fewer does not.
 ///
 /// # Errors
 /// A model that the vehicle does not have.
@@ -100,9 +101,9 @@ pub(crate) fn confirm(
 ) -> Result<(), UnknownSensor> {
     let is_whole = |seen: &Seen| seen.lost.as_ref().map_or(seen.share, |lost| lost.intact) >= 1.0;
     for seen in required.iter_mut().filter(|seen| is_whole(seen)) {
-        let Some(rule) = rules.iter().find(|rule| rule.name == seen.name) else { continue };
+        let rule = rules.iter().find(|rule| rule.share >= 1.0 && rule.name == seen.name);
+        let Some(rule) = rule else { continue };
         let look = CloseLook::new(site, rule, lidars)?;
-        let is_lost_whole = seen.share >= 1.0;
         let Some(lost) = &mut seen.lost else {
             (seen.share, seen.missing) = (look.share(None), look.missing(None));
             continue;
@@ -110,20 +111,12 @@ pub(crate) fn confirm(
         lost.intact = look.share(None);
         let each: Vec<f64> = (0..lidars.len()).map(|lidar| look.share(Some(lidar))).collect();
         let worst = (0..each.len()).min_by(|&a, &b| each[a].total_cmp(&each[b]));
-        let Some(worst) = worst.filter(|&worst| is_lost_whole && each[worst] < 1.0) else {
-            continue;
-        };
+        let Some(worst) = worst.filter(|&worst| each[worst] < 1.0) else { continue };
         // Where every loss leaves as much, none is the worst.
-        if each.len() == 1 || each.iter().any(|share| *share > each[worst]) {
-            lost.worst = Some(worst);
-            lost.mount = mounts.get(worst).copied().flatten().map(str::to_owned);
-        }
-        seen.share = each[worst];
-        let is_met = seen.is_met();
-        seen.missing = look.missing(Some(worst)).map(|words| match is_met {
-            true => format!("{words} (without LiDAR {worst})"),
-            false => words,
-        });
+        let is_worst = each.len() == 1 || each.iter().any(|share| *share > each[worst]);
+        let mount = mounts.get(worst).copied().flatten().filter(|_| is_worst);
+        (lost.worst, lost.mount) = (is_worst.then_some(worst), mount.map(str::to_owned));
+        (seen.share, seen.missing) = (each[worst], look.missing(Some(worst)));
     }
     Ok(())
 }
@@ -186,11 +179,19 @@ mod tests {
         assert!(seen.share > 0.98 && seen.share < 1.0, "{seen:?}");
         assert!(seen.missing.as_ref().unwrap().contains(" of 192 bearings, "), "{seen:?}");
         assert_eq!(confirmed(&free, rule(false), &[lidar]).share, 1.0);
+        // A rule that asks for less stays at its own places, as for a rig that misses some of them.
+        let lenient = TargetRule { share: 0.9, ..rule(false) };
+        assert_eq!(confirmed(&hidden, lenient, &[lidar]).share, 1.0);
         // A second LiDAR beside it looks past the mast, until it is lost.
         let beside = SensorPose::at(0.0, 0.5, 2.0);
         let both = confirmed(&hidden, rule(true), &[lidar, beside]);
         let lost = both.lost.as_ref().unwrap();
         assert_eq!((lost.intact, both.share < 1.0), (1.0, true), "{both:?}");
         assert!(lost.worst.is_some() && both.missing.is_some(), "{both:?}");
+        // A share after the worst loss that was lower before is one of the closer look, too.
+        let lost = Lost { intact: 1.0, worst: Some(1), mount: Some("roof".to_owned()) };
+        let mut seen = [Seen { lost: Some(lost), ..Seen::of("car", 0.5) }];
+        confirm(&hidden, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
+        assert_eq!(seen[0], both);
     }
 }

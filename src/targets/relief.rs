@@ -25,6 +25,16 @@ pub(crate) struct Relief {
     frame: usize,
 }
 
+/// Number of distances that are looked at, up to the farthest, m.
+fn steps(farthest: f64) -> usize {
+    (farthest / STEP).ceil() as usize
+}
+
+/// Metres of a distance by its number, from 0; the last is the farthest one.
+fn distance(number: usize, farthest: f64) -> f64 {
+    ((number + 1) as f64 * STEP).min(farthest)
+}
+
 impl Relief {
     /// The place of a problem's scene, as far as its rules on targets reach, 50 m at least; `None` where the ground is level
     /// to 0.2 m, or there is none.
@@ -36,9 +46,9 @@ impl Relief {
         for frame in spread(problem.geometry_frame_count(), Some(FRAMES)) {
             let Some(geometry) = problem.geometry(frame) else { continue };
             let wheels = ground.wheels(geometry);
-            for place in 0..BEARINGS * (farthest / STEP) as usize {
+            for place in 0..BEARINGS * steps(farthest) {
                 let bearing = (place % BEARINGS) as f64 * 360.0 / BEARINGS as f64;
-                let distance = (place / BEARINGS + 1) as f64 * STEP;
+                let distance = distance(place / BEARINGS, farthest);
                 let [x, y, _] = position(distance, bearing);
                 let height = ground.height(problem, (frame, &wheels), target, [x, y]);
                 let most = found.map_or(LEVEL, |found| found.height.abs());
@@ -62,5 +72,19 @@ impl std::fmt::Display for Relief {
         let how = if *height > 0.0 { "rises" } else { "falls" };
         let height = height.abs();
         write!(f, "{how} {height:.1} m to {distance} m at {bearing}° in frame {frame}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_farthest_distance_is_looked_at_whole_steps_or_not() {
+        let all = |farthest: f64| -> Vec<f64> {
+            (0..steps(farthest)).map(|number| distance(number, farthest)).collect()
+        };
+        assert_eq!(all(12.0), [5.0, 10.0, 12.0]);
+        assert_eq!(all(15.0), [5.0, 10.0, 15.0]);
     }
 }

@@ -99,7 +99,7 @@ pub struct RuleMet<'a> {
     pub intact: Option<f64>,
     /// Missing places or ground, in words; `None` where the rule is met.
     pub missing: Option<String>,
-    /// Frame in which bodies that move leave least of the ground, in the scene with the least.
+    /// Frame in which bodies that move leave least of the ground, in the scene with the least where they move.
     pub worst_frame: Option<WorstFrame>,
 }
 
@@ -140,24 +140,28 @@ impl Sight {
         self.over_scenes(all, |scene, bits| scene.share(number, bits).share.unwrap_or(0.0))
     }
 
-    /// Scene in which least of the ground of a rule is seen, with its bits.
+    /// Scene in which least of the ground of a rule is seen, with its bits; of those in which bodies move alone where
+    /// that is wanted.
     fn worst_ground<'a>(
         &'a self,
         all: &'a SightBeams,
         number: usize,
+        moving: bool,
     ) -> Option<(&'a RequiredGround, &'a [u64])> {
         let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
             scene.share(number, bits).share.unwrap_or(0.0)
         };
-        self.ground_of(all).min_by(|a, b| share(a).total_cmp(&share(b)))
+        let scenes = self.ground_of(all).filter(|(scene, _)| !moving || scene.moves());
+        scenes.min_by(|a, b| share(a).total_cmp(&share(b)))
     }
 
     /// Ground that a rule lacks in the scene in which least of it is seen, in words.
     pub(super) fn ground_missing(&self, all: &SightBeams, number: usize) -> Option<String> {
-        self.worst_ground(all, number).map(|(scene, bits)| scene.missing(number, bits))
+        self.worst_ground(all, number, false).map(|(scene, bits)| scene.missing(number, bits))
     }
 
-    /// Frame in which bodies that move leave least of a rule's ground without a LiDAR.
+    /// Frame in which bodies that move leave least of a rule's ground without a LiDAR, in the scene with least of it where
+    /// they move.
     fn worst_frame(
         &self,
         looked: &Looked<'_>,
@@ -165,8 +169,11 @@ impl Sight {
         rule: &Rule,
     ) -> Option<WorstFrame> {
         let Rule::Ground(_, number) = rule else { return None };
+        if !self.ground.iter().any(RequiredGround::moves) {
+            return None;
+        }
         let all = Self::sum_without(looked.each, lost);
-        let (scene, bits) = self.worst_ground(&all, *number)?;
+        let (scene, bits) = self.worst_ground(&all, *number, true)?;
         scene.worst_frame(*number, bits)
     }
 

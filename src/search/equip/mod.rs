@@ -26,6 +26,9 @@ use crate::vehicle::{Equipment, MAX_LIDARS, Placement, SensorName, Vehicle, is_w
 
 /// Said where the time is over before the choice.
 const OUT_OF_TIME: &str = "the time ended while the sensors were chosen; the best so far are taken, and more time may find better ones";
+/// Said where the time is over in the look at starts and baselines.
+const LOOK_OUT_OF_TIME: &str =
+    "the time ended while starts and baselines were compared with the sensors chosen, which stay";
 /// Budgets of a front, beside one without a limit.
 const BUDGETS: u32 = 8;
 
@@ -188,7 +191,7 @@ impl Equipping {
     /// A given placement in place of the rig chosen, and its name, where it is better over the few frames of the choice. It is
     /// so if it misses less of the requirements. Where money decides alone, it is so too if it misses as much and has more of
     /// the objective. Placements that break a rule or the limits are passed over. `None` where the observer stops the look;
-    /// where the time ends it, the rig chosen. A single one is looked at whatever the time.
+    /// where the time ends it, the rig chosen, marked as cut. A single one is looked at whatever the time.
     ///
     /// # Errors
     /// An engine that failed.
@@ -218,7 +221,11 @@ impl Equipping {
         let all = chosen.into_iter().chain(allowed.iter().map(|(_, of)| &of.placement));
         let mut watch = Watch::until(observer, self.deadline.filter(|_| given.len() > 1));
         let Some(scores) = self.spare.scores(&all.cloned().collect::<Vec<_>>(), &mut watch)? else {
-            return Ok((!watch.is_interrupted()).then_some((found, None)));
+            if watch.is_interrupted() {
+                return Ok(None);
+            }
+            watch.note(LOOK_OUT_OF_TIME);
+            return Ok(Some((Equipped { is_cut: true, ..found }, None)));
         };
         let worth = |scores: &Scores| {
             (-scores.missing(), objective.value(scores).unwrap_or(f64::NEG_INFINITY))

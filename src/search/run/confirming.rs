@@ -18,6 +18,7 @@ use crate::search::rules::active_bounds;
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::{Method, PATIENCE};
 use crate::search::spread::{Gain, GainSpread};
+use crate::search::tolerance::Tolerance;
 use crate::vehicle::Placement;
 use crate::vehicle::placement_to_nanometres;
 use sightline_files::json::counted;
@@ -154,8 +155,9 @@ impl Run {
         let is_cut = self.before_cut.is_some() || watch.is_over();
         let is_better = |kept: &Scored| {
             let Some(result) = &result else { return true };
+            let tolerance = self.state.settings.tolerance.as_ref();
             let is_to_hold =
-                self.state.settings.tolerance.is_some() && !kept.scores.required.is_empty();
+                tolerance.is_some_and(Tolerance::is_some) && !kept.scores.required.is_empty();
             let is_other = kept.placement.lidars != result.placement.lidars;
             let [kept, found] = [kept, result].map(Scored::standing);
             let is_insecure = watch.is_over() && is_to_hold;

@@ -109,6 +109,7 @@ impl Run {
             if let (Some(levels), Some(judged)) = (&mut self.state.levels, judged) {
                 let scores: Vec<Scores> = judged.into_iter().map(|judged| judged.scores).collect();
                 levels.confirmed(&scores, &objective);
+                levels.note_last_loss();
                 self.state.chosen = levels.winner();
             }
             let is_whole = is_judged && self.go_to(level, watch)?;
