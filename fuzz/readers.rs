@@ -30,7 +30,7 @@ use checks::{
 };
 
 /// A reader by the name of its fuzz target and of its folder of seeds.
-pub(crate) struct Reader {
+pub struct Reader {
     /// Name of the target.
     pub name: &'static str,
     /// Reads bytes, with a folder of its own for files.
@@ -38,7 +38,7 @@ pub(crate) struct Reader {
 }
 
 /// All readers of outside bytes.
-pub(crate) const READERS: [Reader; 30] = [
+pub const READERS: [Reader; 30] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "vehicle_json", read: vehicle_json },
@@ -73,19 +73,19 @@ pub(crate) const READERS: [Reader; 30] = [
 
 /// A folder for the readers' files: in memory where there is such a place, since a file system on disk
 /// makes sure of each of them.
-pub(crate) fn folder() -> tempfile::TempDir {
+pub fn folder() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
     tempfile::tempdir_in(memory).or_else(|_| tempfile::tempdir()).expect("a folder for files")
 }
 
 /// A scene file; its meshes and sensors do not exist.
-pub(crate) fn scene_json(folder: &Path, bytes: &[u8]) {
+pub fn scene_json(folder: &Path, bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     check_scene(Scene::from_json(&text, folder, "scene.json"));
 }
 
 /// A sensor file of any vendor, which a scene names.
-pub(crate) fn sensor_file(folder: &Path, bytes: &[u8]) {
+pub fn sensor_file(folder: &Path, bytes: &[u8]) {
     put(folder, "sensor", bytes);
     let Ok(pattern) = said(sensors::read(&folder.join("sensor"), None)) else { return };
     if let Some([from, to]) = pattern.azimuth {
@@ -108,17 +108,17 @@ pub(crate) fn sensor_file(folder: &Path, bytes: &[u8]) {
 }
 
 /// Placements in one document.
-pub(crate) fn placements_json(folder: &Path, bytes: &[u8]) {
+pub fn placements_json(folder: &Path, bytes: &[u8]) {
     check_placements(folder, "placements.json", bytes);
 }
 
 /// Placements, one a line.
-pub(crate) fn placements_jsonl(folder: &Path, bytes: &[u8]) {
+pub fn placements_jsonl(folder: &Path, bytes: &[u8]) {
     check_placements(folder, "placements.jsonl", bytes);
 }
 
 /// A P-SOG; one that is accepted survives being written and read again.
-pub(crate) fn psog_npz(folder: &Path, bytes: &[u8]) {
+pub fn psog_npz(folder: &Path, bytes: &[u8]) {
     put(folder, "psog.npz", bytes);
     let Ok(psog) = said(read_psog(&folder.join("psog.npz"))) else { return };
     assert!(psog.index().is_sorted() && psog.index().last() < Some(&psog.roi().voxel_count()));
@@ -129,39 +129,39 @@ pub(crate) fn psog_npz(folder: &Path, bytes: &[u8]) {
 }
 
 /// The points of a labelled scan.
-pub(crate) fn kitti_bin(folder: &Path, bytes: &[u8]) {
+pub fn kitti_bin(folder: &Path, bytes: &[u8]) {
     let labels = 80_u32.to_le_bytes().repeat(bytes.len() / 16);
     check_kitti(folder, bytes, &labels, POSES.as_bytes(), CALIB.as_bytes());
 }
 
 /// The labels of a labelled scan.
-pub(crate) fn kitti_label(folder: &Path, bytes: &[u8]) {
+pub fn kitti_label(folder: &Path, bytes: &[u8]) {
     let points = [1.5_f32, 0.5, 0.5, 0.0].map(f32::to_le_bytes).concat().repeat(bytes.len() / 4);
     check_kitti(folder, &points, bytes, POSES.as_bytes(), CALIB.as_bytes());
 }
 
 /// Camera poses of a sequence.
-pub(crate) fn kitti_poses(folder: &Path, bytes: &[u8]) {
+pub fn kitti_poses(folder: &Path, bytes: &[u8]) {
     check_kitti(folder, &SCAN, &LABEL, bytes, CALIB.as_bytes());
 }
 
 /// Calibration of a sequence.
-pub(crate) fn kitti_calib(folder: &Path, bytes: &[u8]) {
+pub fn kitti_calib(folder: &Path, bytes: &[u8]) {
     check_kitti(folder, &SCAN, &LABEL, POSES.as_bytes(), bytes);
 }
 
 /// A scan of CARLA's semantic LiDAR.
-pub(crate) fn carla_ply(folder: &Path, bytes: &[u8]) {
+pub fn carla_ply(folder: &Path, bytes: &[u8]) {
     check_carla(folder, "000001.ply", bytes, CARLA_POSES.as_bytes());
 }
 
 /// A scan of CARLA's raw data as an array of records.
-pub(crate) fn carla_npy(folder: &Path, bytes: &[u8]) {
+pub fn carla_npy(folder: &Path, bytes: &[u8]) {
     check_carla(folder, "000001.npy", bytes, CARLA_POSES.as_bytes());
 }
 
 /// Tables of nuScenes in one text, each below a line `=== NAME`; its scan has one point, a road.
-pub(crate) fn nuscenes_tables(folder: &Path, bytes: &[u8]) {
+pub fn nuscenes_tables(folder: &Path, bytes: &[u8]) {
     let (set, tables) = (folder.join("nuscenes"), folder.join("nuscenes/v1.0-mini"));
     for sub in ["samples", "lidarseg", "v1.0-mini"] {
         fs::create_dir_all(set.join(sub)).expect("the folder can be written");
@@ -184,27 +184,27 @@ pub(crate) fn nuscenes_tables(folder: &Path, bytes: &[u8]) {
 }
 
 /// Poses of CARLA's LiDAR.
-pub(crate) fn carla_poses(folder: &Path, bytes: &[u8]) {
+pub fn carla_poses(folder: &Path, bytes: &[u8]) {
     check_carla(folder, "000001.ply", CARLA_SCAN.as_bytes(), bytes);
 }
 
 /// A mesh in Wavefront OBJ.
-pub(crate) fn mesh_obj(folder: &Path, bytes: &[u8]) {
+pub fn mesh_obj(folder: &Path, bytes: &[u8]) {
     check_mesh(folder, "mesh.obj", bytes);
 }
 
 /// A mesh in PLY, ascii or binary.
-pub(crate) fn mesh_ply(folder: &Path, bytes: &[u8]) {
+pub fn mesh_ply(folder: &Path, bytes: &[u8]) {
     check_mesh(folder, "mesh.ply", bytes);
 }
 
 /// A mesh in STL, text or binary.
-pub(crate) fn mesh_stl(folder: &Path, bytes: &[u8]) {
+pub fn mesh_stl(folder: &Path, bytes: &[u8]) {
     check_mesh(folder, "mesh.stl", bytes);
 }
 
 /// A robot in URDF as the body of the vehicle; of its meshes only `package://truck/hull.stl` exists.
-pub(crate) fn body_urdf(folder: &Path, bytes: &[u8]) {
+pub fn body_urdf(folder: &Path, bytes: &[u8]) {
     let hull = folder.join("truck/hull.stl");
     if !hull.exists() {
         let made = fs::create_dir_all(folder.join("truck"));
@@ -225,13 +225,13 @@ pub(crate) fn body_urdf(folder: &Path, bytes: &[u8]) {
 }
 
 /// A mesh in glTF, text or binary: the bytes tell which.
-pub(crate) fn mesh_gltf(folder: &Path, bytes: &[u8]) {
+pub fn mesh_gltf(folder: &Path, bytes: &[u8]) {
     put(folder, "beside.bin", &[0; 64]);
     check_mesh(folder, "mesh.gltf", bytes);
 }
 
 /// A map in OpenDRIVE, made into a world of two frames; its scene reads back.
-pub(crate) fn map_xodr(folder: &Path, bytes: &[u8]) {
+pub fn map_xodr(folder: &Path, bytes: &[u8]) {
     put(folder, "map.xodr", bytes);
     let Ok(text) = said(read_opendrive(&folder.join("map.xodr"))) else { return };
     let Ok(world) = said(import_opendrive(&text, "map.xodr", 1, 2)) else { return };
@@ -244,44 +244,44 @@ pub(crate) fn map_xodr(folder: &Path, bytes: &[u8]) {
 }
 
 /// A rig in Autoware's YAML, PandaSet's, or static transforms.
-pub(crate) fn rig_yaml(_: &Path, bytes: &[u8]) {
+pub fn rig_yaml(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Autoware));
     check_rig(bytes, Some(RigFormat::Pandaset));
     check_rig(bytes, Some(RigFormat::Tf));
 }
 
 /// A rig in URDF.
-pub(crate) fn rig_urdf(_: &Path, bytes: &[u8]) {
+pub fn rig_urdf(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Urdf));
 }
 
 /// A rig in SDF.
-pub(crate) fn rig_sdf(_: &Path, bytes: &[u8]) {
+pub fn rig_sdf(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Sdf));
 }
 
 /// A rig in a launch file of ROS 1 or ROS 2.
-pub(crate) fn rig_launch(_: &Path, bytes: &[u8]) {
+pub fn rig_launch(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Ros2Launch));
 }
 
 /// A list of sensors of CARLA, as JSON.
-pub(crate) fn rig_carla(_: &Path, bytes: &[u8]) {
+pub fn rig_carla(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Carla));
 }
 
 /// Objects of the CARLA ROS bridge.
-pub(crate) fn rig_objects(_: &Path, bytes: &[u8]) {
+pub fn rig_objects(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::CarlaObjects));
 }
 
 /// Placements as a rig.
-pub(crate) fn rig_json(_: &Path, bytes: &[u8]) {
+pub fn rig_json(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Json));
 }
 
 /// State of a search with the digest that belongs to it, as `--resume` takes it; one that is accepted takes a step.
-pub(crate) fn checkpoint_json(folder: &Path, bytes: &[u8]) {
+pub fn checkpoint_json(folder: &Path, bytes: &[u8]) {
     let Ok(text) = serde_json::from_slice::<Box<RawValue>>(bytes) else { return };
     let folder = folder.join("run");
     let _ = fs::remove_dir_all(&folder);
@@ -317,7 +317,7 @@ static SEARCHED: LazyLock<Suite> = LazyLock::new(|| {
 });
 
 /// Arguments of the program, one a line; none is run, and a refusal is one line.
-pub(crate) fn options(_: &Path, bytes: &[u8]) {
+pub fn options(_: &Path, bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let words = std::iter::once("sightline").chain(text.lines());
     let words: Vec<OsString> = words.map(OsString::from).collect();
@@ -341,7 +341,7 @@ const NUSCENES_TABLES: [&str; 10] = [
 ];
 
 /// Target files. An accepted target has an extent, and its box lies around its middle.
-pub(crate) fn target_json(folder: &Path, bytes: &[u8]) {
+pub fn target_json(folder: &Path, bytes: &[u8]) {
     let file = folder.join("target.json");
     if fs::write(&file, bytes).is_err() {
         return;
@@ -355,7 +355,7 @@ pub(crate) fn target_json(folder: &Path, bytes: &[u8]) {
 }
 
 /// A vehicle file of a scene without anything else; of its files only the mesh `roof.obj` exists.
-pub(crate) fn vehicle_json(folder: &Path, bytes: &[u8]) {
+pub fn vehicle_json(folder: &Path, bytes: &[u8]) {
     let scene = r#"{ "sightline": 1, "roi": { "min": [-40, -40, -1], "max": [40, 40, 5], "voxel": [1, 1, 1] },
                      "psog": { "file": "x.npz" }, "coverage": "through", "vehicle": "vehicle.json" }"#;
     let roof = folder.join("roof.obj");

@@ -40,8 +40,7 @@ pub struct Optimized {
     pub folder: PathBuf,
 }
 
-/// Searches in a run folder until the end or until the watcher stops it; `None` if it stopped while a vehicle's sensors
-/// were chosen.
+/// Searches in a run folder to the end, or until the watcher stops it; `None` if it stopped while sensors were chosen.
 ///
 /// # Errors
 /// Files that cannot be read or written, settings that do not fit the scenes, no candidate that keeps the rules.
@@ -433,8 +432,7 @@ fn settings_json(sitting: &RunSession, settings: &Settings, left_out: &[LeftOut]
         FrameChoice::Count(frames) => json!(frames),
     };
     all["baselines"] = json!(settings.baselines);
-    all["method"] = json!(settings.method);
-    all["target"] = json!(settings.target);
+    (all["method"], all["target"]) = (json!(settings.method), json!(settings.target));
     all["left_out"] = json!(left_out);
     all["search"] = json!({
         "objective": settings.objective,
@@ -447,8 +445,7 @@ fn settings_json(sitting: &RunSession, settings: &Settings, left_out: &[LeftOut]
     if !settings.starts.is_empty() {
         all["starts"] = json!(settings.starts);
     }
-    let given = [("baselines_file", &begun.baselines), ("starts_file", &begun.inject)];
-    for (key, file) in given {
+    for (key, file) in [("baselines_file", &begun.baselines), ("starts_file", &begun.inject)] {
         if let Some(file) = file {
             all[key] = json!(file.to_string_lossy());
         }
