@@ -139,20 +139,24 @@ pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
     })
 }
 
-/// Sentence on sensors that reach less far than blind sectors are looked for; `None` where one reaches as far.
-pub(super) fn reach_in_words(card: &RangeCard) -> Option<String> {
+/// Sentences on sensors that reach less far than blind sectors are looked for.
+pub(super) fn reach_in_words(card: &RangeCard) -> Vec<String> {
     let [near, far] = card.blind_between.map(|metres| trimmed(metres, 2));
-    let words = match near == far {
-        true => {
-            format!("Blind sectors are not looked for: no sensor reaches farther than {near} m.")
-        }
-        false => {
-            format!(
-                "Blind sectors are looked for from {near} to {far} m: no sensor reaches farther."
-            )
-        }
+    let of_all = match near == far {
+        true => format!(
+            "Blind sectors are not looked for: no sensor of the vehicle reaches farther than {near} m."
+        ),
+        false => format!(
+            "Blind sectors are looked for from {near} to {far} m: no sensor of the vehicle reaches farther."
+        ),
     };
-    card.ends_at_range().then_some(words)
+    let of_rig = card.reach.map(|metres| {
+        let metres = trimmed(metres, 2);
+        format!(
+            "No LiDAR of this rig reaches farther than {metres} m; other sensors of the vehicle do."
+        )
+    });
+    card.ends_at_range().then_some(of_all).into_iter().chain(of_rig).collect()
 }
 
 /// The range card of a placement: a line a bearing.
@@ -402,7 +406,8 @@ mod tests {
         };
         let (distances, beams) = (vec![2.5, 5.0, 7.5, 140.0], 5);
         let (targets, blind_between) = (vec![car], [5.0, 50.0]);
-        let mut card = RangeCard { beams, distances, targets, blind_between, blind: Vec::new() };
+        let mut card =
+            RangeCard { beams, distances, targets, blind_between, ..RangeCard::default() };
         let words = "Among these distances a car stands free of the own body from 7.5 m (ahead 0°, behind 180°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
         assert!(range_card_text(&card).ends_with(&format!("{words}\n")));

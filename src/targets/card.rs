@@ -45,6 +45,10 @@ pub struct RangeCard {
     pub blind_between: [f64; 2],
     /// Sectors that lose a car between these distances.
     pub blind: Vec<BlindSector>,
+    /// Farthest that a LiDAR of the rig reaches, metres, where other sensors of the vehicle reach farther between these
+    /// distances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reach: Option<f64>,
 }
 
 /// Distances at which one target is met.
@@ -238,9 +242,16 @@ impl RangeCard {
         let ranges = targets.iter().zip(&met).map(of_target).collect();
         let [near, far] = SECTOR_RANGE;
         // A range is an f32: 30.2 is not to read 30.2000008.
-        let blind_between = [near, ((1e3 * range).round() / 1e3).clamp(near, far)];
+        let metres = |range: f64| (1e3 * range).round() / 1e3;
+        let blind_between = [near, metres(range).clamp(near, far)];
         let blind = blind_sectors(&met[0], &distances, blind_between);
-        Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind_between, blind })
+        let mut reach: f64 = 0.0;
+        for lidar in lidars {
+            let model = site.sensors().number(lidar)?;
+            reach = reach.max(f64::from(site.sensors().table(model).range()));
+        }
+        let reach = Some(metres(reach)).filter(|&reach| reach < blind_between[1]);
+        Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind_between, blind, reach })
     }
 
     /// Distances in words between which a car counts as lost: `between 5 and 50 m`, or less far where no sensor reaches 50 m.

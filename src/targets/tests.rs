@@ -10,7 +10,7 @@ use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
 use crate::problem::Frame;
 use crate::scene::Target;
-use crate::vehicle::{BeamTable, SensorPose, Sensors};
+use crate::vehicle::{BeamTable, SensorModel, SensorName, SensorPose, Sensors};
 
 /// Directions of a spinning sensor.
 pub(super) fn directions(elevations: &[f64], steps: usize) -> Vec<DVec3> {
@@ -187,9 +187,25 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let said = [&round, &seen].map(|card| RangeCard::between_in_words(Some(card)));
     assert_eq!(said, ["between 5 and 50 m", "between 5 and 20 m"]);
     let text = crate::report::targets::range_card_text(&seen);
-    let words = "\nBlind sectors are looked for from 5 to 20 m: no sensor reaches farther.\n";
+    let words = "\nBlind sectors are looked for from 5 to 20 m: no sensor of the vehicle reaches farther.\n";
     assert!(text.ends_with(words), "{text}");
     assert!(!crate::report::targets::range_card_text(&round).contains("Blind sectors"));
+    // A rig of the shorter model of a vehicle: the card says how far that one reaches.
+    let model = |name: &str, range: f64| SensorModel {
+        name: SensorName::new(name).unwrap(),
+        ..SensorModel::plain(BeamTable::from_directions(all.iter().copied(), range).unwrap())
+    };
+    let both = Sensors::new(vec![model("far", 100.0), model("near", 30.0)]).unwrap();
+    let body = Frame::from(Arc::new(Bvh::build(&TriangleSoup::default(), 300.0)));
+    let both = TargetSite::new(both, body);
+    let of = |name| SensorPose { sensor: SensorName::new(name).unwrap(), ..lidar(0.0) };
+    let [far, near] = ["far", "near"].map(|name| RangeCard::new(&both, &[of(name)]).unwrap());
+    assert_eq!((far.reach, near.reach, near.blind_between), (None, Some(30.0), [5.0, 50.0]));
+    let text = crate::report::targets::range_card_text(&near);
+    assert!(
+        text.contains("No LiDAR of this rig reaches farther than 30 m; other sensors"),
+        "{text}"
+    );
     let car = &round.targets[0].bearings[0];
     assert_eq!((car.bearing, car.met.last().unwrap()[1]), (0.0, 100.0));
     let site = site(&front, 100.0, &TriangleSoup::default());
