@@ -54,7 +54,10 @@ fn boxes_of_words(svg: &str) -> Vec<([f64; 4], String)> {
 fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let dir = folder();
     let lines = |svg: &str| svg.matches("stroke-width=\"0.12\"").count();
-    assert_eq!(lines(&read(&handed_over(&dir, &[]), "drawing.svg")), 0);
+    // Two lines a cross, at the place of a number that stands aside.
+    let crosses = |svg: &str| svg.matches("stroke-width=\"0.9\"").count() / 2;
+    let far = read(&handed_over(&dir, &[]), "drawing.svg");
+    assert_eq!((lines(&far), crosses(&far)), (0, 0));
     let path = dir.path().join("cart.json");
     let mut vehicle: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
@@ -86,4 +89,5 @@ fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     }
     // The signs of the four LiDARs lie on the four boxes, so that each name is moved and has a line.
     assert_eq!(lines(&svg), 4, "{from_above}");
+    assert!(crosses(&svg) > 0, "{svg}");
 }

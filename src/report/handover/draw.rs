@@ -19,6 +19,8 @@ pub(super) const MOUNT: Stroke = Stroke::dashed(SOFT, 0.2);
 const ZONE: Ink = Ink(ACCENT, 0.18);
 const ZONE_EDGE: Stroke = Stroke::solid(ACCENT, 0.3);
 const THIN: Stroke = Stroke::solid(INK, 0.15);
+/// Half of a cross at the place of a LiDAR whose number stands aside, millimetres.
+const CROSS: f64 = 1.2;
 /// Line from a mount to its name where other words keep both apart.
 const LEADER: Stroke = Stroke::solid(SOFT, 0.12);
 
@@ -252,6 +254,15 @@ fn numbers(drawing: &mut Drawing, markers: &[Marker]) {
         let white = Ink::full("#ffffff");
         drawing.text([x, y + 0.85], 2.4, marker.words(), Anchor::Middle, true, white);
     }
+    // A number that stands aside hides neither its place nor that of another one.
+    for marker in markers.iter().filter(|marker| marker.at != marker.label) {
+        let [x, y] = marker.at;
+        for [dx, dy] in [[CROSS, 0.0], [0.0, CROSS]] {
+            let ends = [[x - dx, y - dy], [x + dx, y + dy]];
+            drawing.line(ends, Stroke::solid("#ffffff", 0.9));
+            drawing.line(ends, Stroke::solid(colour(marker.lidars[0]), 0.4));
+        }
+    }
 }
 
 /// A LiDAR's number on its colour.
@@ -413,7 +424,11 @@ fn signs(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
         y += LINE + 0.6;
     };
     sign(Some(BODY), BODY_EDGE, "own body");
-    sign(None, MOUNT, "box around a mount");
+    sign(
+        None,
+        MOUNT,
+        "box around a mount; a cross is where a LiDAR stands whose number stands aside",
+    );
     let view =
         format!("field of view, level from above and upright from the side, drawn to {REACH} m");
     sign(Some(Ink(colour(0), 0.08)), Stroke::solid(colour(0), 0.2), &view);
