@@ -306,6 +306,18 @@ mod tests {
     }
 
     #[test]
+    fn the_page_on_targets_has_the_presets() {
+        // A package of this crate alone has no documents.
+        let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/targets.md");
+        let Ok(page) = std::fs::read_to_string(page) else { return };
+        for Target { name, size, reflectance, .. } in preset_targets() {
+            let [x, y, z] = size.map(|metres| (1e3 * metres).round() / 1e3);
+            let row = format!("| `{name}` | {x} × {y} × {z} | {:.0} % |\n", 100.0 * reflectance);
+            assert!(page.contains(&row), "{row}");
+        }
+    }
+
+    #[test]
     fn the_reflectance_of_a_preset_has_a_source_or_is_unconfirmed() {
         for Target { name, reflectance, source, .. } in preset_targets() {
             let told = source.as_deref().unwrap_or_default();
