@@ -55,7 +55,7 @@ fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let dir = folder();
     let lines = |svg: &str| svg.matches("stroke-width=\"0.12\"").count();
     // Two lines a cross, at the place of a number that stands aside.
-    let crosses = |svg: &str| svg.matches("stroke-width=\"0.9\"").count() / 2;
+    let crosses = |svg: &str| svg.matches("stroke-width=\"0.95\"").count() / 2;
     let far = read(&handed_over(&dir, &[]), "drawing.svg");
     assert_eq!((lines(&far), crosses(&far)), (0, 0));
     let path = dir.path().join("cart.json");

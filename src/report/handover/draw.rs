@@ -259,7 +259,7 @@ fn numbers(drawing: &mut Drawing, markers: &[Marker]) {
         let [x, y] = marker.at;
         for [dx, dy] in [[CROSS, 0.0], [0.0, CROSS]] {
             let ends = [[x - dx, y - dy], [x + dx, y + dy]];
-            drawing.line(ends, Stroke::solid("#ffffff", 0.9));
+            drawing.line(ends, Stroke::solid("#ffffff", 0.95));
             drawing.line(ends, Stroke::solid(colour(marker.lidars[0]), 0.4));
         }
     }
