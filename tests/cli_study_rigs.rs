@@ -395,7 +395,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     assert!(notes.contains(lost), "{notes}");
     assert!(
         notes.contains(
-            "both without LiDAR 1: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°)"
+            "both without LiDAR 1: BLIND: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°)"
         ),
         "{notes}"
     );

@@ -59,7 +59,8 @@ impl Loss {
     pub(crate) fn told(&self) -> Vec<String> {
         let new = self.broken.iter().map(Seen::to_string);
         let old = self.already_missed.iter().map(|seen| format!("already {seen}"));
-        new.chain(self.blind.iter().map(BlindSector::to_string)).chain(old).collect()
+        let blind = self.blind.iter().map(|sector| format!("BLIND: {sector}"));
+        new.chain(blind).chain(old).collect()
     }
 
     /// Width of all sectors that are blind without this LiDAR, degrees; `None` with coverage `through`.
