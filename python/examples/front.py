@@ -1,6 +1,6 @@
 """The front of price and near gain of a vehicle, by `sightline.front` and by NSGA-II of pymoo at as many casts: python front.py SCENE.json VEHICLE.json [CASTS]
 
-A cast is that of one LiDAR in one frame. Ours casts each pose of the coarse grid once and each LiDAR of a scored placement; poses are
+One cast is one LiDAR in one frame. Ours casts each pose of the coarse grid once and each LiDAR of a scored placement; poses are
 not searched further. CASTS gives NSGA-II another number. Vehicles whose requirements no point meets cost ours more, which is not counted.
 """
 

@@ -159,7 +159,7 @@ impl PyScene {
     /// One placement with all its LiDARs and with each lost in turn, as a `dict` of `scores` and `losses`.
     ///
     /// A loss has `lidar`, `name`, `scores` of the others, `broken` (requirements that all together meet and the others
-    /// do not), `already_missed` (those that all together miss, too) and `blind` (sectors that are blind without it alone). Raises `ValueError` as `score`, and for several
+    /// do not), `already_missed` (requirements that all together miss, too) and `blind` (sectors that are blind without it alone). Raises `ValueError` as `score`, and for several
     /// placements. `progress` as for `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, progress = None))]
     fn losses<'py>(

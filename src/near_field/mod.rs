@@ -21,7 +21,7 @@
 //! - **Lost ground**: a stretch of a lane without a cell seen that begins directly behind a seen one; 1 m or more, as rings of
 //!   beams leave less between them, and 2 m or more where it is said.
 //! - **Bodies that move**: the footprint is of frame 0; ground, hits and wasted beams are looked at in each frame. Frames in
-//!   which the bodies stand alike are a pose. Each side of the blind zone is that of its deepest pose, and shares of ground
+//!   which the bodies stand alike are one pose. On each side the pose with the deepest blind zone counts, and shares of ground
 //!   have the worst frame beside them.
 //! - **Wasted**: share of a LiDAR's beams that end at the own body, a mean over the frames.
 //! - **Poles** stand alone on level ground, with the own body and without the scene; one is seen with five

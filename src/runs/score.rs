@@ -261,10 +261,7 @@ fn score_each(
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
     } else {
-        let ends_at_hits = batch.members().any(|(_, member)| member.problem().ends_at_hits());
-        let first = batch.judged.first().map(|judged| &judged.scores);
-        let note = not_looked_closely(ends_at_hits, first);
-        note.iter().for_each(|note| computing.watcher.note(note));
+        batch.not_looked_closely().iter().for_each(|note| computing.watcher.note(note));
     }
     if request.near_field {
         batch.add_near_fields(&job, &placements)?;
@@ -318,6 +315,12 @@ struct Batch {
 }
 
 impl Batch {
+    /// Note on what nobody looked at in placements that are too many for a close look.
+    fn not_looked_closely(&self) -> Option<String> {
+        let ends_at_hits = self.members().any(|(_, member)| member.problem().ends_at_hits());
+        not_looked_closely(ends_at_hits, self.judged.first().map(|judged| &judged.scores))
+    }
+
     /// Count and speed of a batch that took `seconds`, in words.
     fn pace(&self, seconds: f64) -> String {
         let (count, frames) = (self.placements.len(), self.evaluator.frame_count());

@@ -249,7 +249,7 @@ fn is_over(time: Option<TimeLimit>) -> bool {
     time.is_some_and(|time| Instant::now() >= time.deadline())
 }
 
-/// Picks among points that are sorted, by their number: among those that meet all requirements, if any does.
+/// Numbers of the picks in sorted points. Only points that meet all requirements are picked, if there are any.
 fn picks(
     objectives: &FrontObjectives,
     points: &[FrontPoint],

@@ -70,7 +70,7 @@ fn more_ground_seen_never_makes_the_kept_depth_worse() {
     };
     let (mut lost, mut better) = (0, 0);
     for _ in 0..20_000 {
-        // Things leave gaps in the ground; what is seen comes in runs, too.
+        // Things leave gaps in the ground, and seen cells come in runs, too.
         let mut runs = |likely: f64| -> Vec<bool> {
             let mut is_set = rng.random_bool(likely);
             let turned = |_| {

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use serde::{Deserialize, Serialize};
 
-use super::first_poses::FirstPoses;
+use super::first_poses::{FirstPoses, Looked};
 use super::open_sets::{Candidates, Node, Open, ROUNDING};
 use super::pair_overlaps::PairBound;
 use super::voxel_groups::Columns;
@@ -87,9 +87,16 @@ impl Effort {
         }
     }
 
-    /// Words that may be read for one first pose.
-    fn most_words(&self, firsts: &FirstPoses) -> u64 {
-        if self.is_asked { u64::MAX } else { self.first_words / firsts.count().max(1) }
+    /// Looks at all sets that may be above the gap to a placement.
+    fn look(
+        &self,
+        firsts: &FirstPoses,
+        found: &GridPlacement,
+        go_on: &mut dyn FnMut([u64; 2]) -> bool,
+    ) -> Looked {
+        let each = self.first_words / firsts.count().max(1);
+        let most_words = if self.is_asked { u64::MAX } else { each };
+        firsts.look(found.value * (1.0 + self.gap), most_words, go_on)
     }
 
     /// Why no set is looked at by its first pose, if so.
@@ -134,11 +141,7 @@ pub fn bound_gain(
     let (lidars, poses) = (search.lidars(), search.atlas().grid().len());
     let all: Vec<u32> = (0..poses).collect();
     search.hold(evaluator, &all)?;
-    let beside = beside(search, found, &all);
-    let mut typical = search.values_with(&[], &all);
-    typical.sort_by(better_first);
-    typical.truncate(all.len().div_ceil(TYPICAL));
-    let typical: Vec<u32> = typical.into_iter().map(|(pose, _)| pose).collect();
+    let (beside, typical) = (beside(search, found, &all), typical(search, &all));
     let (units, places) = (search.atlas.worth_units(&search.objective), search.places());
     let worths = Worths::new(search.atlas(), lidars, &units);
     let asked = RefCell::new(go_on);
@@ -167,35 +170,13 @@ pub fn bound_gain(
     let by_pairs = root_of(&pairs, effort.pair_nodes(&pairs)).min(chosen_by);
     bound.upper_at_root = bound.upper.min(by_pairs).max(found.value);
     bound.upper = bound.upper_at_root;
-    let floor = found.value * (1.0 + effort.gap);
-    if bound.upper > floor {
+    if bound.upper > found.value * (1.0 + effort.gap) {
         let firsts = FirstPoses::new(&columns, &places, worths.unit, effort.memory / 4);
-        let look = || firsts.look(floor, effort.most_words(&firsts), &mut **asked.borrow_mut());
-        let looked = match effort.leaves_out(&firsts, &worths) {
-            Some(why) => Err(why),
-            None => Ok(look()),
-        };
-        let why = match looked {
-            Err(why) => why,
-            Ok(looked) => {
-                bound.nodes += looked.sets;
-                if let Some((mut poses, _)) = looked.best {
-                    // In the order of the slots.
-                    poses.sort_by_key(|&pose| (places.kind(pose), pose));
-                    let value = search.value(evaluator, &poses)?;
-                    if value > bound.best.value {
-                        bound.best = GridPlacement { poses, value };
-                    }
-                }
-                if looked.is_whole {
-                    bound.upper = bound.upper.min(looked.upper).max(bound.best.value);
-                }
-                if looked.is_whole {
-                    "too many sets of sensors stay above it"
-                } else {
-                    "the time was over"
-                }
-                .into()
+        let why = match effort.leaves_out(&firsts, &worths) {
+            Some(why) => why,
+            None => {
+                let looked = effort.look(&firsts, found, &mut **asked.borrow_mut());
+                bound.take(search, evaluator, looked)?.into()
             }
         };
         let is_short = bound.upper > bound.best.value * (1.0 + effort.gap) * (1.0 + PROVEN);
@@ -203,6 +184,39 @@ pub fn bound_gain(
     }
     bound.proven = bound.upper <= bound.best.value * (1.0 + PROVEN);
     Ok(bound)
+}
+
+impl GainBound {
+    /// Takes what a look at sets by their first pose found; says why a gap may be left.
+    fn take(
+        &mut self,
+        search: &mut GridSearch,
+        evaluator: &mut Evaluator,
+        looked: Looked,
+    ) -> Result<&'static str, SearchError> {
+        self.nodes += looked.sets;
+        if let Some((mut poses, _)) = looked.best {
+            // In the order of the slots.
+            poses.sort_by_key(|&pose| (search.atlas().grid().kind(pose), pose));
+            let value = search.value(evaluator, &poses)?;
+            if value > self.best.value {
+                self.best = GridPlacement { poses, value };
+            }
+        }
+        if !looked.is_whole {
+            return Ok("the time was over");
+        }
+        self.upper = self.upper.min(looked.upper).max(self.best.value);
+        Ok("too many sets of sensors stay above it")
+    }
+}
+
+/// Poses typical of good placements: the best ones alone.
+fn typical(search: &mut GridSearch, all: &[u32]) -> Vec<u32> {
+    let mut typical = search.values_with(&[], all);
+    typical.sort_by(better_first);
+    typical.truncate(all.len().div_ceil(TYPICAL));
+    typical.into_iter().map(|(pose, _)| pose).collect()
 }
 
 /// A bound from one placement: its value, and the gains of the best poses beside it. Poses that do not fit beside it

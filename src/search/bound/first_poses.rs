@@ -148,7 +148,7 @@ impl<'a> FirstPoses<'a> {
         looked
     }
 
-    /// The set of one first pose alone, its candidates those of other kinds and those of its kind after it.
+    /// The set of one first pose alone. Its candidates are all poses of other kinds, and later poses of its own.
     fn first(&self, at: usize) -> Node {
         let first = self.firsts[at];
         let outside = self.columns.outside(&[first]);

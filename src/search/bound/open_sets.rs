@@ -75,7 +75,7 @@ impl Node {
         self.kinds.iter().map(|kind| kind.poses.len()).sum()
     }
 
-    /// Lowers the bound to that of the best additions of each kind: a pose never adds more than it does now. Drops
+    /// Lowers the bound to the best additions of each kind: a pose never adds more than it does now. Drops
     /// candidates that stay at or below `floor` beside the best of the others. False if no extension is above `floor`.
     fn cut(&mut self, floor: f64) -> bool {
         let (mut sum, mut weakest) = (self.value, [0.0; MAX_LIDARS]);

@@ -308,7 +308,7 @@ const CLASSES: [(&str, Label); 58] = [
     ("traffic_cone", still(99, 12)), ("curb", still(48, 26)),
 ];
 
-/// Label of an actor whose kind says more than its classes: that of the class of its name; `None` leaves it to these.
+/// Label of an actor by its kind, where a class has the same name; `None` where its classes decide.
 pub(super) fn of_kind(kind: ActorKind) -> Option<Label> {
     let label = CLASSES.iter().find(|(name, _)| *name == kind.name()).map(|(_, label)| *label);
     label.filter(|_| kind != ActorKind::Other)

@@ -107,7 +107,7 @@ fn origin(node: Node, of: &str) -> Parsed<Pose> {
 }
 
 impl RobotFile<'_> {
-    /// The shapes of all links but those left out; `text` is that of the file.
+    /// Shapes of all links, without the ones to leave out; `text` is the file's content.
     pub(super) fn shapes(&self, text: &str) -> Parsed<RobotShapes> {
         let plain = plain_names(text);
         let document = document(text, &plain)?;

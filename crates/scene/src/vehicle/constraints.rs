@@ -373,7 +373,7 @@ pub enum Violation {
     /// The LiDARs stand at different heights against the rule, from the lowest to the highest.
     UnequalHeight { by: f64 },
     /// A LiDAR has no mirror image among the others, and does not lie in the plane of symmetry. The image of `partner` is
-    /// nearest to it, which may be the LiDAR itself. `models` are those of both where they differ, `field` is farthest off,
+    /// nearest to it, which may be the LiDAR itself. `models` names both models where they differ, `field` is farthest off,
     /// by `off`. `by` sums up the differences of all fields, over both LiDARs where each is nearest to the other's image.
     NotMirrored {
         lidar: usize,

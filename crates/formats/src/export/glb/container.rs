@@ -267,7 +267,7 @@ fn sector(azimuths: &[f64]) -> [f64; 2] {
 
 pub(super) const FRUSTUM: [f64; 4] = [0.9, 0.35, 0.02, 0.7];
 
-/// Colours (sRGB) of the default classes, near those of Cityscapes and CARLA.
+/// sRGB colours of the default classes, close to the palettes of Cityscapes and CARLA.
 #[rustfmt::skip]
 const COLOURS: [[u8; 3]; DEFAULT_CLASSES.len()] = [
     [112, 112, 118], [190, 153, 153], [85, 90, 100], [220, 20, 60], [153, 153, 153], [222, 214, 170], [128, 100, 128],

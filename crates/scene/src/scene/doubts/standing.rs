@@ -142,7 +142,7 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
 /// any frame.
 fn surface_inside(scene: &Scene) -> Option<String> {
     let moving = || {
-        // Triangles that are walked over, and those of bodies that may hold one.
+        // One budget for the world's triangles, one for triangles of the bodies that may hold them.
         let (walks, looks) = (Looks::new(), Looks::new());
         let all = (0..scene.frames).flat_map(|t| scene.bodies.iter().map(move |body| (t, body)));
         let walked = |body: &OwnBody| scene.world.faces.len() + body.parts.faces.len();
