@@ -401,16 +401,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     let found = record.best.iter().chain(&record.baselines);
     let found: Vec<Value> = found.map(|scored| priced(job, &scored.placement)).collect();
     folder.write_json("placements.json", &json!({ "placements": found }))?;
-    if let Some(figure) = &drawings.convergence {
-        folder.write_text("convergence.svg", figure)?;
-    }
-    if let Some(figure) = &drawings.placement {
-        folder.write_text("placement.svg", figure)?;
-    }
-    for (index, (_, map)) in drawings.maps.iter().enumerate() {
-        let number = if index > 0 { format!("-{}", index + 1) } else { String::new() };
-        folder.write_text(&format!("map{number}.svg"), map)?;
-    }
+    outputs::write_drawings(folder, &drawings)?;
     // The page is read where the run was made.
     let here = command(&sitting.begun, settings, limit, from_here);
     let whole = std::mem::replace(&mut record.command, here);

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use super::{FiguresOut, RunError, TableFormat, Watcher};
 use crate::export::{Glb, GltfView};
 use crate::files::{
-    is_sink, safe_names, target, writable_file, writable_folder, write_folder, write_whole,
+    RunDir, is_sink, safe_names, target, writable_file, writable_folder, write_folder, write_whole,
 };
+use crate::report::Figures;
 
 /// A figure: its name without an ending, and the SVG.
 pub(crate) type Figure = (String, String);
@@ -28,6 +29,19 @@ pub(crate) fn check_figures_apart(figures: Option<&Path>, run: &Path) -> Result<
             figures.display()
         ))),
     }
+}
+
+/// Writes the drawings of a run beside its record.
+pub(super) fn write_drawings<S>(folder: &RunDir<S>, drawings: &Figures) -> Result<(), RunError> {
+    let one = [("convergence.svg", &drawings.convergence), ("placement.svg", &drawings.placement)];
+    for (name, figure) in one {
+        figure.iter().try_for_each(|figure| folder.write_text(name, figure))?;
+    }
+    for (index, (_, map)) in drawings.maps.iter().enumerate() {
+        let number = if index > 0 { format!("-{}", index + 1) } else { String::new() };
+        folder.write_text(&format!("map{number}.svg"), map)?;
+    }
+    Ok(())
 }
 
 /// Writes each figure as `NAME.svg`.
