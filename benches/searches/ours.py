@@ -101,23 +101,8 @@ def optimized(problem: Problem, seed: int, options: list[str], program: Path, ou
     text = called(program, ["optimize", *problem.arguments, *told, *rest], (0, 1))
     seconds = children() - before
     result = json.loads(text)
-    if result.get("phases"):
-        at_common_draw(problem, result["best"], folder / "placements.json", program)
     shutil.rmtree(folder, ignore_errors=True)
     command = shlex.join(["sightline", "optimize", *problem.shown, *told])
     if problem.made:
         command = shlex.join(["sightline", "scene", "new", *problem.made, "--out", problem.shown[0]]) + f" && {command}"
     return {**record_of(result), "cpu_seconds": seconds, "command": command}
-
-
-def at_common_draw(problem: Problem, best: dict[str, Any], file: Path, program: Path) -> None:
-    """Scores anew a result with free phases, by the draw 0 that all placements of this benchmark are scored by.
-
-    `optimize` draws phases by its seed, and has chosen a placement that does well by that draw.
-    """
-    vehicle = ["--vehicle", str(problem.vehicle)] if problem.vehicle else []
-    rest = ["--tolerance", "0", "--backend", "cpu", "--quiet", "--format", "json"]
-    text = called(program, ["score", *map(str, problem.scenes), str(file), *vehicle, *rest], (0, 1))
-    holds_in = best["scores"].get("requirements_hold_in")
-    best["scores"] = {**json.loads(text)["scores"][0], "requirements_hold_in": holds_in}
-    best["objective"] = best["scores"]["near_gain"]
