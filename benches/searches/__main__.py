@@ -18,7 +18,8 @@ peers that cast all frames of a scene get few placements. Their best eight are c
 all frames, which is not counted as work.
 
 Writes DIR/table.md, DIR/PROBLEM.svg, and DIR/results/PROBLEM.METHOD.SEED.json; a finished run is not run
-again, so that the same command goes on after a stop. Better placements go to best_known.json.
+again, so that the same command goes on after a stop. --kept writes tables and figures of the runs that are there,
+and runs nothing. Better placements go to best_known.json.
 """
 
 from __future__ import annotations
@@ -83,6 +84,7 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
     add("--peer-frames", type=frames, default=4,
         help="frames of each scene that peers search over; `ours`: as many as ours ended with [4]")
     add("--options", type=shlex.split, default=[], help="more options for `optimize`, in one text")
+    add("--kept", action="store_true", help="tables and figures of the runs that are there; runs nothing")
     add("--out", type=Path, default=Path("runs/searches"), help="folder of results [runs/searches]")
     add("--program", type=Path, default=ROOT / "target/release/sightline", help="the program")
     add("--best-known", type=Path, default=Path(__file__).with_name("best_known.json"))
@@ -92,9 +94,12 @@ def parsed(arguments: list[str] | None = None) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> int:
     """Runs the benchmark; prints the table."""
     args = parsed(arguments)
+    if args.kept and not any((args.out / "results").glob("*.json")):
+        print(f"{args.out}: holds no results; leave out --kept to make them", file=sys.stderr)
+        return 2
     args.out.mkdir(parents=True, exist_ok=True)
     args.out, args.program = args.out.resolve(), args.program.resolve()
-    if not args.program.exists():
+    if not args.kept and not args.program.exists():
         print(f"{args.program}: is not there; build it with `cargo build --release`", file=sys.stderr)
         return 2
     known = problems(args.out)

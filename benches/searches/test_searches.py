@@ -17,12 +17,12 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benches.searches import ours, peers, table  # noqa: E402
-from benches.searches.bench import Bench, lidars  # noqa: E402
+from benches.searches.bench import Bench, LeftOut, lidars  # noqa: E402
 from benches.searches.__main__ import main, parsed  # noqa: E402
 from benches.searches.front import Place, Scored, equipped, volume  # noqa: E402
 from benches.searches.figure import drawn, steps  # noqa: E402
 from benches.searches.problems import Mount, Space, mount_of, partners, problems, space_of  # noqa: E402
-from benches.searches.records import BestKnown, Store  # noqa: E402
+from benches.searches.records import Absent, BestKnown, Store  # noqa: E402
 from benches.searches.scoring import Budget, Spent, confirmed, cost  # noqa: E402
 
 BOX = Mount((-1, -2, 1, -0.1, 0, 0), (1, 2, 1, 0.3, 0, 0))
@@ -156,6 +156,65 @@ def test_a_method_that_the_program_refuses_is_left_out_with_its_words(tmp_path, 
     found = bench.measured(problems(tmp_path)["van"])
     assert list(found) == ["ours"]
     assert bench.notes == ["swaps is left out on van on a street: sightline: too many poses"]
+
+
+def result_of(value):
+    """A record of a run, as far as the benchmark reads it."""
+    return {"value": value, "work": 100, "cpu_seconds": 1.0, "lidars": [], "mounts": None, "baseline": None,
+            "search_frames": 4, "required": {}, "command": "optimize", "commit": "c"}
+
+
+def kept(tmp_path, values, *told):
+    """A benchmark with --kept of runs of uc whose values are by evaluations and seed."""
+    store = Store(tmp_path)
+    for (count, seed), value in values.items():
+        store.done("uc", f"ours-{count}", seed, {"options": f"--evaluations {count}"}, lambda v=value: result_of(v))
+    args = parsed(["--kept", "--seeds", "4", "--evaluations", "45,90", "--out", str(tmp_path), *told])
+    args.best_known = tmp_path / "best.json"
+    return Bench(args)
+
+
+def test_more_evaluations_are_held_against_fewer_seed_by_seed(tmp_path):
+    row = table.more_row("uc", 45, 90, {1: (0.30, 0.33), 2: (0.40, 0.39), 3: (0.30, 0.30)})
+    assert row == "| uc | 90 against 45 | +0.00 | -2.50 | 1 of 3: 2 |"
+    assert "| only 90 meets all | only 45 meets all | 1 of 3: 2 |" in \
+        table.more_row("uc", 45, 90, {1: (None, 0.3), 2: (0.4, None), 3: (None, 0.3)})
+    values = {(45, 1): 0.30, (90, 1): 0.33, (45, 2): 0.40, (90, 2): 0.39, (45, 3): 0.50}
+    bench = kept(tmp_path, values)
+    uc = problems(tmp_path)["uc"]
+    assert bench.more(uc) == ["| urban-crossing | 90 against 45 | +3.75 | -2.50 | 1 of 2: 2 |"], "seed 3 has no 90"
+    assert bench.more(problems(tmp_path)["hw"]) == []
+    bench.args.options = ["--symmetric"]
+    with pytest.raises(SystemExit, match="another --out"):
+        bench.more(uc)
+
+
+def test_kept_runs_give_table_and_figure_and_nothing_is_run(tmp_path, monkeypatch, capsys):
+    kept(tmp_path, {(45, 1): 0.30, (90, 1): 0.33, (45, 2): 0.40})
+    monkeypatch.setattr(ours, "called", lambda *of: pytest.fail("runs the program"))
+    monkeypatch.setattr(peers, "lacking", lambda *of: pytest.fail("looks for a peer"))
+    told = ["--kept", "--problems", "uc,hw", "--methods", "ours,swaps,random", "--seeds", "2", "--evaluations",
+            "45,90", "--best-known", str(tmp_path / "best.json"), "--program", "/nowhere"]
+    assert main([*told, "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert printed == (tmp_path / "table.md").read_text()
+    assert "| `optimize`, 90 evaluations | 33.000 | 33.000 | 0.00 |" in printed and "90 against 45" in printed
+    assert "## highway" not in printed and "highway, seeds that are there: ours 0, swaps 0, random 0" in printed
+    assert "urban-crossing, seeds that are there: ours 1, swaps 0, random 0" in printed
+    assert (tmp_path / "uc.svg").exists() == (importlib.util.find_spec("matplotlib") is not None)
+    assert main([*told, "--out", str(tmp_path / "none")]) == 2
+    assert "holds no results" in capsys.readouterr().err
+    with pytest.raises(Absent, match="uc.random.1.json"):
+        Store(tmp_path, kept=True).done("uc", "random", 1, {}, lambda: pytest.fail("runs"))
+
+
+def test_a_peer_that_finds_no_start_is_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(peers, "lacking", lambda method: None)
+    args = parsed(["--methods", "pycma-start", "--out", str(tmp_path)])
+    args.best_known = tmp_path / "best.json"
+    bench, uc = Bench(args), problems(tmp_path)["uc"]
+    with pytest.raises(LeftOut, match="from the best baseline is left out on urban-crossing: no baseline fits"):
+        bench.searched(uc, "pycma-start", 1, [result_of(0.3)] * 4)
 
 
 @pytest.mark.parametrize(("code", "kind"), [(2, ours.Refused), (101, SystemExit)])
