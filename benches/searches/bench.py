@@ -130,6 +130,10 @@ class Bench:
         """
         found: dict[str, dict[int, Any]] = {"ours": {}}
         others = [method for method in self.args.methods if method != "ours"]
+        if problem.plain and others:
+            self.note(f"Left out on {problem.title}: {', '.join(others)}; `optimize` alone runs variants, since peers "
+                      "know neither its option nor its rules.")
+            others = []
         for seed in self.seeds:
             try:
                 runs = [self.optimized(problem, f"ours-{count}", seed, ["--evaluations", str(count)])
@@ -171,6 +175,36 @@ class Bench:
                 rows.append(table.more_row(problem.title, *pair, values))
         return rows
 
+    def beside(self, variant: Problem, runs: dict[int, list[dict[str, Any]]]) -> list[str]:
+        """The row of a variant in the table of variants; none where no run is there."""
+        values = {}
+        for seed, by_count in runs.items():
+            try:
+                rival = self.adapted(variant, seed)
+            except Absent:
+                continue
+            values[seed] = (by_count[self.compared()]["value"], rival)
+        if not values:
+            return []
+        return [table.variant_row(variant.title, variant.plain.title, variant.fair, values)]
+
+    def adapted(self, variant: Problem, seed: int) -> float | None:
+        """Value for the variant of what the plain relative's search found, brought under the variant's rules."""
+        count = self.args.evaluations[self.compared()]
+        plain = self.optimized(variant.plain, f"ours-{count}", seed, ["--evaluations", str(count)])
+        rivals = variant.rivals(plain["lidars"])
+
+        def run() -> dict[str, Any]:
+            found = ours.scored(variant, rivals, self.args.options, self.args.program, self.args.out)
+            words = shlex.join(["sightline", "optimize", *variant.shown, *self.args.options])
+            command = f"{plain['command']}, {variant.fair}, as a baseline of {words}"
+            return {**found, "command": command, "commit": self.at}
+
+        settings = {"options": shlex.join(self.args.options), "placements": rivals}
+        record = self.store.done(variant.key, f"plain-{count}", seed, settings, run)
+        self.offer(variant, record, record["value"], record["lidars"])
+        return record["value"]
+
     def written(self, problem: Problem, found: dict[str, dict[int, Any]]) -> str:
         """Draws the figure of a problem; its part of the table."""
         best = self.best.value(problem.key)
@@ -208,7 +242,7 @@ class Bench:
 
     def run(self, problems: list[Problem]) -> str:
         """Measures problem by problem and writes table.md after each."""
-        parts, more, text = [], [], ""
+        parts, more, beside, text = [], [], [], ""
         seeds = f"seeds 1 to {self.args.seeds}" if self.args.seeds > 1 else "seed 1"
         seeds += ", those of which all runs of ours are there" if self.args.kept else ""
         for problem in problems:
@@ -216,9 +250,13 @@ class Bench:
             if found["ours"]:
                 parts.append(self.written(problem, found))
             more += self.more(problem)
+            beside += self.beside(problem, found["ours"]) if problem.plain else []
             self.scenes.clear()
             notes = [f"- {note}\n" for note in self.notes]
             tables = [table.MORE + "\n".join(more) + "\n"] if more else []
+            if beside:
+                count = self.args.evaluations[self.compared()]
+                tables.append(table.VARIANTS.format(count=count) + "\n".join(beside) + "\n")
             text = "\n".join([table.INTRODUCTION.format(seeds=seeds), *parts, *tables, *notes])
             write(self.args.out / "table.md", text)
         return text

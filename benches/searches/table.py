@@ -93,6 +93,15 @@ def more_row(title: str, fewer: int, more: int, pairs: dict[int, tuple[float | N
     return f"| {' | '.join([title, f'{more} against {fewer}', *ends, seeds])} |"
 
 
+def variant_row(title: str, relative: str, fair: str, pairs: dict[int, tuple[float | None, float | None]]) -> str:
+    """A row of the table of variants: values by seed of the variant, and of its relative's placement."""
+    medians = [gain(quantile([number(pair[side]) for pair in pairs.values()], 0.5)) for side in (0, 1)]
+    margins, sides = [margin(*pair) for pair in pairs.values()], ("the variant", "its relative")
+    ends = [percent(by, True, sides) for by in (quantile(margins, 0.5), min(margins))]
+    behind = f"{sum(by < 0.0 for by in margins)} of {len(margins)}"
+    return f"| {' | '.join([title, medians[0], f'{relative}, {fair}', medians[1], *ends, behind])} |"
+
+
 OWN_HEAD = """| search | median | worst | spread, % | from the best known, % | all met | CPU s |
 |---|--:|--:|--:|--:|--:|--:|"""
 PEER_HEAD = """| peer | its median | margin of ours, median, % | worst seed, % | ours ahead | cast × frames | CPU s |
@@ -115,6 +124,14 @@ The value of a run less that of one with fewer evaluations and the same seed, in
 
 | problem | evaluations | median, % | worst seed, % | seeds that lost |
 |---|---|--:|--:|---|
+"""
+VARIANTS = """## Variants beside their plain relatives
+
+{count} evaluations. The relative's placement is the result of `optimize` without the option, with as many evaluations and
+the same seed. It is brought under the rules of the variant and scored for its question, which the variant searched for.
+
+| variant | its median | relative's placement | median of that | difference, median, % | worst seed, % | seeds behind |
+|---|--:|---|--:|--:|--:|--:|
 """
 INTRODUCTION = """# Benchmark of searches
 
