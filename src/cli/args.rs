@@ -3,13 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde_json::json;
 
-use super::output::{Talk, Terminal};
+use super::output::{Exit, Talk, Terminal};
 use crate::datasets::CarlaTags;
 use crate::engine::{EngineChoice, EngineKind};
 use crate::runs::parse::number_as;
 use crate::runs::psog::CarlaScans;
-use crate::runs::{Computing, RunError};
+use crate::runs::{Computing, RunError, TableFormat};
 use crate::vehicle::SensorChoice;
 
 /// Options of every command that computes scores.
@@ -78,6 +80,25 @@ impl<R: Args, F: ValueEnum + Default + Send + Sync + 'static> Asked<R, F> {
     /// Engine, vehicle, models and watcher of the command.
     pub(super) fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
         self.named.computing(&self.compute, terminal)
+    }
+}
+
+impl<R: Args> Asked<R, TableFormat> {
+    /// Prints the answer of `ask`, all of it as JSON, its table as CSV, or as `text` has it.
+    pub(super) fn answer<A: Serialize>(
+        &self,
+        ask: fn(&R, &Computing<'_>) -> Result<A, RunError>,
+        table: fn(&A) -> String,
+        text: fn(&A) -> String,
+    ) -> Result<(Exit, A), RunError> {
+        let terminal = self.compute.start()?;
+        let found = ask(&self.request, &self.computing(&terminal))?;
+        match self.format {
+            TableFormat::Json => outln!("{}", json!(found))?,
+            TableFormat::Csv => out!("{}", table(&found))?,
+            TableFormat::Text => out!("{}", text(&found))?,
+        }
+        Ok((terminal.exit(), found))
     }
 }
 
