@@ -123,17 +123,6 @@ pub(super) enum Format {
     Json,
 }
 
-/// Longest time that a search may be given, in seconds.
-const MOST_SECONDS: f64 = 1e9;
-
-/// `--max-seconds`.
-pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.0..=MOST_SECONDS).contains(&seconds) => Ok(seconds),
-        _ => Err(format!("give 0 to {MOST_SECONDS} seconds, as 30")),
-    }
-}
-
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.
 fn parse_size(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());

@@ -6,8 +6,9 @@ use std::str::FromStr;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use crate::job::MOST_ABOUT;
+use crate::search::Method;
 use crate::study::{Kind, Subregion};
-use crate::vehicle::FARTHEST_ON_VEHICLE;
+use crate::vehicle::{FARTHEST_ON_VEHICLE, SensorPose, Spacing};
 
 /// A whole number, as of a seed.
 pub(crate) fn whole<T: FromStr>(text: &str) -> Result<T, String> {
@@ -101,4 +102,46 @@ pub(crate) fn tilt_about(text: &str) -> Result<[f64; 2], String> {
     let metres = |text: &str| text.trim().parse::<f64>().ok().filter(|m| m.abs() <= MOST_ABOUT);
     let found = text.split_once(',').and_then(|(x, y)| Some([metres(x)?, metres(y)?]));
     found.ok_or(format!("give x,y in metres within ±{MOST_ABOUT}, as 1.5,0"))
+}
+
+/// Longest time that a search may be given, in seconds.
+const MOST_SECONDS: f64 = 1e9;
+
+/// A time limit in seconds.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=MOST_SECONDS).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("give 0 to {MOST_SECONDS} seconds, as 30")),
+    }
+}
+
+/// A method of searching.
+pub(crate) fn method(text: &str) -> Result<Method, String> {
+    match text {
+        "both" => Ok(Method::Both),
+        "cma" => Ok(Method::Cma),
+        "swaps" => Ok(Method::Swaps),
+        _ => Err("write both, cma or swaps".into()),
+    }
+}
+
+/// A pose field and its value.
+pub(crate) fn fixed(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').map(|(field, value)| (field.trim(), value.trim().parse()));
+    match parts {
+        Some((field, Ok(value))) if SensorPose::FIELDS.contains(&field) => {
+            Ok((field.to_owned(), value))
+        }
+        _ => Err(format!("write one of {} and a number, as z=2.5", SensorPose::FIELDS.join(", "))),
+    }
+}
+
+/// A spacing: metres, and radians where they differ, as `0.1` or `0.2,0.1`.
+pub(crate) fn spacing(text: &str) -> Result<Spacing, String> {
+    let (metres, radians) = text.split_once(',').unwrap_or((text, text));
+    let number = |text: &str| match text.trim().parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err(format!("`{text}` is no spacing; write metres and radians, as 0.1 or 0.2,0.1")),
+    };
+    Ok(Spacing { metres: number(metres)?, radians: number(radians)? })
 }
