@@ -8,14 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde_json::{Value, json};
 use sightline::EngineChoice;
-use sightline::export::{Layout, Splits};
+use sightline::export::Layout;
 use sightline::rig::{ImportSettings, Mounting};
 use sightline::runs::optimize::{OptimizeRequest, optimize};
 use sightline::runs::rig::{ExportRequest, compare_files, export_file, import_files};
 use sightline::runs::scan::{ScanRequest, scan};
 use sightline::runs::score::{ScoreRequest, score};
 use sightline::runs::{Bar, Computing, Silent, TableFormat, Watcher};
-use sightline::scan::Scanning;
 use tempfile::TempDir;
 
 use crate::cli::room;
@@ -137,15 +136,17 @@ fn scans_that_were_stopped_go_on_to_the_same_bytes() {
     let [scene, placements] = given(&dir);
     let request = |out: &str| ScanRequest {
         scenes: vec![scene.clone()],
-        placements: vec![format!("{}:two", placements.display())],
+        placement: vec![format!("{}:two", placements.display())],
         out: dir.path().join(out),
         layout: Layout::Npz,
-        scanning: Scanning { seed: 3, ..Scanning::default() },
+        ideal: false,
+        condition: Vec::new(),
+        seed: 3,
         frames: None,
-        splits: Splits::default(),
-        keyframe_every: 1,
-        camera_stubs: false,
-        each_lidar: true,
+        splits: None,
+        keyframe_every: None,
+        with_camera_stubs: false,
+        merged_only: false,
         map: Vec::new(),
         gltf: None,
     };

@@ -67,7 +67,7 @@ fn opened(
 }
 
 /// Searches the front of the request's objectives, or goes on with one, and writes it into its folder, and its picture into
-/// the folder of figures where one is given; `None` if the watcher stopped it before any placement was scored.
+/// the folder of figures. `None` if the watcher stopped it before any placement was scored.
 ///
 /// # Errors
 /// Files that cannot be read or written, objectives that the vehicle does not have, no placement with a value of each.
