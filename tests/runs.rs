@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use serde_json::{Value, json};
 use sightline::EngineChoice;
 use sightline::export::Layout;
-use sightline::rig::{ImportSettings, Mounting};
+use sightline::rig::ImportSettings;
 use sightline::runs::optimize::{OptimizeRequest, optimize};
-use sightline::runs::rig::{ExportRequest, compare_files, export_file, import_files};
+use sightline::runs::rig::{ExportRequest, Mounted, compare_files, export_file, import_files};
 use sightline::runs::scan::{ScanRequest, scan};
 use sightline::runs::score::{ScoreRequest, score};
 use sightline::runs::{Bar, Computing, Silent, TableFormat, Watcher};
@@ -175,11 +175,10 @@ fn a_rig_that_is_written_and_read_again_is_the_same() {
         placement: placement.clone(),
         format: "urdf".parse().unwrap(),
         out: Some(urdf.clone()),
-        frames: Vec::new(),
-        sensors: BTreeMap::new(),
+        frame: Vec::new(),
         scene: None,
         vehicle: None,
-        mounting: Mounting::default(),
+        mounted: Mounted::default(),
     };
     assert_eq!(export_file(&request, &Silent).unwrap(), None);
     let read = ImportSettings::default();

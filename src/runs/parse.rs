@@ -145,3 +145,21 @@ pub(crate) fn spacing(text: &str) -> Result<Spacing, String> {
     };
     Ok(Spacing { metres: number(metres)?, radians: number(radians)? })
 }
+
+/// Two sides of an equals sign.
+fn sides(text: &str) -> Option<(&str, &str)> {
+    text.rsplit_once('=').filter(|(name, value)| !name.is_empty() && !value.is_empty())
+}
+
+/// A name, and metres of at most 10 above or below its foot.
+pub(crate) fn optical_height(text: &str) -> Result<(String, f64), String> {
+    let parsed = sides(text).and_then(|(name, value)| Some((name.to_owned(), value.parse().ok()?)));
+    let small = parsed.filter(|(_, height): &(String, f64)| height.abs() <= 10.0);
+    small.ok_or_else(|| "give NAME=METRES, as in VLP-16=0.0377".to_owned())
+}
+
+/// A frame and the model of its sensor.
+pub(crate) fn sensor_in_frame(text: &str) -> Result<(String, String), String> {
+    let parsed = sides(text).map(|(frame, name)| (frame.to_owned(), name.to_owned()));
+    parsed.ok_or_else(|| "give FRAME=MODEL, as in lidar_0=VLP-16".to_owned())
+}
