@@ -1,16 +1,13 @@
 //! Options that several commands share.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::json;
 
 use super::output::{Exit, Talk, Terminal};
-use crate::datasets::CarlaTags;
 use crate::engine::{EngineChoice, EngineKind};
-use crate::runs::parse::number_as;
-use crate::runs::psog::CarlaScans;
 use crate::runs::{Computing, RunError, TableFormat};
 use crate::vehicle::SensorChoice;
 
@@ -216,49 +213,6 @@ pub(super) fn start_default_threads() -> Result<(), RunError> {
             "RAYON_NUM_THREADS={wanted}: is more than is useful here; give at most {}, or leave it out",
             most_threads()
         ))),
-    }
-}
-
-/// Where labelled scans lie, beside the folder of a command's own option.
-#[derive(clap::Args)]
-pub(super) struct DatasetArgs {
-    /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
-    #[arg(long, value_name = "VERSION", requires = "nuscenes")]
-    pub version: Option<String>,
-    /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
-    #[arg(long, value_name = "FILE", requires = "carla")]
-    pub poses: Option<PathBuf>,
-    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later [default: the one in
-    /// which the road lies flat below the LiDAR]
-    #[arg(long, value_enum, value_name = "VERSION", requires = "carla")]
-    pub carla_tags: Option<Tags>,
-    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
-    /// of this program says, else above the labelled road within 10 m; 1.73 for KITTI where the road lies so]
-    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = number_as("1.73"))]
-    pub lidar_height: Option<f64>,
-}
-
-/// Value of `--carla-tags`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum Tags {
-    /// 0 to 22.
-    #[value(name = "0.9.10")]
-    Until0913,
-    /// 0 to 28.
-    #[value(name = "0.9.14")]
-    Since0914,
-}
-
-impl DatasetArgs {
-    /// The scans of CARLA in a folder.
-    pub(super) fn carla(&self, folder: &Path) -> CarlaScans {
-        let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
-        let tags = self.carla_tags.map(|tags| match tags {
-            Tags::Until0913 => CarlaTags::Until0913,
-            Tags::Since0914 => CarlaTags::Since0914,
-        });
-        let (folder, poses) = (folder.to_owned(), poses.clone());
-        CarlaScans { folder, poses, tags, lidar_height: self.lidar_height }
     }
 }
 

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
+use crate::datasets::CarlaTags;
 use crate::job::MOST_ABOUT;
 use crate::search::Method;
 use crate::study::{Kind, Subregion};
@@ -162,4 +163,14 @@ pub(crate) fn optical_height(text: &str) -> Result<(String, f64), String> {
 pub(crate) fn sensor_in_frame(text: &str) -> Result<(String, String), String> {
     let parsed = sides(text).map(|(frame, name)| (frame.to_owned(), name.to_owned()));
     parsed.ok_or_else(|| "give FRAME=MODEL, as in lidar_0=VLP-16".to_owned())
+}
+
+/// Versions of CARLA by the first one of each, with the tags that their points have.
+pub(crate) fn carla_tags() -> impl TypedValueParser<Value = CarlaTags> {
+    let values = [("0.9.10", "0 to 22"), ("0.9.14", "0 to 28")];
+    let values = values.map(|(name, tags)| PossibleValue::new(name).help(tags));
+    PossibleValuesParser::new(values).map(|name| match &*name {
+        "0.9.10" => CarlaTags::Until0913,
+        _ => CarlaTags::Since0914,
+    })
 }
