@@ -80,6 +80,24 @@ impl<R: Args, F: ValueEnum + Default + Send + Sync + 'static> Asked<R, F> {
     }
 }
 
+/// A command that computes, and whose request says how to print.
+#[derive(Args)]
+pub(super) struct Computed<R: Args> {
+    #[command(flatten)]
+    pub request: R,
+    #[command(flatten)]
+    pub named: UnnamedModelArgs,
+    #[command(flatten)]
+    pub compute: Compute,
+}
+
+impl<R: Args> Computed<R> {
+    /// Engine, vehicle, models and watcher of the command.
+    pub(super) fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
+        self.named.computing(&self.compute, terminal)
+    }
+}
+
 impl<R: Args> Asked<R, TableFormat> {
     /// Prints the answer of `ask`, all of it as JSON, its table as CSV, or as `text` has it.
     pub(super) fn answer<A: Serialize>(
@@ -140,21 +158,12 @@ fn parse_size(text: &str) -> Result<u64, String> {
 }
 
 impl Compute {
-    /// The engine asked for.
-    pub(super) fn engine(&self) -> EngineChoice {
-        let kind = self.backend.kind();
-        let (adapter, inexact) = (self.adapter.clone(), self.inexact);
-        EngineChoice { kind, adapter, memory: self.memory, inexact }
-    }
-
     /// Engine, vehicle and models, with the terminal as watcher.
     pub(super) fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
-        Computing {
-            engine: self.engine(),
-            vehicle: self.vehicle.clone(),
-            sensors: Vec::new(),
-            watcher: terminal,
-        }
+        let (kind, adapter) = (self.backend.kind(), self.adapter.clone());
+        let engine = EngineChoice { kind, adapter, memory: self.memory, inexact: self.inexact };
+        let (vehicle, sensors) = (self.vehicle.clone(), Vec::new());
+        Computing { engine, vehicle, sensors, watcher: terminal }
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.

@@ -1,6 +1,6 @@
 //! `sightline optimize`: options to a request, the result on stdout.
 
-use super::args::{Compute, UnnamedModelArgs};
+use super::args::Computed;
 use super::output::{Exit, Terminal};
 use crate::report::front::{front_csv, front_text};
 use crate::report::record::record_text;
@@ -9,32 +9,13 @@ use crate::runs::optimize::{OptimizeRequest, finished, front, holds_front, optim
 use crate::runs::{RunError, TableFormat, Watcher};
 use crate::score::Seen;
 
-#[derive(clap::Args)]
-#[command(
-    after_help = "Examples:
-  sightline optimize scenes/urban-crossing.json
-  sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
-  sightline optimize scenes/highway.json scenes/residential.json --mirror
-  sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
-  sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
-  sightline optimize scenes/urban-crossing.json --vehicle scenes/vehicles/car.json --front price,near_gain
-  sightline optimize --resume runs/highway",
-    mut_args(of_new_run)
-)]
-pub(super) struct OptimizeArgs {
-    #[command(flatten)]
-    request: OptimizeRequest,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
+pub(super) type OptimizeArgs = Computed<OptimizeRequest>;
 
 /// Options of several commands that the state of a run decides here: --resume refuses them.
 const OF_NEW_RUN: [&str; 4] = ["vehicle", "sensor", "tolerance", "condition"];
 
 /// Refuses an option of [`OF_NEW_RUN`] beside --resume.
-fn of_new_run(arg: clap::Arg) -> clap::Arg {
+pub(super) fn of_new_run(arg: clap::Arg) -> clap::Arg {
     if OF_NEW_RUN.contains(&arg.get_id().as_str()) { arg.conflicts_with("resume") } else { arg }
 }
 
@@ -66,7 +47,7 @@ pub(super) fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
         let words = "--evaluations: give a whole number from 1 on; 0 is for --front alone";
         return Err(RunError::Usage(words.to_owned()));
     }
-    let found = optimize(request, &args.named.computing(&args.compute, &terminal))?;
+    let found = optimize(request, &args.computing(&terminal))?;
     match (&found, request.format) {
         (None, _) => return Ok(Exit::Interrupted),
         (Some(found), TableFormat::Json) => outln!("{}", found.record.json())?,
@@ -80,7 +61,7 @@ pub(super) fn run(args: &OptimizeArgs) -> Result<Exit, RunError> {
 
 /// `--front`: the front in place of one result.
 fn run_front(args: &OptimizeArgs, terminal: &Terminal) -> Result<Exit, RunError> {
-    let found = front(&args.request, &args.named.computing(&args.compute, terminal))?;
+    let found = front(&args.request, &args.computing(terminal))?;
     let Some(found) = found else { return Ok(Exit::Interrupted) };
     match args.request.format {
         TableFormat::Json => outln!("{}", found.record.json())?,

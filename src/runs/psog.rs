@@ -112,7 +112,7 @@ pub fn build(
     let _session = Session::begin();
     let BuildRequest { scene, vehicle, out, .. } = request;
     scene.iter().chain(vehicle).chain(&request.datasets.poses).for_each(|file| will_read(file));
-    for folder in &request.kitti {
+    if let Some(folder) = &request.kitti {
         ["poses.txt", "calib.txt"].iter().for_each(|name| will_read(&folder.join(name)));
     }
     outputs::check_file(out, "npz")?;
