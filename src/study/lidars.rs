@@ -215,8 +215,10 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     let (suite, limits) = (scene.suite()?, scene.limits());
     let (objective, engine) = (&scene.settings.objective, &scene.settings.engine);
     let front = cost_front(&suite, vehicle, objective, limits, engine)?;
-    let named: Vec<(String, Equipped)> =
-        front.into_iter().map(|equipped| (equipped.words(vehicle), equipped)).collect();
+    let named: Vec<(String, Equipped)> = front
+        .into_iter()
+        .map(|equipped| (Equipped::words(&equipped.equipment, vehicle), equipped))
+        .collect();
     let rows = cases.each(named, |equipped, _| {
         let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
         let mut evaluator = scene.evaluator_under(&constraints)?;
