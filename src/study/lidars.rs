@@ -89,7 +89,7 @@ fn repeated(rows: &[Row]) -> Vec<String> {
 
 /// The best placement of a number of the scene's own LiDARs.
 fn one_more(scene: &StudyScene, count: usize, rows: &[Row]) -> Result<Row, StudyError> {
-    let constraints = scene.constraints().with_lidars(count);
+    let constraints = scene.scene.constraints().with_lidars(count);
     // The best of one LiDAR less, with one more at each corner of the mount in turn.
     let mut starts = scene.layouts.clone();
     let before = rows.last().and_then(|row| row.placement.as_ref());
@@ -184,7 +184,7 @@ fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
 
 /// A placement with one more LiDAR at each corner of the mount's box.
 fn with_one_more(scene: &StudyScene, before: &Placement) -> Vec<Placement> {
-    let [low, high] = scene.constraints().corners();
+    let [low, high] = scene.scene.constraints().corners();
     let corners = (0..8).map(|corner| {
         let mut pose = before.lidars[0];
         let side = |k: usize| if corner >> k & 1 == 1 { high[k] } else { low[k] };
@@ -212,7 +212,7 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     if vehicle.is_nameless() {
         return Err(StudyError::NoVehicle { scene: scene.place() });
     }
-    let (suite, limits) = (scene.suite()?, scene.limits());
+    let (suite, limits) = (scene.job.suite()?, scene.limits());
     let (objective, engine) = (&scene.settings.objective, &scene.settings.engine);
     let front = cost_front(&suite, vehicle, objective, limits, engine)?;
     let named: Vec<(String, Equipped)> = front
@@ -270,7 +270,7 @@ impl SearchSpace {
     /// The scene's own LiDAR and mount, or the sensors chosen from a vehicle for the budget.
     pub(super) fn chosen(scene: &StudyScene) -> Result<Self, StudyError> {
         if scene.scene.vehicle().is_nameless() {
-            let (constraints, starts) = (scene.constraints(), scene.layouts.clone());
+            let (constraints, starts) = (scene.scene.constraints(), scene.layouts.clone());
             return Ok(Self { constraints, starts, words: None });
         }
         let limits = scene.limits();
@@ -291,7 +291,7 @@ impl EquipmentChoice {
         let (vehicle, settings) = (scene.scene.vehicle(), scene.settings);
         let mut observer = |_: &Event| scene.goes_on();
         let opened = Equipping::open(
-            &scene.suite()?,
+            &scene.job.suite()?,
             vehicle,
             &settings.objective,
             scene.limits(),
