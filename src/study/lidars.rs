@@ -94,7 +94,7 @@ fn one_more(scene: &StudyScene, count: usize, rows: &[Row]) -> Result<Row, Study
     let mut starts = scene.layouts.clone();
     let before = rows.last().and_then(|row| row.placement.as_ref());
     starts.extend(before.iter().flat_map(|before| with_one_more(scene, before)));
-    searched(scene, &constraints, &starts)
+    table::of_best(scene, &mut scene.evaluator_under(&constraints)?, &starts)
 }
 
 /// The best rig of a vehicle with a number of LiDARs at most, as its mounts, its symmetry and the budget allow.
@@ -129,7 +129,7 @@ fn chosen(
         return Ok(row.clone());
     }
     let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
-    let mut row = searched(scene, &constraints, &starts)?;
+    let mut row = table::of_best(scene, &mut scene.evaluator_under(&constraints)?, &starts)?;
     if row.placement.is_some() {
         row.values.extend([Some(equipped.equipment.len() as f64), Some(equipped.cost)]);
     }
@@ -142,19 +142,6 @@ fn is_whole(vehicle: &Vehicle, equipment: &Equipment) -> bool {
     let on = |mount: usize| equipment.iter().filter(|(k, _)| *k == mount).count();
     let mut mounts = vehicle.mounts.iter().enumerate();
     !equipment.is_empty() && mounts.all(|(k, mount)| on(k) >= mount.count[0])
-}
-
-/// The best placement under some rules, and its scores.
-fn searched(
-    scene: &StudyScene,
-    constraints: &Constraints,
-    starts: &[Placement],
-) -> Result<Row, StudyError> {
-    let mut evaluator = scene.evaluator_under(constraints)?;
-    let best = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
-    let Some(best) = best else { return Ok(scene.none_found()) };
-    let scores = scene.score(&mut evaluator, &best)?;
-    Ok(Row::scored(table::values(&scores), best, &scores))
 }
 
 fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
