@@ -48,9 +48,6 @@ pub struct NearFieldRequest {
 /// Near fields in one scene; an interrupted answer holds the first ones.
 #[derive(Debug, Serialize)]
 pub struct NearFields {
-    /// Sentence on the files written, where there are some.
-    #[serde(skip)]
-    pub wrote: Option<String>,
     /// Name of the scene.
     pub scene: String,
     /// Frames averaged over.
@@ -105,20 +102,18 @@ pub fn near_fields(
         bar.advance(1);
     }
     drop(bar);
-    let mut wrote = None;
     if watcher.goes_on() {
         let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
         let outline = site.footprint();
         let figure = |one: &(&Placement, &NearField)| {
             (format!("near-field-{}", one.0.name), near_field_svg(outline, &[*one]))
         };
-        wrote = drawings
-            .write(drawn.iter().map(figure).collect(), || Some(near_field_svg(outline, &drawn)))?;
+        let figures = drawn.iter().map(figure).collect();
+        drawings.write(figures, || Some(near_field_svg(outline, &drawn)), watcher)?;
     } else {
         watcher.note_interrupted(drawings.file.or(drawings.folder));
     }
     Ok(NearFields {
-        wrote,
         scene: scene.name().to_owned(),
         frames: evaluator.problem().frame_count(),
         conditions: in_words(&request.conditions.condition),
@@ -203,9 +198,6 @@ pub struct TargetsFound {
     /// Scenes and frames behind the numbers, in words.
     #[serde(skip)]
     pub over: String,
-    /// Sentence on the files written, where there are some.
-    #[serde(skip)]
-    pub wrote: Option<String>,
     /// Targets with their dimensions and where these are from.
     pub targets: Vec<Target>,
     /// Least beams on a target for a frame to count.
@@ -255,17 +247,16 @@ pub fn targets(
         .iter()
         .map(|(name, frames)| (name.as_deref().unwrap_or_default(), *frames))
         .collect();
-    let mut wrote = None;
     if watcher.goes_on() {
         let figures = targets_figures(&question, &table);
-        wrote = drawings.write(figures, || Some(targets_svg(&question, &table)))?;
+        drawings.write(figures, || Some(targets_svg(&question, &table)), watcher)?;
     } else {
         watcher.note_interrupted(drawings.file.or(drawings.folder));
     }
     let TargetQuestion { targets, beams, of_frames, .. } = question;
     let conditions = in_words(&request.conditions.condition);
     let over = outputs::over(&scenes);
-    Ok(TargetsFound { over, wrote, targets, beams, of_frames, conditions, table })
+    Ok(TargetsFound { over, targets, beams, of_frames, conditions, table })
 }
 
 /// Notes distances beyond the range of every sensor of a placement; a sentence that was `told` is not told again.
