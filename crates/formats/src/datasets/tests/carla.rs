@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use crate::datasets::carla::class_of_name;
 use crate::datasets::{
-    CarlaSequence, CarlaTags, DatasetError, ImportOptions, LabelledSequence, PsogOptions,
+    CarlaSequence, CarlaTags, FormatError, ImportOptions, LabelledSequence, PsogOptions,
     build_psog, to_scene,
 };
 use sightline_scene::psog::Roi;
@@ -72,7 +72,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn open(folder: &Path) -> Result<CarlaSequence, DatasetError> {
+fn open(folder: &Path) -> Result<CarlaSequence, FormatError> {
     CarlaSequence::open(folder, &folder.join("poses.csv"), None, None)
 }
 

@@ -4,7 +4,7 @@ use sightline_scene::vehicle::SensorPose;
 
 use super::{read, source};
 use crate::rig::{
-    ImportSettings, Models, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, export,
+    FormatError, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, RigSource, export,
     import_texts,
 };
 
@@ -322,7 +322,7 @@ fn a_large_file_is_not_read() {
     let path = folder.path().join("large.urdf");
     std::fs::File::create(&path).unwrap().set_len(17 << 20).unwrap();
     let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err();
-    assert!(matches!(error, RigError::File(_)), "{error}");
+    assert!(matches!(error, FormatError::Description(_)), "{error}");
     assert!(error.to_string().contains("larger than the limit"), "{error}");
     let path = folder.path().join("wide.urdf");
     std::fs::write(
