@@ -7,8 +7,8 @@ use super::inputs::{file_and_name, rig_file};
 use super::{RunError, Watcher, outputs};
 use crate::files::{Session, safe_name, shared_folder, writable_file, writable_folder};
 use crate::rig::{
-    Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
-    Rig, RigError, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
+    Comparison, Exported, FormatError, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting,
+    NamedText, Rig, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
     placement_doubts, read_rig, rig_json,
 };
 use crate::scene::Scene;
@@ -120,7 +120,10 @@ pub fn export_file(
     if !request.frame.is_empty() {
         let (given, lidars) = (request.frame.len(), rig.lidars.len());
         if given != lidars {
-            return Err(RigError::FrameCount { given, lidars }.into());
+            return Err(FormatError::Refused(format!(
+                "{given} names are given for {lidars} LiDARs; give one --frame for each"
+            ))
+            .into());
         }
         for (lidar, frame) in rig.lidars.iter_mut().zip(&request.frame) {
             lidar.frame.clone_from(frame);
@@ -167,7 +170,7 @@ fn put_models(
             }
             None => {
                 let file = file.display().to_string();
-                return Err(RigError::UnknownFrame { file, frame, known }.into());
+                return Err(FormatError::UnknownFrame { file, frame, known }.into());
             }
         }
     }
@@ -181,7 +184,7 @@ fn check_heights(rig: &Rig, mounting: &Mounting, file: &Path) -> Result<(), RunE
     let sensors: BTreeSet<String> =
         rig.lidars.iter().filter_map(|lidar| lidar.sensor.clone()).collect();
     let (file, frame) = (file.display().to_string(), frame.to_owned());
-    Err(RigError::UnknownFrame { file, frame, known: frames.chain(sensors).collect() }.into())
+    Err(FormatError::UnknownFrame { file, frame, known: frames.chain(sensors).collect() }.into())
 }
 
 /// The vehicle that a rig stands on: that of the vehicle file, else of the scene; `None` where neither is named.
@@ -258,12 +261,13 @@ pub fn import_files(
 /// A rig's text from standard input.
 fn standard_input() -> Result<RigSource, RunError> {
     let file = "standard input".to_owned();
-    let text = stream_text(std::io::stdin().lock(), &file, MOST_INPUT).map_err(RigError::from)?;
+    let text =
+        stream_text(std::io::stdin().lock(), &file, MOST_INPUT).map_err(FormatError::from)?;
     Ok(RigSource { file, text })
 }
 
 /// Reads a file or folder of any format; a name behind a colon picks one of several placements.
-fn named_rig(text: &str, settings: &ImportSettings) -> Result<ImportedRig, RigError> {
+fn named_rig(text: &str, settings: &ImportSettings) -> Result<ImportedRig, FormatError> {
     let (file, name) = file_and_name(text);
     let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
     import(&[file.into()], &settings)
