@@ -207,8 +207,8 @@ fn own_placements(
 /// - `budget`: most that the vehicle's sensors may cost; `fewest`: as few as meet all requirements, and as cheap
 /// - `tolerance`: a length and an angle as text, or `None`: each requirement is looked at in 200 copies mounted within
 ///   it
-/// - `bound`: the bound is worked on until no placement on its grid is better than the best one there by more than this
-///   percentage, whatever time that takes
+/// - `bound`: the bound is worked on until no placement on its grid that meets the requirements is better than the best
+///   one there by more than this percentage, whatever time that takes
 ///
 /// A function takes `Scores` and gives f64 `[N]`, the larger the better. It is searched with CMA-ES alone, over the
 /// frames that the scenes are scored over. Beside it only `evaluations`, `seed`, `population`, `baselines` (none unless

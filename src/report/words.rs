@@ -417,11 +417,14 @@ pub(crate) fn frames_in_words(scored: usize, all: usize) -> String {
 /// How much better than the result another placement on a grid could be.
 pub(crate) fn bound_in_words(certificate: &Certificate, best: &Scored) -> String {
     let is_chosen = best.placement.lidars.iter().any(|lidar| !lidar.sensor.is_none());
+    let Some(gain) = &certificate.gain else { return certificate.gain_says.clone() };
+    let heeds = gain.heeds.is_some();
     let words = [
         (is_chosen, ", with these sensors on their mounts"),
-        (!best.scores.required.is_empty(), ", whether it meets requirements or not"),
+        (!heeds && !best.scores.required.is_empty(), ", whether it meets requirements or not"),
+        (heeds && best.scores.missing() > 0.0, "; the result misses requirements"),
     ];
-    let said = words.iter().filter(|(is_so, _)| *is_so && certificate.gain.is_some());
+    let said = words.iter().filter(|(is_so, _)| *is_so);
     format!("{}{}", certificate.gain_says, said.map(|(_, words)| *words).collect::<String>())
 }
 

@@ -169,15 +169,36 @@ impl Atlases {
         all
     }
 
-    /// Areas that all these poses together see too little of, in words.
-    fn areas_out_of_reach(&self, poses: &[u32]) -> Vec<String> {
+    /// Required areas.
+    pub(super) fn areas(&self) -> impl Iterator<Item = &Requirement> {
+        self.each[0].problem().content().areas().iter().map(|area| &area.required)
+    }
+
+    /// Share of each required area that held poses see together; a mean over scenes.
+    ///
+    /// # Panics
+    /// A pose is not held.
+    pub(super) fn area_shares(&self, poses: &[u32]) -> Vec<f64> {
         let shares: Vec<Vec<f64>> =
             self.each.iter().map(|atlas| atlas.area_shares(poses)).collect();
-        let areas = self.each[0].problem().content().areas().iter().enumerate();
-        let areas = areas.map(|(k, area)| {
-            let share = shares.iter().map(|of| of[k]).sum::<f64>() / shares.len() as f64;
-            (&area.required, share)
-        });
+        let mean =
+            |area: usize| shares.iter().map(|of| of[area]).sum::<f64>() / shares.len() as f64;
+        (0..self.areas().count()).map(mean).collect()
+    }
+
+    /// Targets, near ground and overlap that a search looks for.
+    pub(super) fn sight(&self) -> Option<&Sight> {
+        self.sight.as_deref()
+    }
+
+    /// Beams of a held pose on them; `None` where a search looks for none.
+    pub(super) fn beams_of(&self, pose: u32) -> Option<&SightBeams> {
+        self.targets.get(&pose)
+    }
+
+    /// Areas that all these poses together see too little of, in words.
+    fn areas_out_of_reach(&self, poses: &[u32]) -> Vec<String> {
+        let areas = self.areas().zip(self.area_shares(poses));
         let beyond = areas.filter(|(required, share)| *share < required.share);
         let frames: usize = self.each.iter().map(|atlas| atlas.problem().frame_count()).sum();
         let in_words = |(required, share): (&Requirement, f64)| {

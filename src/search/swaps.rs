@@ -51,7 +51,7 @@ const AMPLE_POSES: usize = if cfg!(test) { 4 } else { 256 };
 const AMPLE_BYTES: u64 = if cfg!(test) { 0 } else { 192 << 20 };
 
 /// Penalty for a missing share of 1, as a multiple of a start's objective: no gain makes up for a missing place.
-const MISSING: f64 = 1e4;
+pub(super) const MISSING: f64 = 1e4;
 
 /// Settings of swaps: grid, limits and seed.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,14 +1,17 @@
 //! Work in parts: the bits of work at once, and no further part after a stop.
 
+use std::path::Path;
 use std::sync::Arc;
+
+use serde_json::{Value, json};
 
 use super::atlas::POSES_AT_ONCE;
 use super::atlases::Atlases;
-use super::bound::{Effort, GainBound, GridSample, bound_gain};
+use super::bound::{Effort, GainBound, GridSample, bound_gain, bounds};
 use super::climb::Moves;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
-use super::observer::Event;
+use super::observer::{Event, Watch};
 use super::on_demand::FramesOnDemand;
 use super::pilot::{Known, Pilot};
 use super::run::Run;
@@ -18,7 +21,8 @@ use super::swaps::{SwapSettings, swap_from};
 use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
 use crate::problem::{Content, OccupiedVoxel, Problem, Requirement, Task};
-use crate::psog::Roi;
+use crate::psog::{Psog, Roi};
+use crate::scene::Scene;
 use crate::score::Objective;
 use crate::vehicle::{BeamTable, Constraints, Placement, PoseGrid, SensorPose, Spacing};
 
@@ -129,9 +133,13 @@ fn a_pilot_stops_where_it_is_told_to() {
 
 /// A search over frames of [`problem_over`] on a grid spaced `metres` apart.
 fn search_over(frames: [usize; 2], metres: f64) -> (GridSearch, Evaluator) {
-    let suite = Suite::from(problem_over(frames));
+    search_in(problem_over(frames), Spacing { metres, radians: 0.1 })
+}
+
+/// A search for information gain on a grid.
+fn search_in(problem: Arc<Problem>, spacing: Spacing) -> (GridSearch, Evaluator) {
+    let suite = Suite::from(problem);
     let evaluator = Evaluator::suite_on_cpu(&suite, MEMORY);
-    let spacing = Spacing { metres, radians: 0.1 };
     let grid = PoseGrid::new(suite.constraints(), spacing).unwrap();
     let objective: Objective = "information_gain".parse().unwrap();
     let atlases = Atlases::new(&evaluator, &grid, objective.needed(), MEMORY);
@@ -211,6 +219,141 @@ fn a_bound_that_is_told_to_stop_is_one() {
         uppers.push(cut.upper);
     }
     assert!(uppers[0] > whole.upper, "the first is cut short: {uppers:?}");
+}
+
+/// Two LiDARs on the roof of a vehicle on level ground, and what is required of them.
+fn parked(require: &Value) -> Arc<Problem> {
+    let scene = json!({ "sightline": 1, "name": "level", "coverage": "first-hit",
+        "roi": { "min": [-8, -8, -0.5], "max": [8, 8, 2.5], "voxel": [0.5, 0.5, 0.5] },
+        "static": [{ "class": "road", "plane": { "min": [-60, -60], "max": [60, 60], "z": 0 } }],
+        "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }] },
+        "vehicle": {
+            "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [2.4, 1.2, 1.3] } }],
+            "sensors": [{ "name": "s", "phase": 0,
+                "lidar": { "channels": 10, "fov": [-75, 5], "azimuth_steps": 36, "range": 30 } }],
+            "mounts": [{ "name": "roof", "min": [-1, -0.5, 1.7], "max": [1, 0.5, 1.7],
+                "pitch": [-0.3, 0.3], "count": 2 }],
+            "require": require } });
+    let scene = Scene::from_json(&scene.to_string(), Path::new(""), "level.json").unwrap();
+    let (roi, classes) = (scene.roi().grid().unwrap(), scene.classes().to_vec());
+    // Occupied in one of two frames, by the first class; no pattern is its own mirror image.
+    let index: Vec<u64> = (0..roi.voxel_count()).filter(|v| v * 7 % 11 < 4).collect();
+    let row = (0..classes.len()).map(|class| u16::from(class == 0));
+    let counts = row.collect::<Vec<u16>>().repeat(index.len());
+    let psog = Psog::new(roi, 2, classes, index, counts).unwrap();
+    Arc::new(Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap())
+}
+
+/// Grid of [`parked`]: six positions, three pitches.
+const ROOF: Spacing = Spacing { metres: 1.0, radians: 0.3 };
+
+/// Two LiDARs on a grid, their gain, and the share of each requirement that they meet.
+fn pairs_in(problem: Arc<Problem>) -> Vec<(GridPlacement, Vec<f64>)> {
+    let (search, mut evaluator) = search_in(problem, ROOF);
+    let grid = search.atlas().grid();
+    assert_eq!(grid.len(), 18);
+    let pairs: Vec<Vec<u32>> = (0..18).flat_map(|a| (0..a).map(move |b| vec![b, a])).collect();
+    let fitting = pairs.into_iter().filter(|pair| search.fits(pair[0], &pair[1..]));
+    let mut all: Vec<GridPlacement> =
+        fitting.map(|poses| GridPlacement { poses, value: 0.0 }).collect();
+    let placed: Vec<Placement> = all.iter().map(|pair| pair.placement(grid, "pair")).collect();
+    let scores = evaluator.scores(&placed).unwrap();
+    let shares = |k: usize| scores[k].required.iter().map(|seen| seen.share).collect();
+    for (pair, scores) in all.iter_mut().zip(&scores) {
+        pair.value = search.objective.value(scores).unwrap();
+    }
+    all.into_iter().enumerate().map(|(k, pair)| (pair, shares(k))).collect()
+}
+
+/// Each requirement alone asks for more than the best pair of all meets: bounds are held against every pair that meets it.
+#[test]
+fn a_bound_is_on_the_placements_that_meet_the_requirements() {
+    let rules = json!([
+        { "name": "left", "min": [-4, 1, 0], "max": [4, 6, 1], "share": 0.01 },
+        { "ground": 1, "share": 0.01 },
+        { "ground": 3, "share": 0.01 },
+        { "ground": 2, "share": 0.01, "without_any_one": true },
+        { "blind_zone": "left", "depth": 0.6, "share": 0.01 },
+        { "target": "child", "within": 8, "bearing": [-40, 40], "beams": 3, "share": 0.01 },
+        { "target": "tyre", "within": 7, "bearing": [60, 120], "beams": 2, "share": 0.01 },
+        { "target": "car", "within": 7, "beams": 4, "share": 0.01, "without_any_one": true }]);
+    let pairs = pairs_in(parked(&rules));
+    let of = |of: &(GridPlacement, Vec<f64>)| of.0.value;
+    let (best, shares) = pairs.iter().max_by(|a, b| of(a).total_cmp(&of(b))).unwrap();
+    let mut tried = 0;
+    for (k, rule) in rules.as_array().unwrap().iter().enumerate() {
+        let most = pairs.iter().map(|pair| pair.1[k]).fold(0.0, f64::max);
+        let least = 0.5 * (shares[k] + most);
+        if shares[k] + 1e-6 >= most {
+            continue;
+        }
+        tried += 1;
+        let mut meeting: Vec<&GridPlacement> =
+            pairs.iter().filter(|pair| pair.1[k] + 1e-9 >= least).map(|pair| &pair.0).collect();
+        meeting.sort_by(|a, b| a.value.total_cmp(&b.value));
+        let (worst, top) = (meeting[0], meeting[meeting.len() - 1]);
+        assert!(top.value < 0.999 * best.value, "{rule}");
+        let mut rule = rule.clone();
+        rule["share"] = json!(least);
+        let (mut search, mut evaluator) = search_in(parked(&json!([rule])), ROOF);
+        let mut bound = |found: &GridPlacement, gap| {
+            let effort = Effort::of(1000, gap, 1 << 34);
+            bound_gain(&mut search, &mut evaluator, found, &effort, &mut |_| true).unwrap()
+        };
+        let rough = bound(worst, None);
+        assert!(rough.upper >= top.value * (1.0 - 1e-12), "{rule}: {rough:?} and {top:?}");
+        assert_eq!(rough.heeds.as_deref(), Some("the requirements"));
+        let close = bound(worst, Some(0.0));
+        assert!(close.upper >= top.value * (1.0 - 1e-12), "{rule}: {close:?} and {top:?}");
+        assert!(close.upper <= top.value * (1.0 + 1e-6), "{rule}: {close:?} and {top:?}");
+        assert!(close.proven && meeting.iter().any(|pair| pair.poses == close.best.poses));
+        assert!((close.best.value - top.value).abs() <= 1e-9 * top.value);
+        // The best of all is no placement that the bound is on.
+        let beyond = bound(best, Some(0.0));
+        assert!(beyond.upper >= best.value && !beyond.proven, "{rule}: {beyond:?}");
+    }
+    assert!(tried >= 6, "{tried} requirements that the best of all misses");
+    let (mut search, mut evaluator) = search_in(parked(&json!([])), ROOF);
+    let (worst, effort) = (&pairs[0].0, Effort::of(1000, Some(0.0), 1 << 34));
+    let free = bound_gain(&mut search, &mut evaluator, worst, &effort, &mut |_| true).unwrap();
+    assert!((free.upper - best.value).abs() <= 1e-6 * best.value, "{free:?} and {best:?}");
+    assert_eq!(free.heeds, None);
+}
+
+#[test]
+fn a_run_bounds_what_meets_the_requirements_or_says_that_nothing_does() {
+    let gain_of = |require: Value| {
+        let settings = Settings {
+            objective: "information_gain".parse().unwrap(),
+            delta: Some(ROOF),
+            gap: Some(0.0),
+            ..Settings::default()
+        };
+        let (mut evaluator, mut goes_on) = (Evaluator::on_cpu(parked(&require)), |_: &Event| true);
+        let mut watch = Watch::new(&mut goes_on, false);
+        bounds(&mut evaluator, &settings, 1 << 34, &mut watch).unwrap().gain
+    };
+    let ground = |share: f64| json!([{ "ground": 1, "share": share }]);
+    let [free, asked] = [0.01, 0.35].map(|share| gain_of(ground(share)).unwrap());
+    assert!(asked.proven && asked.upper < 0.999 * free.upper, "{asked:?} and {free:?}");
+    // An atlas has a sample of the surfaces that overlap is measured on.
+    let overlap = json!({ "overlap": 0.9 });
+    let heeds = |require: Value| gain_of(require).unwrap().heeds;
+    assert_eq!(heeds(json!([overlap])), None);
+    let both = heeds(json!([{ "ground": 1, "share": 0.01 }, overlap]));
+    assert_eq!(both.as_deref(), Some("the requirements but those on overlap"));
+    // No beam goes into the own body; two LiDARs see less than all poses together.
+    let body =
+        json!({ "name": "inside", "min": [-1, -0.5, 0.5], "max": [1, 0.5, 1], "share": 0.9 });
+    let far = json!({ "name": "far", "min": [5, -8, 0], "max": [8, 8, 1.5], "share": 0.85 });
+    for (rule, words) in [
+        (body, "inside: even a LiDAR at every pose of each mount leaves it 0.0 % seen"),
+        (far, "far: shares of the best poses add up to less than the 85.0 % required"),
+    ] {
+        let why = gain_of(json!([rule])).unwrap_err();
+        let start = "no placement on the grid of 18 sensor poses meets the requirements: ";
+        assert!(why.starts_with(&format!("{start}{words}")), "{why}");
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::places::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
 use crate::score::{SEEN, SEEN_IN_FRAME_0, WorstFrame};
-use crate::vehicle::{GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{GroundAsked, GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
 const MARGIN: f64 = 0.01;
@@ -250,6 +250,51 @@ impl Sight {
             if *is_wanted { self.least(&looked, rule).0 } else { 1.0 }
         };
         rules().map(share).collect()
+    }
+
+    /// Number, name and least share of each rule that [`Self::share_at_most`] bounds: on targets, and on ground within a
+    /// distance. Lanes of a blind zone end where several cells are seen, so that a LiDAR may add more to it beside others.
+    pub(crate) fn bounded_rules(&self) -> impl Iterator<Item = (usize, &str, f64)> {
+        let rules = self.rules.iter().enumerate().filter(|(_, rule)| match rule {
+            Rule::Target(_, places) => !places.is_empty(),
+            Rule::Ground(rule, _) => matches!(rule.asked, GroundAsked::Within(_)),
+            Rule::Overlap(_) => false,
+        });
+        rules.map(|(number, rule)| (number, rule.name(), rule.least()))
+    }
+
+    /// Upper bound on the share of a rule among [`Self::bounded_rules`], by the sum of the beams of all LiDARs. Each LiDAR
+    /// adds less to it the more there are.
+    ///
+    /// # Panics
+    /// There is no such rule.
+    pub(crate) fn share_at_most(&self, rule: usize, all: &SightBeams) -> f64 {
+        match &self.rules[rule] {
+            // A loss leaves less than all see.
+            Rule::Target(_, places) => self.soft(all, places.clone()),
+            Rule::Ground(_, number) => self.ground_share(all, *number),
+            Rule::Overlap(_) => 1.0,
+        }
+    }
+
+    /// True if there are rules other than those on overlap.
+    pub(crate) fn has_rules_but_overlap(&self) -> bool {
+        self.rules.iter().any(|rule| !matches!(rule, Rule::Overlap(_)))
+    }
+
+    /// True if there are rules on overlap.
+    pub(crate) fn requires_overlap(&self) -> bool {
+        self.rules.iter().any(|rule| matches!(rule, Rule::Overlap(_)))
+    }
+
+    /// True if all rules other than those on overlap are met up to a rounding error, by the beams of each LiDAR.
+    pub(crate) fn is_met_but_overlap(&self, each: &[&SightBeams], rounding: f64) -> bool {
+        let is_wanted = |rule: &Rule| !matches!(rule, Rule::Overlap(_));
+        let wanted: Vec<bool> = self.rules.iter().map(is_wanted).collect();
+        let shares = self.shares(each, &wanted).into_iter().zip(&self.rules);
+        shares
+            .zip(wanted)
+            .all(|((share, rule), wanted)| !wanted || share + rounding >= rule.least())
     }
 
     /// For each place of a target the LiDARs, those with most beams on it first, and of equal ones the first.

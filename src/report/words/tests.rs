@@ -6,6 +6,7 @@ use super::*;
 use crate::near_field::{BlindLane, BlindZone, LostGround, NearField};
 use crate::report::blind::unmet_in_words;
 use crate::score::{Guard, Scores, Seen, TaskScores};
+use crate::search::bound::bound_of;
 use crate::targets::{BearingRanges, BlindSector, RangeCard, TargetRanges};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -464,6 +465,26 @@ fn frames_are_those_that_the_result_is_scored_over() {
     assert_eq!(frames_in_words(4, 40), "4 of 40 frames");
     assert_eq!(frames_in_words(40, 40), "40 frames");
     assert_eq!(frames_in_words(1, 1), "1 frame");
+}
+
+#[test]
+fn a_bound_that_heeds_no_requirements_says_so() {
+    let mut found = planted("found", -1.0, 500.0);
+    let mut said = |heeds: Option<&str>, seen: &[f64]| {
+        let gain = bound_of(525.0, heeds);
+        found.scores.required = seen.iter().map(|&share| Seen::of("child", share)).collect();
+        bound_in_words(&Certificate::new(None, Ok(gain), 500.0), &found)
+    };
+    let more = "is at most 5.00 % better than the result";
+    for (heeds, seen, end) in [
+        (None, &[][..], ""),
+        (None, &[0.5][..], ", whether it meets requirements or not"),
+        (Some("the requirements"), &[0.9][..], ""),
+        (Some("the requirements"), &[0.5][..], "; the result misses requirements"),
+    ] {
+        let said = said(heeds, seen);
+        assert!(said.ends_with(&format!("{more}{end}")), "{said}");
+    }
 }
 
 #[test]

@@ -95,8 +95,8 @@ pub struct OptimizeRequest {
     /// neighbours, as 0.1 or 0.2,0.1. Swaps always use one [default for them: 0.1]
     #[cfg_attr(feature = "cli", arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse::spacing))]
     pub delta: Option<Spacing>,
-    /// Work on the bound until it shows that no placement on its grid is better than the best one there by more than this
-    /// percentage; may take a minute or more [default: a bound that takes few seconds]
+    /// Work on the bound until it shows that no placement on its grid that meets the requirements is better than the best
+    /// one there by more than this percentage. It may take a minute or more [default: a bound that takes few seconds]
     #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", conflicts_with = "resume", value_parser = parse::number_that(|percent| (0.0..=100.0).contains(&percent), "0 to 100 per cent, as 2")))]
     pub bound: Option<f64>,
     /// Seed of all randomness

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::first_poses::{FirstPoses, Looked};
 use super::open_sets::{Candidates, Node, Open, ROUNDING};
 use super::pair_overlaps::PairBound;
+use super::required::Required;
 use super::voxel_groups::Columns;
 use super::worths::Worths;
 use crate::search::error::SearchError;
@@ -42,8 +43,12 @@ pub struct GainBound {
     pub poses: u32,
     /// The best placement met while bounding, the one given included.
     pub best: GridPlacement,
-    /// No placement on the grid has an objective above this.
+    /// No placement on the grid that meets what `heeds` says has an objective above this.
     pub upper: f64,
+    /// Requirements that the bound heeds, in words; `None` where it is on all placements. One over a few frames heeds them
+    /// over these.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heeds: Option<String>,
     /// `upper` from single poses and pairs alone, without sets by their first pose.
     pub upper_at_root: f64,
     /// Sets of sensors whose gains were looked at.
@@ -126,6 +131,8 @@ impl Effort {
 /// set of sensors, added to that set's value, are therefore above every placement (Nemhauser, Wolsey,
 /// Fisher 1978). A union is below its sensors' sum less the overlaps along a tree (Hunter 1976); sets by their first pose
 /// count overlaps outside that pose, and are looked at exactly where this leaves them above the gap.
+/// Sets that no poses complete to a placement that meets the requirements are left out, see `Required`; overlap is not
+/// looked at. Where `found` misses a requirement the bound is not below it.
 /// The bound holds for other objectives only if they are such gains too, see
 /// `crate::score::Objective::is_information_gain`.
 ///
@@ -144,34 +151,31 @@ pub fn bound_gain(
     let (beside, typical) = (beside(search, found, &all), typical(search, &all));
     let (units, places) = (search.atlas.worth_units(&search.objective), search.places());
     let worths = Worths::new(search.atlas(), lidars, &units);
+    let required = Required::of(search.atlas());
+    let is_met = required.as_ref().is_none_or(|required| required.meets(&found.poses));
     let asked = RefCell::new(go_on);
     let ask = || (asked.borrow_mut())([0, 1]);
     let shares = SHARES.map(|share| share * worths.even_share(lidars));
-    let mut bound = GainBound {
-        poses,
-        best: found.clone(),
-        upper: beside.max(found.value),
-        upper_at_root: beside.max(found.value),
-        nodes: 1,
-        proven: beside <= found.value,
-        short: None,
-    };
+    let heeds = required.as_ref().map(|required| required.words().to_owned());
+    let mut bound = GainBound { heeds, ..GainBound::beside(poses, found, beside) };
+    bound.proven &= is_met;
     let Some(columns) = Columns::new(search.atlas(), poses, &worths.once, &shares, &typical, &ask)
     else {
         return Ok(bound);
     };
-    let root_of = |pairs: &PairBound, nodes: u64| {
-        by_pairs(pairs, &places, Open::new(found.value), nodes, &ask)
+    let root_of = |pairs: &PairBound, required: Option<&Required>, nodes: u64| {
+        by_pairs(pairs, (&places, required), Open::new(found.value), nodes, &ask)
     };
     let (pairs, chosen_by) =
         PairBound::tightest(&columns, &worths, effort.pair_words, &ask, |pairs| {
-            root_of(pairs, effort.pair_nodes(pairs) / CHOOSING)
+            root_of(pairs, None, effort.pair_nodes(pairs) / CHOOSING)
         });
-    let by_pairs = root_of(&pairs, effort.pair_nodes(&pairs)).min(chosen_by);
+    let by_pairs = root_of(&pairs, required.as_ref(), effort.pair_nodes(&pairs)).min(chosen_by);
     bound.upper_at_root = bound.upper.min(by_pairs).max(found.value);
     bound.upper = bound.upper_at_root;
     if bound.upper > found.value * (1.0 + effort.gap) {
-        let firsts = FirstPoses::new(&columns, &places, worths.unit, effort.memory / 4);
+        let firsts =
+            FirstPoses::new(&columns, &places, required.as_ref(), worths.unit, effort.memory / 4);
         let why = match effort.leaves_out(&firsts, &worths) {
             Some(why) => why,
             None => {
@@ -182,11 +186,26 @@ pub fn bound_gain(
         let is_short = bound.upper > bound.best.value * (1.0 + effort.gap) * (1.0 + PROVEN);
         bound.short = (effort.is_asked && is_short).then_some(why);
     }
-    bound.proven = bound.upper <= bound.best.value * (1.0 + PROVEN);
+    let is_met = is_met || bound.best != *found;
+    bound.proven = is_met && bound.upper <= bound.best.value * (1.0 + PROVEN);
     Ok(bound)
 }
 
 impl GainBound {
+    /// The bound `upper` from one placement alone.
+    fn beside(poses: u32, found: &GridPlacement, upper: f64) -> Self {
+        Self {
+            poses,
+            best: found.clone(),
+            upper: upper.max(found.value),
+            heeds: None,
+            upper_at_root: upper.max(found.value),
+            nodes: 1,
+            proven: upper <= found.value,
+            short: None,
+        }
+    }
+
     /// Takes what a look at sets by their first pose found; says why a gap may be left.
     fn take(
         &mut self,
@@ -230,15 +249,20 @@ fn beside(search: &mut GridSearch, found: &GridPlacement, all: &[u32]) -> f64 {
     (value + gains) * (1.0 + ROUNDING)
 }
 
-/// A bound from pairs alone: sets of sensors are split until their number is used up, or until `go_on` says no.
+/// A bound from pairs alone: sets of sensors are split until their number is used up, or until `go_on` says no. Poses that
+/// what is required rules out beside one pose are left out of the sets with it.
 fn by_pairs(
     pairs: &PairBound,
-    places: &Places,
+    (places, required): (&Places, Option<&Required>),
     mut open: Open,
     most: u64,
     go_on: &dyn Fn() -> bool,
 ) -> f64 {
-    open.push(root(pairs, places));
+    let may_meet = |node: &mut Node| required.is_none_or(|required| required.cut(node));
+    let mut all = root(pairs, places);
+    if may_meet(&mut all) {
+        open.push(all);
+    }
     let mut looked_at = 1;
     while looked_at < most
         && (!u64::is_multiple_of(looked_at, SPLITS_AT_ONCE) || go_on())
@@ -248,10 +272,13 @@ fn by_pairs(
             open.push(node);
             break;
         }
-        let child = node.split(places, |pose, beside| pairs.added(pose, beside));
+        let mut child = node.split(places, |pose, beside| pairs.added(pose, beside));
         looked_at += 1;
         open.push(node);
-        open.push(child);
+        // Larger sets have these candidates or fewer; a look at each takes longer than its split.
+        if child.chosen.len() > 1 || may_meet(&mut child) {
+            open.push(child);
+        }
     }
     open.upper()
 }

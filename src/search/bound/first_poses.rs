@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::open_sets::{Candidates, Node, Open};
+use super::required::Required;
 use super::voxel_groups::Columns;
 use crate::search::grid_search::Places;
 
@@ -19,6 +20,7 @@ const WORDS_OF_PAIR: u64 = 1024;
 pub(super) struct FirstPoses<'a> {
     columns: &'a Columns,
     places: &'a Places,
+    required: Option<&'a Required<'a>>,
     /// Worth of an integer unit of the columns.
     unit: f64,
     /// Poses of the kind with the fewest, the largest worth first.
@@ -43,8 +45,14 @@ pub(super) struct Looked {
 }
 
 impl<'a> FirstPoses<'a> {
-    /// All sets of the poses of the columns, within about `memory` bytes.
-    pub(crate) fn new(columns: &'a Columns, places: &'a Places, unit: f64, memory: u64) -> Self {
+    /// All sets of the poses of the columns that may meet what is required, within about `memory` bytes.
+    pub(crate) fn new(
+        columns: &'a Columns,
+        places: &'a Places,
+        required: Option<&'a Required<'a>>,
+        unit: f64,
+        memory: u64,
+    ) -> Self {
         let poses = columns.poses() as u32;
         let of_kind = |kind: usize| (0..poses).filter(move |&pose| places.kind(pose) == kind);
         let lidars = places.lidars_by_kind();
@@ -60,7 +68,7 @@ impl<'a> FirstPoses<'a> {
         firsts.iter().enumerate().for_each(|(at, &pose)| rank[pose as usize] = at);
         let each = memory / (64 * rayon::current_num_threads() as u64);
         let most_candidates = (each as usize).min(MOST_CANDIDATES);
-        Self { columns, places, unit, firsts, rank, most_candidates }
+        Self { columns, places, required, unit, firsts, rank, most_candidates }
     }
 
     /// Words of bitmaps that could be read in the time that all sets take, about.
@@ -116,7 +124,10 @@ impl<'a> FirstPoses<'a> {
     /// Looks at the sets of one first pose.
     fn sets_of(&self, at: usize, floor: f64, most_words: u64) -> Looked {
         let mut open = Open::new(floor);
-        open.push(self.first(at));
+        let mut first = self.first(at);
+        if self.may_meet(&mut first) {
+            open.push(first);
+        }
         let Some(node) = open.pop() else { return Looked { upper: floor, ..Looked::default() } };
         let pairs = Beside::new(self, &node);
         let mut words = (node.candidates() as u64).pow(2) / 2 * self.columns.lead().len() as u64;
@@ -128,7 +139,8 @@ impl<'a> FirstPoses<'a> {
         {
             if node.left() == 0 {
                 let value = self.unit * self.columns.union(&node.chosen) as f64;
-                if value > open.floor {
+                let meets = || self.required.is_none_or(|required| required.meets(&node.chosen));
+                if value > open.floor && meets() {
                     open.floor = value;
                     looked.best = Some((node.chosen, value));
                 }
@@ -137,7 +149,7 @@ impl<'a> FirstPoses<'a> {
                 held += child.candidates() + 1;
                 open.push(node);
                 open.push(child);
-            } else {
+            } else if self.may_meet(&mut node) {
                 self.make_exact(&mut node);
                 words += node.candidates() as u64 * self.columns.words() as u64;
                 looked.sets += 1;
@@ -146,6 +158,11 @@ impl<'a> FirstPoses<'a> {
         }
         looked.upper = open.floor.max(open.upper());
         looked
+    }
+
+    /// Drops candidates that the requirements rule out. False if they rule out every extension of a set.
+    fn may_meet(&self, node: &mut Node) -> bool {
+        self.required.is_none_or(|required| required.cut(node))
     }
 
     /// The set of one first pose alone. Its candidates are all poses of other kinds, and later poses of its own.

@@ -3,16 +3,17 @@
 use serde::{Deserialize, Serialize};
 
 use super::branch_and_bound::{Effort, GainBound, bound_gain};
+use super::required::Required;
 use super::sample::{GridSample, LipschitzBound};
 use crate::json::spoken;
 use crate::search::atlases::Atlases;
 use crate::search::climb::{Check, Moves};
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
-use crate::search::grid_search::GridSearch;
+use crate::search::grid_search::{GridPlacement, GridSearch};
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::settings::{Settings, coarse_grid};
-use crate::search::swaps::SWAP_SPACING;
+use crate::search::swaps::{MISSING, SWAP_SPACING};
 use crate::vehicle::{Constraints, PoseGrid, PoseGridError};
 
 /// Least spacing of the bound's grid where none is given, as a multiple of that of the swaps; every pose of it is cast.
@@ -122,6 +123,12 @@ fn gain(
     if search.hold_while(evaluator, &all, &mut |_| go_on([0, 1]))?.len() < all.len() {
         return late();
     }
+    let required = Required::of(search.atlas());
+    if let Some(why) = required.and_then(|required| required.out_of_reach(&search.places())) {
+        return Ok(Err(format!(
+            "no placement on the grid of {poses} sensor poses meets the requirements: {why}"
+        )));
+    }
     let Some(greedy) = search.greedy(evaluator, &all)? else {
         return Ok(Err("no placement on the grid keeps the distance asked for".into()));
     };
@@ -133,7 +140,29 @@ fn gain(
     if !top.value.is_finite() {
         return Ok(Err("no bound was computed: no placement on the grid has a value".into()));
     }
+    let top = meeting(search, evaluator, top, &mut |_| go_on([0, 1]))?;
     Ok(Ok(bound_gain(search, evaluator, &top, &effort, &mut go_on)?))
+}
+
+/// The end of a climb from a placement that puts requirements first, if it meets them; else the placement.
+fn meeting(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    top: GridPlacement,
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<GridPlacement, SearchError> {
+    let meets = |search: &GridSearch, poses: &[u32]| {
+        Required::of(search.atlas()).is_none_or(|required| required.meets(poses))
+    };
+    if meets(search, &top.poses) {
+        return Ok(top);
+    }
+    search.require(MISSING * top.value.abs());
+    let end = search.ascend(evaluator, &top.poses, Moves::Anywhere, Check::Nothing, go_on)?;
+    search.require(0.0);
+    let Some(end) = end.filter(|end| meets(search, &end.poses)) else { return Ok(top) };
+    let value = search.value(evaluator, &end.poses)?;
+    Ok(GridPlacement { value, ..end })
 }
 
 /// The grid of the bound on the gain: as given, or a coarse one of no more poses than the swaps cast.
@@ -185,31 +214,71 @@ impl Certificate {
                 let short = gain.short.as_ref().map_or_else(String::new, |why| {
                     format!("; the gap asked for was not reached: {why}")
                 });
-                let poses = gain.poses;
+                let that = gain.heeds.as_ref().map(|heeds| format!(" that meets {heeds}"));
+                let (that, poses) = (that.unwrap_or_default(), gain.poses);
                 let says = if gain.upper <= found {
                     format!(
-                        "no placement on the grid of {poses} sensor poses is better than the result"
+                        "no placement{that} on the grid of {poses} sensor poses is better than the \
+                         result"
                     )
                 } else if found <= 0.0 {
                     format!(
-                        "the best placement on the grid of {poses} sensor poses gains {} at most, \
-                         the result nothing",
+                        "the best placement{that} on the grid of {poses} sensor poses gains {} at \
+                         most, the result nothing",
                         spoken(gain.upper)
                     )
                 } else if gain.proven {
                     format!(
-                        "the best placement on the grid of {poses} sensor poses is {more:.2} % better \
-                         than the result (proven)"
+                        "the best placement{that} on the grid of {poses} sensor poses is {more:.2} % \
+                         better than the result (proven)"
                     )
                 } else {
                     format!(
-                        "the best placement on the grid of {poses} sensor poses is at most {more:.2} % \
-                         better than the result{short}"
+                        "the best placement{that} on the grid of {poses} sensor poses is at most \
+                         {more:.2} % better than the result{short}"
                     )
                 };
                 (Some(gain), says)
             }
         };
         Self { lipschitz, lipschitz_says, gain, gain_says }
+    }
+}
+
+#[cfg(test)]
+pub(in crate::search) mod tests {
+    use super::*;
+
+    /// A bound on a grid of 784 poses that is not proven.
+    pub(crate) fn bound_of(upper: f64, heeds: Option<&str>) -> GainBound {
+        GainBound {
+            poses: 784,
+            best: GridPlacement { poses: vec![1, 2], value: 500.0 },
+            upper,
+            heeds: heeds.map(str::to_owned),
+            upper_at_root: upper,
+            nodes: 1,
+            proven: false,
+            short: None,
+        }
+    }
+
+    #[test]
+    fn words_name_the_requirements_that_are_heeded() {
+        let says = |heeds, upper: f64, found: f64| {
+            Certificate::new(None, Ok(bound_of(upper, heeds)), found).gain_says
+        };
+        let grid = "on the grid of 784 sensor poses";
+        let most = "is at most 5.00 % better than the result";
+        assert_eq!(says(None, 525.0, 500.0), format!("the best placement {grid} {most}"));
+        for heeds in ["the requirements", "the requirements but those on overlap"] {
+            let those = format!("placement that meets {heeds} {grid}");
+            let [more, none, zero] = [[525.0, 500.0], [500.0, 500.0], [525.0, 0.0]];
+            assert_eq!(says(Some(heeds), more[0], more[1]), format!("the best {those} {most}"));
+            let none = says(Some(heeds), none[0], none[1]);
+            assert_eq!(none, format!("no {those} is better than the result"));
+            let zero = says(Some(heeds), zero[0], zero[1]);
+            assert!(zero.starts_with(&format!("the best {those} gains 525")), "{zero}");
+        }
     }
 }

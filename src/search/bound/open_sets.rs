@@ -77,7 +77,7 @@ impl Node {
 
     /// Lowers the bound to the best additions of each kind: a pose never adds more than it does now. Drops
     /// candidates that stay at or below `floor` beside the best of the others. False if no extension is above `floor`.
-    fn cut(&mut self, floor: f64) -> bool {
+    pub(crate) fn cut(&mut self, floor: f64) -> bool {
         let (mut sum, mut weakest) = (self.value, [0.0; MAX_LIDARS]);
         for (kind, weakest) in self.kinds.iter().zip(&mut weakest) {
             if kind.poses.len() < kind.left {

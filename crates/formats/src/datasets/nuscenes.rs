@@ -113,7 +113,7 @@ impl LabelledSequence for NuscenesScene {
         let points = read_points::<POINT>(&keyframe.scan)?;
         let path = &keyframe.labels;
         let ids = read_units(path, 1)?;
-        check_count(&path, ids.len(), &keyframe.scan, points.len(), POINT)?;
+        check_count(path, ids.len(), &keyframe.scan, points.len(), POINT)?;
         let boxes = self.boxes(frame, &keyframe.world_from_sensor);
         let at_rest: Vec<bool> = self.tracks.iter().map(BoxTrack::at_rest).collect();
         let moves = |track: u32| !at_rest[track as usize];
