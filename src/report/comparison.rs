@@ -2,7 +2,7 @@
 
 use super::columns::align_columns;
 use super::svg::trimmed;
-use super::tables::titles;
+use super::tables::{header, titles};
 use crate::csv::{csv, number};
 use crate::json::fixed;
 use crate::rig::{Asymmetry, Comparison, MovedLidar};
@@ -76,10 +76,8 @@ fn alone_text(found: &Comparison) -> String {
 ///
 /// Distances are metres, and radians between the rotations and between the sensors' own z axes.
 pub(crate) fn comparison_csv(found: &Comparison) -> String {
-    let mut rows = vec![titles(&[
-        "part", "lidar", "other", "moved_m", "turned_rad", "tilted_rad", "same_roll", "model",
-        "other_model",
-    ])];
+    let mut rows =
+        vec![header("part,lidar,other,moved_m,turned_rad,tilted_rad,same_roll,model,other_model")];
     let width = rows[0].len();
     let model = |name: &Option<String>| name.clone().unwrap_or_default();
     rows.extend(found.lidars.iter().map(|of| {

@@ -9,7 +9,7 @@ use super::columns::align_columns;
 use super::coverage::seen_ground;
 use super::next_steps::next_in_text;
 use super::plot::{Change, ReferenceLine};
-use super::tables::by_scene;
+use super::tables::rows_by_scene;
 use super::targets::range_card_text;
 use super::text::{
     findings_text, limit_of, poses_text, rule_lines, scores_text_by, stopped_in_words,
@@ -368,7 +368,8 @@ pub(crate) fn record_text(record: &RunRecord, folder: &Path) -> String {
             "\nbaselines that break rules of the mount, with which the result is not compared:\n";
         broken.iter().for_each(|line| text += &format!("  {line}\n"));
     }
-    if let Some(rows) = by_scene(record) {
+    let best = record.best.as_ref();
+    if let Some(rows) = rows_by_scene(&record.scenes, best, &record.baselines, &record.objective) {
         text += "\nscene by scene\n";
         text += &align_columns(&rows);
     }

@@ -1,7 +1,7 @@
 //! Results of searches and audits as rows for CSV, like those of `tables`.
 
 use super::RunRecord;
-use super::tables::{Cells, joined, score_rows, score_titles, titles};
+use super::tables::{Cells, header, joined, score_rows, score_titles, titles};
 use super::text::numbered;
 use crate::audit::{Audit, Stability, TrialResult};
 use crate::csv::{csv, number};
@@ -82,23 +82,15 @@ fn before_price(mut row: Cells, prices: &[f64], cells: impl Iterator<Item = Stri
 }
 
 /// Columns of [`audits_csv`] behind the scores.
-const OF_AUDIT: [&str; 8] = [
-    "fooled",
-    "verdict",
-    "median_relative_change",
-    "worst_relative_change",
-    "median_kendall_tau",
-    "kendall_tau",
-    "ranking_against_mean_height",
-    "first",
-];
+const OF_AUDIT: &str = "fooled,verdict,median_relative_change,worst_relative_change,median_kendall_tau,kendall_tau,\
+                        ranking_against_mean_height,first";
 
 /// A row for the base of each scene, for each attempt to look better than it and for each change of the model, with its
 /// scores.
 pub(crate) fn audits_csv(all: &[Audit]) -> String {
     let mut rows = vec![titles(&["scene", "part", "name"])];
     rows[0].extend(score_titles(&[]));
-    rows[0].extend(titles(&OF_AUDIT));
+    rows[0].extend(header(OF_AUDIT));
     let names = numbered(all.iter().map(|found| found.scene.clone()));
     for (scene, found) in names.iter().zip(all) {
         let mut add = |part: &str, name: &str, scores: &Scores, more: [String; 8]| {

@@ -187,7 +187,7 @@ pub(crate) fn sweep_plot(sweep: &Sweep) -> String {
     };
     let scores = DRAWN
         .iter()
-        .map(|(column, name)| series((*name).to_owned(), &|scores| column.share(scores)));
+        .map(|(column, name)| series((*name).to_owned(), &|scores| column.value(scores)));
     let required = sweep.rows.first().map_or(&[][..], |row| &row.scores.required[..]);
     let required = required.iter().take(MOST_DRAWN).enumerate().map(|(k, seen)| {
         series(seen.title(), &|scores| scores.required.get(k).map(|seen| seen.share))

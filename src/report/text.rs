@@ -317,7 +317,7 @@ pub(crate) fn against<'a>(
     seed: u64,
     column: ScoreColumn,
 ) -> Vec<Against<'a>> {
-    let share = |scores: &Scores| column.share(scores);
+    let share = |scores: &Scores| column.value(scores);
     let compare = |baseline: &'a Scored| {
         let (ours, theirs) = (share(&best.scores)?, share(&baseline.scores)?);
         // A scene and its mirror image are two frames of one place.

@@ -185,7 +185,7 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
 
 pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
     let column = ScoreColumn::argued(subject.objective);
-    let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines, column);
+    let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines, subject.objective);
     let Some((titles, rows)) = rows.as_deref().and_then(<[_]>::split_first) else {
         return html! {};
     };
