@@ -326,9 +326,8 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
             Series {
                 name: if requires { words.to_owned() } else { "front".to_owned() },
                 points: of.iter().map(|(_, point)| at(point)).collect(),
-                line: false,
                 labels: labels.collect(),
-                hollow: Vec::new(),
+                ..Series::default()
             }
         },
     );

@@ -52,7 +52,7 @@ pub(crate) enum Axis {
 }
 
 /// One set of points.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Series {
     /// For the legend.
     pub name: String,
@@ -325,9 +325,8 @@ mod tests {
         let series = Series {
             name: "n".repeat(40),
             points: vec![(0.0, 1.0), (1.0, 3.0), (1.0, 3.0)],
-            line: false,
             labels: vec![(1, "a".into()), (2, "b".into())],
-            hollow: Vec::new(),
+            ..Series::default()
         };
         let names = [
             "without LiDAR 0", "without LiDAR 1", "without LiDAR 2", "all", "after the worst loss",

@@ -457,8 +457,7 @@ pub(crate) fn convergence_svg(
         name: name.to_owned(),
         points,
         line: true,
-        labels: Vec::new(),
-        hollow: Vec::new(),
+        ..Series::default()
     };
     let level = |scored: &'_ Scored, name, accent| {
         Some(ReferenceLine { name, value: scored.objective?, accent })

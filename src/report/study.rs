@@ -17,15 +17,13 @@ pub(crate) fn study_plot(table: &Table) -> Plot {
     let rows = || table.rows.iter();
     let (x_title, y_title, x, series) = match &table.drawing {
         TablePlot::ByCase { columns, y_title, line } => {
+            let points =
+                |column| (0..).map(f64::from).zip(rows().map(move |row| number(row, column)));
             let series = columns.iter().map(|&column| Series {
                 name: table.columns[column + 1].clone(),
-                points: rows()
-                    .enumerate()
-                    .map(|(k, row)| (k as f64, number(row, column)))
-                    .collect(),
+                points: points(column).collect(),
                 line: *line,
-                labels: Vec::new(),
-                hollow: Vec::new(),
+                ..Series::default()
             });
             let names = Axis::Names(rows().map(Row::marked).collect());
             (&table.columns[0], y_title, names, series.collect())
@@ -34,14 +32,9 @@ pub(crate) fn study_plot(table: &Table) -> Plot {
             let place = |column: &usize| columns.iter().position(|of| of == column);
             let series = rows().map(|row| Series {
                 name: row.marked(),
-                points: columns
-                    .iter()
-                    .enumerate()
-                    .map(|(k, &column)| (k as f64, number(row, column)))
-                    .collect(),
-                line: false,
-                labels: Vec::new(),
+                points: (0..).map(f64::from).zip(columns.iter().map(|&k| number(row, k))).collect(),
                 hollow: row.unmet_at.iter().filter_map(place).collect(),
+                ..Series::default()
             });
             // The unit stands at the axis.
             let name = |&column: &usize| {
@@ -55,9 +48,8 @@ pub(crate) fn study_plot(table: &Table) -> Plot {
             let series = Series {
                 name: format!("by {}", table.columns[0]),
                 points: rows().map(|row| (number(row, 0), number(row, *column))).collect(),
-                line: false,
-                labels: rows().enumerate().map(|(k, row)| (k, row.marked())).collect(),
-                hollow: Vec::new(),
+                labels: rows().map(Row::marked).enumerate().collect(),
+                ..Series::default()
             };
             (x_title, y_title, Axis::Numbers, vec![series])
         }
@@ -182,8 +174,7 @@ pub(crate) fn sweep_plot(sweep: &Sweep) -> String {
             .filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?)))
             .collect(),
         line: true,
-        labels: Vec::new(),
-        hollow: Vec::new(),
+        ..Series::default()
     };
     let scores = DRAWN
         .iter()
