@@ -261,37 +261,25 @@ pub(crate) fn guards_of(
     }
     let mut guards = Vec::new();
     if let Some(reference) = reference {
+        // Nothing to compare with is no reason: shares of 0 are infinite or no number.
         let ratio = |ours: u64, theirs: u64| ours as f64 / theirs as f64;
-        if gained(reference) > 0 {
-            let share = ratio(gained(tally), gained(reference));
-            if share < LEAST_INFORMATION {
-                guards.push(Guard::LowInformation { share });
-            }
-        }
-        if has_hits && reference.hits > 0 {
-            let hit_share = ratio(tally.hits, tally.beams);
-            let theirs = ratio(reference.hits, reference.beams);
-            if hit_share < LEAST_HITS * theirs {
-                guards.push(Guard::FewHits { hit_share, reference: theirs });
-            }
-        }
+        let share = ratio(gained(tally), gained(reference));
+        guards.extend((share < LEAST_INFORMATION).then_some(Guard::LowInformation { share }));
+        let [hit_share, reference_hits] = [tally, reference].map(|of| ratio(of.hits, of.beams));
+        let are_few = has_hits && hit_share < LEAST_HITS * reference_hits;
+        guards.extend(are_few.then_some(Guard::FewHits { hit_share, reference: reference_hits }));
         for (class, name) in content.classes().iter().enumerate() {
             let theirs = reference.by_class[class];
-            if theirs as f64 / frames as f64 >= COUNTABLE_VOXELS {
-                let share = ratio(tally.by_class[class], theirs);
-                if share < LEAST_OF_CLASS {
-                    guards.push(Guard::ClassUnseen { class: name.clone(), share });
-                }
+            let share = ratio(tally.by_class[class], theirs);
+            if theirs as f64 / frames as f64 >= COUNTABLE_VOXELS && share < LEAST_OF_CLASS {
+                guards.push(Guard::ClassUnseen { class: name.clone(), share });
             }
         }
     }
     if tally.unique.len() > 1 && gained(tally) > 0 {
-        for (lidar, &unique) in tally.unique.iter().enumerate() {
-            let share = unique as f64 / gained(tally) as f64;
-            if share < LEAST_UNIQUE {
-                guards.push(Guard::RedundantLidar { lidar, share });
-            }
-        }
+        let shares = tally.unique.iter().map(|&unique| unique as f64 / gained(tally) as f64);
+        let few = shares.enumerate().filter(|(_, share)| *share < LEAST_UNIQUE);
+        guards.extend(few.map(|(lidar, share)| Guard::RedundantLidar { lidar, share }));
     }
     guards
 }
