@@ -263,14 +263,12 @@ impl Views {
             zone,
         };
         // The views from above and from the right stand one over the other, those upright side by side.
-        let (low, high) =
-            ([views.top.low[0], views.side.low[0]], [views.top.high[0], views.side.high[0]]);
-        (views.top.low[0], views.side.low[0]) = (low[0].min(low[1]), low[0].min(low[1]));
-        (views.top.high[0], views.side.high[0]) = (high[0].max(high[1]), high[0].max(high[1]));
-        let (low, high) =
-            ([views.front.low[1], views.side.low[1]], [views.front.high[1], views.side.high[1]]);
-        (views.front.low[1], views.side.low[1]) = (low[0].min(low[1]), low[0].min(low[1]));
-        (views.front.high[1], views.side.high[1]) = (high[0].max(high[1]), high[0].max(high[1]));
+        let side = &mut views.side;
+        for (other, k) in [(&mut views.top, 0), (&mut views.front, 1)] {
+            let (low, high) = (side.low[k].min(other.low[k]), side.high[k].max(other.high[k]));
+            (side.low[k], other.low[k]) = (low, low);
+            (side.high[k], other.high[k]) = (high, high);
+        }
         views
     }
 }

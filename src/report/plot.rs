@@ -8,7 +8,7 @@ mod labels;
 
 use maud::{Markup, html};
 
-use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
+use super::svg::{ACCENT, Axes, GREY, INK, SOFT, Scale, Tick, colour, corners, number, page, px};
 use super::text::shortened;
 
 pub(super) use labels::PlotLabels;
@@ -174,7 +174,7 @@ impl Plot {
     }
 
     fn colour(&self, index: usize) -> &'static str {
-        if self.series.len() == 1 { ACCENT } else { COLOURS[index % COLOURS.len()] }
+        if self.series.len() == 1 { ACCENT } else { colour(index) }
     }
 
     /// Names along x; `None` where numbers stand there.

@@ -9,7 +9,7 @@ mod beams;
 use maud::{Markup, html};
 
 use super::columns::align_columns;
-use super::svg::{COLOURS, FAINT, INK, SOFT, corners, page, px, trimmed};
+use super::svg::{FAINT, INK, SOFT, colour, corners, page, px, trimmed};
 use crate::maths;
 use crate::targets::{
     BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
@@ -274,7 +274,7 @@ fn legend(names: &[&str], height: f64) -> Markup {
         @for (k, name) in names.iter().enumerate() {
             @let x = 12.0 + (k % 4) as f64 * 96.0;
             @let y = height + 4.0 + (k / 4) as f64 * 18.0;
-            rect x=(px(x)) y=(px(y)) width="12" height="12" fill=(COLOURS[k % COLOURS.len()]) {}
+            rect x=(px(x)) y=(px(y)) width="12" height="12" fill=(colour(k)) {}
             text x=(px(x + 17.0)) y=(px(y + 11.0)) { (name) }
         }
     }
@@ -321,7 +321,7 @@ fn panel(heading: &str, beams: u32, all: &[MetRuns<'_>], names: &[&str], farthes
         @for one in all {
             @for run in one.runs {
                 @let (index, outline) = wedge(one, run);
-                polygon points=(outline) fill=(COLOURS[index % COLOURS.len()]) fill-opacity=".85" {}
+                polygon points=(outline) fill=(colour(index)) fill-opacity=".85" {}
             }
         }
         @for ring in 1..=RINGS {

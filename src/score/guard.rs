@@ -261,7 +261,7 @@ pub(crate) fn guards_of(
     }
     let mut guards = Vec::new();
     if let Some(reference) = reference {
-        // Nothing to compare with is no reason: shares of 0 are infinite or no number.
+        // Where the reference has nothing, a ratio is infinite or NaN, and no guard is violated.
         let ratio = |ours: u64, theirs: u64| ours as f64 / theirs as f64;
         let share = ratio(gained(tally), gained(reference));
         guards.extend((share < LEAST_INFORMATION).then_some(Guard::LowInformation { share }));

@@ -5,7 +5,7 @@ use maud::{Markup, PreEscaped, html};
 use super::{Figures, Subject};
 use crate::json::fixed;
 use crate::report::RunRecord;
-use crate::report::svg::COLOURS;
+use crate::report::svg::{COLOURS, colour};
 use crate::report::text::{mount_text, phase_text};
 use crate::vehicle::millimetres;
 
@@ -190,7 +190,7 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 canvas #canvas tabindex="0" role="img" aria-label=(label) aria-describedby="view-help" {}
                 div #lidars aria-hidden="true" {
                     @for index in 0..lidars {
-                        span style={ "--own:" (COLOURS[index % COLOURS.len()]) } { b { (index) } }
+                        span style={ "--own:" (colour(index)) } { b { (index) } }
                     }
                 }
                 div.buttons {
