@@ -56,6 +56,17 @@ pub enum Engine {
     Atlas,
 }
 
+impl Engine {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::F64 => "f64",
+            Self::Cpu => "CPU",
+            Self::Gpu => "GPU",
+            Self::Atlas => "atlas",
+        }
+    }
+}
+
 /// One setting: a fidelity and an engine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
@@ -136,13 +147,7 @@ impl Setting {
 
     /// The setting in words; `edge` is the scene's own voxel edge in metres.
     pub(crate) fn words(&self, edge: f64) -> String {
-        let engine = match self.engine {
-            Engine::F64 => "f64",
-            Engine::Cpu => "CPU",
-            Engine::Gpu => "GPU",
-            Engine::Atlas => "atlas",
-        };
-        format!("{}, {engine}", self.fidelity.words(edge))
+        format!("{}, {}", self.fidelity.words(edge), self.engine.name())
     }
 }
 
