@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::columns::align_columns;
+use super::columns::table_text;
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
 use super::tables::{Cells, header};
 use super::text::numbered;
@@ -38,11 +38,7 @@ pub(crate) fn chart_text(found: &Chart) -> String {
     let printed = rows.iter().enumerate().filter(|(i, _)| is_printed(*i));
     let (cost, ranking): (Vec<_>, Vec<_>) =
         printed.map(|(_, row)| (cost_cells(row), ranking_cells(row))).unzip();
-    let table = |titles: &[&str], cells: Vec<Vec<String>>| {
-        let titles: Vec<String> = titles.iter().map(|title| (*title).to_owned()).collect();
-        align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>())
-    };
-    text += &format!("{}\n{}", table(&COST, cost), table(&RANKING, ranking));
+    text += &format!("{}\n{}", table_text(&COST, cost), table_text(&RANKING, ranking));
     text += "error: of the scores; at least and at most: in 95 % of resamples\n";
     text += "* other voxels, beams or coverage make the score another quantity; only the ranking compares\n";
     text += &format!(
@@ -102,12 +98,11 @@ fn ranking_cells(row: &ChartRow) -> Vec<String> {
 /// The setting to take in each scene, a row each.
 pub(crate) fn charts_text(charts: &[Chart]) -> String {
     let titles = ["scene", "cheapest setting that keeps the ranking", "× faster", "τ", "regret %"];
-    let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let names = numbered(charts.iter().map(|chart| chart.scene.clone()));
-    for (name, chart) in names.into_iter().zip(charts) {
+    let rows = names.into_iter().zip(charts).map(|(name, chart)| {
         let all = chart.rows();
         let chosen = chart.verdict.and_then(|verdict| Some((verdict, all.get(verdict.setting)?)));
-        rows.push(match chosen {
+        match chosen {
             None => vec![name, "none".to_owned()],
             Some((verdict, row)) => vec![
                 name,
@@ -116,9 +111,9 @@ pub(crate) fn charts_text(charts: &[Chart]) -> String {
                 row.error.tau.map_or("–".into(), |tau| format!("{:.3}", tau.value)),
                 format!("{:.2}", 100.0 * row.error.regret.value),
             ],
-        });
-    }
-    format!("\nall scenes\n{}", align_columns(&rows))
+        }
+    });
+    format!("\nall scenes\n{}", table_text(&titles, rows))
 }
 
 /// Titles of the table's columns with their x in pixels: the first begins there, the others end there.

@@ -1,6 +1,6 @@
 //! Studies, sweeps and tolerances as text and figures.
 
-use super::columns::align_columns;
+use super::columns::{align_columns, table_text};
 use super::plot::{Axis, Change, Plot, Series};
 use super::svg::trimmed;
 use super::tables::ScoreColumn;
@@ -203,9 +203,11 @@ fn holds_to(side: &RoomOfSide, digits: usize) -> String {
     }
 }
 
-/// A deviation, with the requirement that breaks beyond it.
-fn cells(side: &RoomOfSide, digits: usize) -> [String; 2] {
-    [holds_to(side, digits), side.breaks.clone().unwrap_or_default()]
+/// A name, then the deviation of each side with the requirement that breaks beyond it.
+fn row<const N: usize>(name: String, sides: [&RoomOfSide; N], digits: usize) -> Vec<String> {
+    let cells =
+        |side: &RoomOfSide| [holds_to(side, digits), side.breaks.clone().unwrap_or_default()];
+    std::iter::once(name).chain(sides.into_iter().flat_map(cells)).collect()
 }
 
 /// A sentence on the direction of tilt that holds least, and a table of all.
@@ -218,16 +220,13 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
         }
         None => format!("{}° and more in every direction", fixed(least.side.holds_to, 2)),
     };
-    let mut rows = vec![["tilt, deg", "holds to", "then breaks"].map(str::to_owned).to_vec()];
-    for of in &tilt.directions {
-        let [holds, breaks] = cells(&of.side, 2);
-        rows.push(vec![of.direction.to_owned(), holds, breaks]);
-    }
+    let rows = tilt.directions.iter().map(|of| row(of.direction.to_owned(), [&of.side], 2));
+    let table = table_text(&["tilt, deg", "holds to", "then breaks"], rows);
     let about = format!(
         "tilt: LiDARs turn; own body, ground and targets stay as they are (docs/targets.md)\n\
          all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to "
     );
-    format!("{}{about}{end}\n{}", align_columns(&rows), tilted_hits_text(tilt))
+    format!("{table}{about}{end}\n{}", tilted_hits_text(tilt))
 }
 
 /// Sentences on limits of a tilt at which a LiDAR is in the own body, or behind it: the body stays upright.
@@ -308,14 +307,11 @@ pub(crate) fn room_text(all: &[Room]) -> String {
             text += "  missed as it is and left out; below are the requirements that it meets\n";
         }
         let titles = ["LiDAR field", "− holds to", "− then breaks", "+ holds to", "+ then breaks"];
-        let mut rows = vec![titles.map(str::to_owned).to_vec()];
-        for row in &room.fields {
-            let name = format!("{} {}, {}", row.lidar, row.field, row.unit);
-            let digits = if row.unit == "deg" { 2 } else { 1 };
-            let [down, up] = [&row.down, &row.up].map(|side| cells(side, digits));
-            rows.push([&[name][..], &down, &up].concat());
-        }
-        text += &align_columns(&rows);
+        let rows = room.fields.iter().map(|of| {
+            let name = format!("{} {}, {}", of.lidar, of.field, of.unit);
+            row(name, [&of.down, &of.up], if of.unit == "deg" { 2 } else { 1 })
+        });
+        text += &table_text(&titles, rows);
         text += &self_hits_text(room);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
         text + &copies_text(room)

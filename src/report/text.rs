@@ -1,6 +1,6 @@
 //! Scores, P-SOGs and verifications as text.
 
-use super::columns::{align_columns, align_with_notes};
+use super::columns::{align_columns, align_with_notes, table_text};
 use super::{RunRecord, SceneRecord, ScoreColumn, optional};
 use crate::json::{fixed, spoken};
 use crate::psog::PsogInfo;
@@ -191,9 +191,6 @@ pub(crate) fn study_text(table: &Table) -> String {
 pub(crate) fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> String {
     let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
-    let mut small = vec![
-        ["", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"].map(str::to_owned).to_vec(),
-    ];
     let mounted = !mounts.is_empty();
     rows[0].extend(mounted.then(|| "mount".to_owned()));
     let named = placement.lidars.iter().any(|pose| !pose.sensor.is_none());
@@ -207,10 +204,13 @@ pub(crate) fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> St
         row.extend(named.then(|| pose.sensor.to_string()));
         row.extend(phased.then(|| phase_text(pose)));
         rows.push(row);
-        let numbers = millimetres(pose).map(|(_, value)| value.to_string());
-        small.push(std::iter::once(index.to_string()).chain(numbers).collect());
     }
-    align_columns(&rows) + &align_columns(&small)
+    let small = placement.lidars.iter().enumerate().map(|(index, pose)| {
+        let numbers = millimetres(pose).map(|(_, value)| value.to_string());
+        std::iter::once(index.to_string()).chain(numbers).collect()
+    });
+    let titles = ["", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
+    align_columns(&rows) + &table_text(&titles, small)
 }
 
 /// Mount of a LiDAR, – where it stands on none.
@@ -285,12 +285,11 @@ fn facts(info: &PsogInfo) -> String {
 
 /// The part of each class in the entropy.
 fn classes(info: &PsogInfo) -> String {
-    let mut rows = vec![["class", "voxels", "nats"].map(str::to_owned).to_vec()];
-    rows.extend(info.classes.iter().map(|class| {
-        vec![class.name.clone(), class.voxels.to_string(), format!("{:.2}", class.entropy)]
-    }));
-    rows.push(vec!["(empty)".into(), "–".into(), format!("{:.2}", info.entropy_empty)]);
-    align_columns(&rows)
+    let row =
+        |name: &str, voxels: String, nats: f64| vec![name.to_owned(), voxels, format!("{nats:.2}")];
+    let all = info.classes.iter().map(|of| row(&of.name, of.voxels.to_string(), of.entropy));
+    let empty = row("(empty)", "–".to_owned(), info.entropy_empty);
+    table_text(&["class", "voxels", "nats"], all.chain([empty]))
 }
 
 /// Times that scenes are drawn.
