@@ -1,7 +1,7 @@
 //! Results of searches and audits as rows for CSV, like those of `tables`.
 
 use super::RunRecord;
-use super::tables::{Cells, header, joined, score_rows, score_titles, titles};
+use super::tables::{Cells, distinct, header, joined, score_rows, score_titles, titles};
 use super::text::numbered;
 use crate::audit::{Audit, Stability, TrialResult};
 use crate::csv::{csv, number};
@@ -39,13 +39,7 @@ pub(crate) fn run_csv(run: &RunRecord) -> String {
 
 /// Names of the requirements of any of some placements, in the order in which they come.
 pub(crate) fn requirements_of<'a>(all: impl IntoIterator<Item = &'a Scores>) -> Vec<&'a str> {
-    let mut names: Vec<&str> = Vec::new();
-    for seen in all.into_iter().flat_map(|scores| &scores.required) {
-        if !names.contains(&&*seen.name) {
-            names.push(&seen.name);
-        }
-    }
-    names
+    distinct(all.into_iter().flat_map(|scores| &scores.required).map(|seen| &*seen.name))
 }
 
 /// Titles of [`rows_with_requirements`]: those of scores, with four for each requirement by its name before the price.

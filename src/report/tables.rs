@@ -27,6 +27,17 @@ pub(super) fn header(keys: &str) -> Cells {
     keys.split(',').map(str::to_owned).collect()
 }
 
+/// Each of some things once, in the order in which they come.
+pub(super) fn distinct<T: PartialEq>(all: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut once: Vec<T> = Vec::new();
+    for one in all {
+        if !once.contains(&one) {
+            once.push(one);
+        }
+    }
+    once
+}
+
 pub(super) fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
     parts.into_iter().map(|part| part.to_string()).collect::<Vec<_>>().join(BETWEEN)
 }
@@ -265,12 +276,7 @@ pub(crate) fn studies_csv(tables: &[&Table]) -> String {
     if let [table] = tables {
         return table.csv();
     }
-    let mut columns: Vec<&String> = Vec::new();
-    for column in tables.iter().flat_map(|table| &table.columns[1..]) {
-        if !columns.contains(&column) {
-            columns.push(column);
-        }
-    }
+    let columns: Vec<&String> = distinct(tables.iter().flat_map(|table| &table.columns[1..]));
     let case = tables.first().map_or("case", |table| &*table.columns[0]);
     let mut rows = vec![titles(&["table", case])];
     rows[0].extend(columns.iter().map(|column| (*column).clone()));

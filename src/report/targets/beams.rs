@@ -3,6 +3,7 @@
 use super::{bearing_in_words, by_placement, heading, runs_in_words};
 use crate::report::columns::align_columns;
 use crate::report::svg::trimmed;
+use crate::report::tables::distinct;
 use crate::targets::{Detection, TargetRow, TargetTable};
 
 /// Most distances at which beams are shown at each of them, in place of the distances of detection.
@@ -44,16 +45,8 @@ pub(crate) fn targets_text(table: &TargetTable, beams: u32) -> String {
 impl OfPlacement<'_> {
     /// Targets and bearings, each once, in order.
     fn names(&self) -> (Vec<&str>, Vec<f64>) {
-        let (mut targets, mut bearings) = (Vec::new(), Vec::new());
-        for of in self.detections {
-            if !targets.contains(&&*of.target) {
-                targets.push(&*of.target);
-            }
-            if !bearings.contains(&of.bearing) {
-                bearings.push(of.bearing);
-            }
-        }
-        (targets, bearings)
+        let targets = distinct(self.detections.iter().map(|of| &*of.target));
+        (targets, distinct(self.detections.iter().map(|of| of.bearing)))
     }
 
     /// Rows of a target at a bearing.
