@@ -182,26 +182,19 @@ impl Ladder {
         settings.add(top, Engine::F64);
         settings.add(top, Engine::Cpu);
         settings.add(top, Engine::Gpu);
-        for &voxel in &voxels {
-            settings.add(SceneDetail { voxel, ..top }, Engine::Cpu);
-        }
+        settings.add_each(Engine::Cpu, &voxels, |&voxel| SceneDetail { voxel, ..top });
         settings.add(own, Engine::Gpu);
         settings.add(SceneDetail { frames: own.frames.div_ceil(4), ..own }, Engine::Atlas);
         for &voxel in &voxels {
             settings.add(SceneDetail { voxel, ..own }, Engine::Atlas);
             settings.add(SceneDetail { voxel, frames: 1, ..own }, Engine::Atlas);
         }
-        for &azimuth in &azimuths {
-            settings.add(SceneDetail { azimuth, ..top }, Engine::Cpu);
-        }
-        for &frames in &frames {
-            settings.add(SceneDetail { frames, ..top }, Engine::Cpu);
-        }
+        settings.add_each(Engine::Cpu, &azimuths, |&azimuth| SceneDetail { azimuth, ..top });
+        settings.add_each(Engine::Cpu, &frames, |&frames| SceneDetail { frames, ..top });
         if !own.through {
             settings.add(SceneDetail { through: true, frames: 1, ..top }, Engine::Cpu);
-            for detail in [0.5, 1.0, 2.0] {
-                settings.add(SceneDetail { detail, ..top }, Engine::Cpu);
-            }
+            let merged = |&detail: &f64| SceneDetail { detail, ..top };
+            settings.add_each(Engine::Cpu, &[0.5, 1.0, 2.0], merged);
         }
         settings.add_combinations(&voxels, &azimuths, &frames, top);
         settings
@@ -233,6 +226,10 @@ impl Ladder {
             self.add(small, Engine::Cpu);
             self.add(small, Engine::Gpu);
         }
+    }
+
+    fn add_each<T>(&mut self, engine: Engine, all: &[T], of: impl Fn(&T) -> SceneDetail) {
+        all.iter().for_each(|one| self.add(of(one), engine));
     }
 
     fn add(&mut self, fidelity: SceneDetail, engine: Engine) {

@@ -59,10 +59,8 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
     let best = (0..all.len()).min_by(|&a, &b| order(a, b)).filter(|_| all.len() > 1)?;
     let others = (0..all.len()).filter(|&k| k != best);
     let rival = others.min_by(|&a, &b| order(a, b))?;
-    let (word, name, next) = match all.len() {
-        2 => ("better", &all[best].name, &all[rival].name),
-        _ => ("best", &all[best].name, &all[rival].name),
-    };
+    let word = if all.len() == 2 { "better" } else { "best" };
+    let (name, next) = (&all[best].name, &all[rival].name);
     if order(best, rival) != Ordering::Less {
         return Some(format!("{word}: {name} and {next} are level\n"));
     }

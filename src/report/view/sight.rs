@@ -7,7 +7,7 @@ use crate::engine::{Backend, BackendError};
 use crate::maths;
 use crate::problem::{Content, Entropy, OccupiedVoxel, Problem};
 use crate::psog::{Roi, to_nats};
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::Placement;
 
 /// Metres between two rings of distance, and most rings.
 const RING: f64 = 10.0;
@@ -88,10 +88,10 @@ impl InformationView {
         let (mut shares, mut masks) = (Vec::new(), Vec::new());
         let mut alone = vec![0.0; placement.lidars.len()];
         let mut places = VoxelBits::default();
-        for (layout, lidars) in layouts(placement, baselines).enumerate() {
+        for (layout, of) in std::iter::once(placement).chain(baselines).enumerate() {
             let mut seen = vec![0_u32; voxels.len()];
             for &frame in shown {
-                let bitmaps = engine.bitmaps(lidars, frame)?;
+                let bitmaps = engine.bitmaps(&of.lidars, frame)?;
                 places.fit(bitmaps.order, &voxels);
                 let marks = Marks { bitmaps, places: &places };
                 marks.count(&mut seen);
@@ -131,14 +131,6 @@ impl InformationView {
             )
         })
     }
-}
-
-/// LiDARs of the placement, then those of each baseline.
-fn layouts<'a>(
-    placement: &'a Placement,
-    baselines: &'a [Placement],
-) -> impl Iterator<Item = &'a [SensorPose]> {
-    std::iter::once(placement).chain(baselines).map(|layout| &layout.lidars[..])
 }
 
 /// Bits of voxels in the bitmaps of an engine.
