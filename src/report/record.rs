@@ -401,14 +401,11 @@ pub(crate) fn record_text(record: &RunRecord, folder: &Path) -> String {
 /// Placements that each method looked at, in full numbers: `180 evaluations and 360 of swaps`.
 pub(super) fn evaluations_in_words(record: &RunRecord) -> String {
     let swaps = record.methods.iter().find(|method| method.method == "swaps");
-    match swaps {
-        Some(swaps) if record.evaluations == 0 => {
-            format!("{} evaluations of swaps", swaps.evaluations)
-        }
-        Some(swaps) => {
-            format!("{} evaluations and {} of swaps", record.evaluations, swaps.evaluations)
-        }
-        None => format!("{} evaluations", record.evaluations),
+    let ran = format!("{} evaluations", record.evaluations);
+    match swaps.map(|swaps| swaps.evaluations) {
+        Some(swaps) if record.evaluations == 0 => format!("{swaps} evaluations of swaps"),
+        Some(swaps) => format!("{ran} and {swaps} of swaps"),
+        None => ran,
     }
 }
 

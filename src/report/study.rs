@@ -341,30 +341,27 @@ mod tests {
 
     #[test]
     fn a_table_is_drawn_by_case_by_column_or_one_column_against_the_other() {
-        let (x_title, y_title) = ("u".to_owned(), "v".to_owned());
-        let columns = vec![1];
-        let by_case =
-            study_plot(&table(TablePlot::ByCase { columns, y_title: y_title.clone(), line: true }));
+        let by_column = |columns: &[usize]| {
+            let [x_title, y_title] = ["u", "v"].map(str::to_owned);
+            TablePlot::ByColumn { columns: columns.to_vec(), x_title, y_title }
+        };
+        let by_case = TablePlot::ByCase { columns: vec![1], y_title: "v".to_owned(), line: true };
+        let by_case = study_plot(&table(by_case));
         assert_eq!((by_case.x_title.as_str(), by_case.y_title.as_str()), ("case", "v"));
         assert_eq!(by_case.series.len(), 1);
         assert_eq!(by_case.series[0].name, "b");
         assert!(by_case.series[0].points[0].1.is_nan());
         assert_eq!(by_case.series[0].points[1], (1.0, 3.0));
-        let (x, y) = (x_title.clone(), y_title.clone());
-        let columns = vec![0, 1];
-        let mut all = table(TablePlot::ByColumn { columns, x_title: x, y_title: y });
-        let by_column = study_plot(&all);
-        assert_eq!((by_column.series.len(), by_column.series[1].name.as_str()), (2, "y"));
-        assert_eq!(by_column.series[1].points, [(0.0, 2.0), (1.0, 3.0)]);
+        let mut all = table(by_column(&[0, 1]));
+        let both = study_plot(&all);
+        assert_eq!((both.series.len(), both.series[1].name.as_str()), (2, "y"));
+        assert_eq!(both.series[1].points, [(0.0, 2.0), (1.0, 3.0)]);
         // A column of another unit is left out, and a value beside a requirement that fails is hollow.
-        let (x_title, y_title) = (x_title.clone(), y_title.clone());
-        all.drawing = TablePlot::ByColumn { columns: vec![1], x_title, y_title };
+        all.drawing = by_column(&[1]);
         (all.columns[2], all.rows[1].unmet_at) = ("b %".into(), vec![0, 1]);
         let one = study_plot(&all);
-        assert_eq!(
-            (&one.series[1].points[..], &one.series[1].hollow[..]),
-            (&[(0.0, 3.0)][..], &[0][..])
-        );
+        let second = &one.series[1];
+        assert_eq!((&second.points[..], &second.hollow[..]), (&[(0.0, 3.0)][..], &[0][..]));
         assert!(matches!(&one.x, Axis::Names(names) if names[..] == ["b"]), "{:?}", one.x);
         assert!(one.y_title.starts_with("v (hollow"), "{}", one.y_title);
         let (x_title, y_title) = ("u".to_owned(), "v".to_owned());
@@ -410,15 +407,8 @@ mod tests {
         };
         let svg = |given: f64| {
             let rows = vec![row(given, true), row(1.0, false), row(2.0, false), row(3.0, false)];
-            let placement = "rig".to_owned();
-            sweep_plot(&Sweep {
-                placement,
-                lidar: 0,
-                mirrored_lidar: None,
-                field: "z",
-                unit: "m",
-                rows,
-            })
+            let (placement, [field, unit]) = ("rig".to_owned(), ["z", "m"]);
+            sweep_plot(&Sweep { placement, lidar: 0, mirrored_lidar: None, field, unit, rows })
         };
         let drawn = |svg: &str| (svg.matches("<polyline").count(), svg.matches("r=\"4\"").count());
         assert_eq!(drawn(&svg(2.5)), (1, 4));

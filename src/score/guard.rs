@@ -287,6 +287,7 @@ pub(crate) fn guards_of(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vehicle::Violation;
 
     fn constraints() -> Constraints {
         Constraints {
@@ -301,34 +302,32 @@ mod tests {
 
     #[test]
     fn the_reference_layout_stands_on_the_corners() {
-        let layout = reference_layout(&constraints(), &[SensorName::default(); 4]);
-        let corners: Vec<_> = layout.lidars.iter().map(|l| (l.x, l.y, l.z)).collect();
+        let layout = |of: &Constraints, lidars: usize| {
+            reference_layout(of, &vec![SensorName::default(); lidars])
+        };
+        let four = layout(&constraints(), 4);
+        let corners = four.lidars.iter().map(|l| (l.x, l.y, l.z));
         let want = [(0.6, 0.4), (-0.6, 0.4), (-0.6, -0.4), (0.6, -0.4)];
-        for ((x, y, z), (want_x, want_y)) in corners.into_iter().zip(want) {
+        for ((x, y, z), (want_x, want_y)) in corners.zip(want) {
             assert!((x - want_x).abs() < 1e-9 && (y - want_y).abs() < 1e-9, "{x} {y}");
             assert_eq!(z, 2.8);
         }
-        let single = reference_layout(&constraints(), &[SensorName::default()]);
         let mut tied = constraints();
         tied.ties.symmetric = true;
         for count in 1..=6 {
-            let layout = reference_layout(&tied, &vec![SensorName::default(); count]);
-            let broken = tied.violations(&layout);
+            let broken = tied.violations(&layout(&tied, count));
             assert!(
-                broken.iter().all(|v| !matches!(v, crate::vehicle::Violation::NotMirrored { .. })),
+                !broken.iter().any(|v| matches!(v, Violation::NotMirrored { .. })),
                 "{broken:?}"
             );
         }
+        let single = layout(&constraints(), 1);
         assert_eq!((single.lidars[0].x, single.lidars[0].y), (0.0, 0.0));
         for count in 1..=16 {
+            let broken = constraints().violations(&layout(&constraints(), count));
             assert!(
-                constraints()
-                    .violations(&reference_layout(
-                        &constraints(),
-                        &vec![SensorName::default(); count]
-                    ))
-                    .iter()
-                    .all(|v| !matches!(v, crate::vehicle::Violation::OutsideMount { .. }))
+                !broken.iter().any(|v| matches!(v, Violation::OutsideMount { .. })),
+                "{broken:?}"
             );
         }
     }

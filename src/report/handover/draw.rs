@@ -348,17 +348,15 @@ pub(super) fn draw(drawing: &mut Drawing, rig: &DrawnRig<'_>, sheet: &Sheet) {
     let mut y = upper + TITLE;
     let heading = format!("{}: {}", shortened(rig.vehicle, 30), shortened(rig.placement, 30));
     drawing.text([left, y], TITLE + 0.6, heading, Anchor::Start, true, Ink::full(INK));
-    for words in [
-        format!("1 : {} on A3; dimensions in mm, angles in degrees", sheet.one_to),
-        "Datum: origin of the vehicle's frame, on the ground; x ahead, y left, z up (ISO 8855)."
-            .to_owned(),
-        "R = Rz(yaw) · Ry(pitch) · Rx(roll). Positive yaw turns left, positive pitch looks down,"
-            .to_owned(),
-        "positive roll lifts the left side.".to_owned(),
+    let facts = [
+        &*format!("1 : {} on A3; dimensions in mm, angles in degrees", sheet.one_to),
+        "Datum: origin of the vehicle's frame, on the ground; x ahead, y left, z up (ISO 8855).",
+        "R = Rz(yaw) · Ry(pitch) · Rx(roll). Positive yaw turns left, positive pitch looks down,",
+        "positive roll lifts the left side.",
     ]
-    .into_iter()
-    .chain(rig.about.iter().map(|words| shortened(words, LONGEST_LINE)))
-    {
+    .map(str::to_owned);
+    let about = rig.about.iter().map(|words| shortened(words, LONGEST_LINE));
+    for words in facts.into_iter().chain(about) {
         y += LINE;
         drawing.words([left, y], WORDS, words);
     }
