@@ -245,28 +245,16 @@ fn facts(info: &PsogInfo) -> String {
     let [x, y, z] = [0, 1, 2].map(|k| format!("{} to {}", info.min[k], info.max[k]));
     let [nx, ny, nz] = info.shape;
     let [dx, dy, dz] = info.voxel;
-    let share = |count: u64| 100.0 * count as f64 / info.voxels as f64;
+    let voxels = |count: u64, which: &str| {
+        format!("{count} voxels ({:.2} %) {which}", 100.0 * count as f64 / info.voxels as f64)
+    };
     let nats = |value: f64| format!("{value:.2} nats");
     let mut facts = vec![
         ("region", format!("x {x}, y {y}, z {z} m")),
         ("voxels", format!("{} = {nx} × {ny} × {nz} of {dx} × {dy} × {dz} m", info.voxels)),
         ("frames", info.frames.to_string()),
-        (
-            "occupied",
-            format!(
-                "{} voxels ({:.2} %) in at least one frame",
-                info.occupied,
-                share(info.occupied)
-            ),
-        ),
-        (
-            "informative",
-            format!(
-                "{} voxels ({:.2} %) not the same in all frames",
-                info.informative,
-                share(info.informative)
-            ),
-        ),
+        ("occupied", voxels(info.occupied, "in at least one frame")),
+        ("informative", voxels(info.informative, "not the same in all frames")),
         ("entropy", format!("{}, every class for itself", nats(info.entropy_segmentation))),
     ];
     if let (Some(entropy), Some(target)) = (info.entropy_detection, &info.detection_target) {
@@ -274,12 +262,8 @@ fn facts(info: &PsogInfo) -> String {
     }
     facts.push(("", format!("{}, occupied or not", nats(info.entropy_bernoulli))));
     facts.push(("memory", format!("{:.1} MiB", info.memory_bytes as f64 / f64::from(1 << 20))));
-    if let Some(ties) = info.tie_share {
-        facts.push((
-            "ties",
-            format!("{:.2} % of the votes, which went to the lowest class", 100.0 * ties),
-        ));
-    }
+    let ties = info.tie_share.map(|ties| format!("{:.2} % of the votes", 100.0 * ties));
+    facts.extend(ties.map(|words| ("ties", words + ", which went to the lowest class")));
     facts.iter().map(|(name, value)| format!("{name:<12}{value}\n")).collect()
 }
 
