@@ -70,7 +70,7 @@ pub struct WorstShares {
 }
 
 /// The near field of a placement.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct NearField {
     /// Name of the placement.
     pub name: String,

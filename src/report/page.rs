@@ -137,7 +137,7 @@ fn unbroken(words: &str) -> Markup {
 }
 
 /// Subject of a page, whether it was searched for or given.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Subject<'a> {
     /// Name of the scene; all names where there are several.
     pub scene: &'a str,
@@ -183,19 +183,8 @@ impl<'a> Subject<'a> {
         objective: &'a str,
         command: String,
     ) -> Self {
-        let verdict = judged(result, baselines, objective);
-        let (conditions, result, tolerance) = (&[][..], Some(result), String::new());
-        Self {
-            scene,
-            scenes,
-            objective,
-            conditions,
-            verdict,
-            result,
-            baselines,
-            command,
-            tolerance,
-        }
+        let (verdict, result) = (judged(result, baselines, objective), Some(result));
+        Self { scene, scenes, objective, verdict, result, baselines, command, ..Self::default() }
     }
 
     /// The best baseline that keeps all rules.

@@ -384,15 +384,9 @@ mod tests {
         assert!(own.contains("found: car") && own.matches("<polygon").count() == 5, "{own}");
         assert_eq!(sizes_in_words(&card), "Targets: car 4.5 × 1.8 × 1.5 m.");
         // A sector elsewhere takes nothing away; in one a car may be lost where it starts late.
-        let sector = |bearings, near| BlindSector {
-            bearings,
-            distances: [near, 50.0],
-            worst: bearings[0],
-            lost: vec![[near, 50.0]],
-        };
-        card.blind = vec![sector([30.0, 120.0], 5.0)];
+        card.blind = vec![BlindSector::lost([30.0, 120.0], [5.0, 50.0])];
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
-        card.blind = vec![sector([170.0, -170.0], 5.0)];
+        card.blind = vec![BlindSector::lost([170.0, -170.0], [5.0, 50.0])];
         let words =
             "Among these distances a car stands free of the own body from 7.5 m (ahead 0°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));

@@ -334,12 +334,7 @@ mod tests {
 
     #[test]
     fn a_blind_sector_is_a_word_in_texts_and_a_key_in_files() {
-        let sector = BlindSector {
-            bearings: [165.0, -165.0],
-            distances: [20.0, 25.0],
-            worst: 180.0,
-            lost: vec![[20.0, 25.0]],
-        };
+        let sector = BlindSector::lost([165.0, -165.0], [20.0, 25.0]);
         let (guard, words) = (Guard::BlindSector(sector.clone()), sector.to_string());
         assert_eq!(guard.to_string(), format!("BLIND: {words}"));
         assert_eq!(serde_json::json!(guard), format!("blind_sector: {words}"));

@@ -399,12 +399,7 @@ mod tests {
     fn warnings_of_baselines_are_told_where_the_result_has_none() {
         let (best, mut center) = (planted("found", 1.0, 500.0), planted("Center", 0.5, 400.0));
         let plain = center.clone();
-        let sector = BlindSector {
-            bearings: [-15.0, 15.0],
-            distances: [20.0, 25.0],
-            worst: 0.0,
-            lost: vec![[20.0, 25.0]],
-        };
+        let sector = BlindSector::lost([-15.0, 15.0], [20.0, 25.0]);
         center.scores.guards = vec![Guard::BlindSector(sector)];
         let told = |best: &Scored, baselines: &[Scored]| {
             let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());

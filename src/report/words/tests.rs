@@ -190,30 +190,15 @@ fn nothing_to_gain_is_compared_without_shares() {
 
 #[test]
 fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
-    let (ahead, left) = (None, Some(2.0));
+    let left = Some(2.0);
     let lane = |side, depth| BlindLane { side, along: [0.0, 0.25], depth, lost: vec![] };
     let zone = BlindZone {
         lanes: vec![lane("ahead", None), lane("behind", None), lane("behind", Some(0.125))],
-        polygon: vec![],
-        area: 1.0,
-        ahead,
-        behind: None,
         left,
         right: left,
-        lost: vec![],
-        worst_frames: std::collections::BTreeMap::new(),
+        ..BlindZone::default()
     };
-    let mut near = NearField {
-        name: "found".into(),
-        near_field: 0.5,
-        ring: None,
-        worst_frame: None,
-        blind_area: 1.0,
-        zone,
-        beams: vec![],
-        poles: vec![],
-        cells: vec![],
-    };
+    let mut near = NearField { zone, ..NearField::default() };
     let told = unseen_in_words(&near).sentence;
     let want = "BLIND ZONE: no ground is seen within 10 m ahead; no ground is seen within 10 m in 1 of 2 lanes behind. ";
     assert_eq!(told, want);
@@ -241,12 +226,7 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
 
 #[test]
 fn many_blind_sectors_are_counted_first_and_listed_last() {
-    let sector = |from: f64| BlindSector {
-        bearings: [from, from + 30.0],
-        distances: [5.0, 50.0],
-        worst: from + 15.0,
-        lost: vec![[5.0, 50.0]],
-    };
+    let sector = |from: f64| BlindSector::lost([from, from + 30.0], [5.0, 50.0]);
     let mut found = planted("found", 1.0, 500.0);
     let mut first_words = |blind: Vec<BlindSector>| {
         found.scores.range_card = Some(RangeCard { blind, ..RangeCard::default() });
