@@ -134,12 +134,8 @@ fn map_of_counts<S: Serializer>(
     counts: &[(String, f64)],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
-    struct Count(f64);
-    impl Serialize for Count {
-        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-            whole_if_whole(&self.0, serializer)
-        }
-    }
+    #[derive(Serialize)]
+    struct Count(#[serde(serialize_with = "whole_if_whole")] f64);
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
 }
 

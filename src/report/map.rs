@@ -353,17 +353,14 @@ pub(crate) fn placement_svg(
     };
     let signs = [places(ViewScale::above), places(ViewScale::aside)].concat();
     // From above a box begins at its left side, from the right at its top.
-    let boxes: Vec<_> = constraints
-        .kinds()
-        .iter()
-        .flat_map(|(slot, _)| {
-            let [low, high] = slot.region.corners();
-            [
-                (views.above([low[0], high[1], 0.0]), views.above([high[0], low[1], 0.0])),
-                (views.aside([low[0], 0.0, high[2]]), views.aside([high[0], 0.0, low[2]])),
-            ]
-        })
-        .collect();
+    let boxes = |[low, high]: [[f64; 3]; 2]| {
+        [
+            (views.above([low[0], high[1], 0.0]), views.above([high[0], low[1], 0.0])),
+            (views.aside([low[0], 0.0, high[2]]), views.aside([high[0], 0.0, low[2]])),
+        ]
+    };
+    let kinds = constraints.kinds();
+    let boxes = kinds.iter().flat_map(|(slot, _)| boxes(slot.region.corners()));
     let unit = px(views.scale);
     let drawing = html! {
         @for triangle in body {
@@ -450,12 +447,8 @@ mod tests {
                 // Widths by hand: `0, 2` takes four letters of 7 pixels and 10 more, one number 18.
                 let wide = |sign: &LidarSign| if sign.lidars.len() == 2 { 19.0 } else { 9.0 };
                 let apart = (a.label[0] - b.label[0]).abs() >= wide(a) + wide(b);
-                assert!(
-                    apart || (a.label[1] - b.label[1]).abs() >= 18.0,
-                    "{:?} {:?}",
-                    a.label,
-                    b.label
-                );
+                let (a, b) = (a.label, b.label);
+                assert!(apart || (a[1] - b[1]).abs() >= 18.0, "{a:?} {b:?}");
             }
         }
     }

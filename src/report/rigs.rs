@@ -104,23 +104,16 @@ fn facts_in_words(
     guards: Option<usize>,
     objective: &Objective,
 ) -> String {
-    let mut facts = Vec::new();
-    match scores.broken_rules.len() {
-        0 => {}
-        1 => facts.push("1 rule broken".to_owned()),
-        count => facts.push(format!("{count} rules broken")),
-    }
-    let [met, of] = scores.met();
-    if of > 0 {
-        facts.push(format!("{met} of {of} requirements met"));
-    }
-    if missing > 0.0 {
-        facts.push(format!("{} missing", points(missing)));
-    }
-    facts.extend(guards.map(|count| counted(count, "guard") + " violated"));
+    let (broken, [met, of]) = (scores.broken_rules.len(), scores.met());
     let value = objective.value(scores).map_or("–".to_owned(), |value| objective.spoken(value));
-    facts.push(format!("near_gain {value}"));
-    facts.join(", ")
+    let facts = [
+        (broken > 0).then(|| counted(broken, "rule") + " broken"),
+        (of > 0).then(|| format!("{met} of {of} requirements met")),
+        (missing > 0.0).then(|| points(missing) + " missing"),
+        guards.map(|count| counted(count, "guard") + " violated"),
+        Some(format!("near_gain {value}")),
+    ];
+    facts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// A share in per cent points: `4.1 points`.

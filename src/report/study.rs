@@ -121,12 +121,8 @@ fn first_of(sweep: &Sweep, title: &str, faults: impl Fn(&SweepRow) -> Vec<String
         return String::new();
     };
     let count = all.iter().filter(|faults| !faults.is_empty()).count();
-    let at = head(sweep, first);
-    let mut text = format!("{title} in {count} of {} rows; at {at}:\n", all.len());
-    for fault in &all[first] {
-        text += &format!("  {fault}\n");
-    }
-    text
+    let faults: String = all[first].iter().map(|fault| format!("  {fault}\n")).collect();
+    format!("{title} in {count} of {} rows; at {}:\n{faults}", all.len(), head(sweep, first))
 }
 
 /// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
@@ -176,9 +172,7 @@ pub(crate) fn sweep_plot(sweep: &Sweep) -> String {
         line: true,
         ..Series::default()
     };
-    let scores = DRAWN
-        .iter()
-        .map(|(column, name)| series((*name).to_owned(), &|scores| column.value(scores)));
+    let scores = DRAWN.map(|(column, name)| series(name.to_owned(), &|of| column.value(of)));
     let required = sweep.rows.first().map_or(&[][..], |row| &row.scores.required[..]);
     let required = required.iter().take(MOST_DRAWN).enumerate().map(|(k, seen)| {
         series(seen.title(), &|scores| scores.required.get(k).map(|seen| seen.share))
@@ -188,7 +182,11 @@ pub(crate) fn sweep_plot(sweep: &Sweep) -> String {
         x_title: format!("{}, {}", sweep.field, sweep.unit),
         y_title: "%".to_owned(),
         x: Axis::Numbers,
-        series: scores.chain(required).filter(|series| !series.points.is_empty()).collect(),
+        series: scores
+            .into_iter()
+            .chain(required)
+            .filter(|series| !series.points.is_empty())
+            .collect(),
     };
     let change = given.map(|at| Change { at, name: "as given".to_owned(), ends_curves: false });
     plot.svg_with(&[], change.as_slice())
