@@ -319,22 +319,17 @@ impl Scores {
     ) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
         let gained = Entropy::Classes.of(&tally.entropy);
-        let unique = tally.unique.iter();
+        let unique = |&own: &u64| if gained == 0 { 0.0 } else { own as f64 / gained as f64 };
+        let by_class =
+            content.classes().iter().cloned().zip(tally.by_class.iter().copied().map(mean));
         Self {
             name: name.to_owned(),
             covered: mean(tally.covered),
             covered_nonzero: mean(tally.covered_nonzero),
-            covered_by_class: content
-                .classes()
-                .iter()
-                .zip(&tally.by_class)
-                .map(|(name, &count)| (name.clone(), mean(count)))
-                .collect(),
+            covered_by_class: by_class.collect(),
             beams: tally.beams / frames as u64,
             hit_share: has_hits.then(|| tally.hits as f64 / tally.beams as f64),
-            unique_share: unique
-                .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
-                .collect(),
+            unique_share: tally.unique.iter().map(unique).collect(),
             required: required(tally, content, frames),
             guards: guards_of(tally, content, has_hits, frames, reference),
             ..Self::of_tasks(Tasks::new(tally, content, frames))

@@ -197,9 +197,8 @@ pub fn chart(
         // The f64 scorer takes twenty times as long as its equal in `f32`, which is the reference here.
         ladder.all.swap(0, 1);
         ladder.all.retain(|setting| setting.engine != Engine::Atlas);
-        ladder
-            .left_out
-            .push("warm pose atlases, which are never the advice: see --full".to_owned());
+        let why = "warm pose atlases, which are never the advice: see --full";
+        ladder.left_out.push(why.to_owned());
     }
     let random = settings.random as usize;
     let drawn = random_placements_by_the_rules(&scene.constraints(), random, settings.seed);

@@ -231,9 +231,10 @@ impl RequiredGround {
                 GroundSeen { share, soft: share.unwrap_or(0.0) }
             }
             CellRule::Lanes(poses, metres, _) => {
-                let each: Vec<[f64; 2]> = with_lanes(poses)
-                    .map(|(pose, lanes)| self.lanes_seen(pose, lanes, *metres, bits))
-                    .collect();
+                let seen = |(pose, lanes): (usize, &Vec<Lane>)| {
+                    self.lanes_seen(pose, lanes, *metres, bits)
+                };
+                let each: Vec<[f64; 2]> = with_lanes(poses).map(seen).collect();
                 let share = each.iter().map(|seen| seen[0]).min_by(f64::total_cmp);
                 let soft: f64 = each.iter().map(|seen| seen[1]).sum();
                 GroundSeen { share, soft: soft / each.len().max(1) as f64 }

@@ -288,10 +288,10 @@ pub(crate) fn chart_words(chart: &Chart) -> Vec<String> {
         100.0 * MOST_SWAPPED,
     );
     let times = [(verdict.saves_over_f32, "f32"), (verdict.saves_over_f64, "f64")];
-    let times: Vec<String> = times
-        .into_iter()
-        .filter_map(|(times, number)| Some(format!("{:.1} times as fast in {number}", times?)))
-        .collect();
+    let told = |(times, number): (Option<f64>, &str)| {
+        Some(format!("{:.1} times as fast in {number}", times?))
+    };
+    let times: Vec<String> = times.into_iter().filter_map(told).collect();
     let saved = format!(
         "Against the finest setting ({}) it is {}; it takes {} instead of {}.",
         finest.measured.setting.fidelity.words(chart.edge),

@@ -317,11 +317,10 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
                 front.points.iter().enumerate().filter(|(_, point)| point.meets == meets).collect();
             let labels = of.iter().enumerate().filter_map(|(number, (k, point))| {
                 let picks = picks_of(front, *k).replace("knee", "best trade-off (knee)");
-                let third = all
-                    .get(2)
-                    .map(|third| format!(" ({} {})", title(third), shown(third, point.values[2])));
-                (!picks.is_empty())
-                    .then(|| (number, format!("{picks}{}", third.unwrap_or_default())))
+                let third = all.get(2).map_or(String::new(), |third| {
+                    format!(" ({} {})", title(third), shown(third, point.values[2]))
+                });
+                (!picks.is_empty()).then(|| (number, picks + &third))
             });
             Series {
                 name: if requires { words.to_owned() } else { "front".to_owned() },

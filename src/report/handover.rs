@@ -282,14 +282,10 @@ impl View {
             fans.map(|(k, fan)| (k, fan.into_iter().map(flat).collect())).collect();
         let outline = outline(&body);
         let mounts = rig.mounts.iter().flat_map(|mount| mount.corners);
-        let points = outline
-            .iter()
-            .chain(fans.iter().map(|(_, fan)| fan))
-            .flatten()
-            .copied()
-            .chain(more.iter().copied())
-            .chain(mounts.map(|corner| flat(corner.into())))
-            .chain(rig.lidars.iter().map(|lidar| flat(lidar.pose.position())));
+        let lines = outline.iter().chain(fans.iter().map(|(_, fan)| fan)).flatten();
+        let lidars = rig.lidars.iter().map(|lidar| lidar.pose.position());
+        let places = mounts.map(DVec3::from).chain(lidars).map(flat);
+        let points = lines.chain(more).copied().chain(places);
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in points {
             for k in 0..2 {

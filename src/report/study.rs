@@ -163,30 +163,22 @@ pub(crate) fn sweep_plot(sweep: &Sweep) -> String {
     let is_extra = given.is_some_and(|given| values().all(|value| value != given));
     let mut drawn: Vec<_> = sweep.rows.iter().filter(|row| !row.as_given || is_extra).collect();
     drawn.sort_by(|a, b| a.value.total_cmp(&b.value));
-    let series = |name: String, of: &dyn Fn(&Scores) -> Option<f64>| Series {
-        name,
-        points: drawn
-            .iter()
-            .filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?)))
-            .collect(),
-        line: true,
-        ..Series::default()
+    let series = |name: String, of: &dyn Fn(&Scores) -> Option<f64>| {
+        let points = drawn.iter().filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?)));
+        Series { name, points: points.collect(), line: true, ..Series::default() }
     };
     let scores = DRAWN.map(|(column, name)| series(name.to_owned(), &|of| column.value(of)));
     let required = sweep.rows.first().map_or(&[][..], |row| &row.scores.required[..]);
     let required = required.iter().take(MOST_DRAWN).enumerate().map(|(k, seen)| {
         series(seen.title(), &|scores| scores.required.get(k).map(|seen| seen.share))
     });
+    let all = scores.into_iter().chain(required);
     let plot = Plot {
         title: format!("{}: {} of LiDAR {}", sweep.placement, sweep.field, sweep.lidar),
         x_title: format!("{}, {}", sweep.field, sweep.unit),
         y_title: "%".to_owned(),
         x: Axis::Numbers,
-        series: scores
-            .into_iter()
-            .chain(required)
-            .filter(|series| !series.points.is_empty())
-            .collect(),
+        series: all.filter(|series| !series.points.is_empty()).collect(),
     };
     let change = given.map(|at| Change { at, name: "as given".to_owned(), ends_curves: false });
     plot.svg_with(&[], change.as_slice())

@@ -98,10 +98,10 @@ pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
             None => starts.push((*first, vec![name])),
         }
     }
-    let parts = starts
-        .iter()
-        .map(|(metres, names)| format!("{} m ({})", trimmed(*metres, 2), names.join(", ")));
-    let parts: Vec<String> = parts.collect();
+    let part = |(metres, names): &(f64, Vec<String>)| {
+        format!("{} m ({})", trimmed(*metres, 2), names.join(", "))
+    };
+    let parts: Vec<String> = starts.iter().map(part).collect();
     (!parts.is_empty()).then(|| {
         format!(
             "Among these distances a {} stands free of the own body from {} on.",

@@ -114,10 +114,8 @@ mod tests {
         let placed: Vec<(Point, Anchor)> =
             (0..12).map(|_| labels.place(&wanted, 2.0, "side-front-left")).collect();
         // By plain areas: no two of the boxes share any.
-        let boxes: Vec<[f64; 4]> = placed
-            .iter()
-            .map(|(at, anchor)| bounds(*at, 2.0, "side-front-left", *anchor))
-            .collect();
+        let around = |(at, anchor): &(Point, Anchor)| bounds(*at, 2.0, "side-front-left", *anchor);
+        let boxes: Vec<[f64; 4]> = placed.iter().map(around).collect();
         for (k, a) in boxes.iter().enumerate() {
             for b in &boxes[k + 1..] {
                 let side = |k: usize| (a[k + 2].min(b[k + 2]) - a[k].max(b[k])).max(0.0);

@@ -330,11 +330,8 @@ fn has_more_to_tell(seen: &Seen) -> bool {
 }
 
 fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
-    let beside: Vec<&Scored> = baselines
-        .iter()
-        .filter(|of| of.scores.required.len() == best.scores.required.len())
-        .take(BESIDE)
-        .collect();
+    let has_all = |of: &&Scored| of.scores.required.len() == best.scores.required.len();
+    let beside: Vec<&Scored> = baselines.iter().filter(has_all).take(BESIDE).collect();
     let mut titles = vec!["", "", "found %", "required %", "margin"];
     // Without a mounting tolerance nobody looked at copies.
     let has_copies = best.scores.required.iter().any(|seen| seen.holds_in.is_some());

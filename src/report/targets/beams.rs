@@ -58,10 +58,8 @@ impl OfPlacement<'_> {
     /// A line a bearing, a column a target and distance: its beams, over several frames the fewest and the most.
     fn beams_at(&self, distances: &[f64], beams: u32) -> String {
         let (targets, bearings) = self.names();
-        let columns: Vec<(&str, f64)> = targets
-            .iter()
-            .flat_map(|&target| distances.iter().map(move |&m| (target, m)))
-            .collect();
+        let of_target = |target| distances.iter().map(move |&metres| (target, metres));
+        let columns: Vec<(&str, f64)> = targets.into_iter().flat_map(of_target).collect();
         let title = |(target, metres): &(&str, f64)| format!("{target} {} m", trimmed(*metres, 2));
         let mut rows = vec![vec![format!("beams, {beams} needed")]];
         rows[0].extend(columns.iter().map(title));

@@ -259,10 +259,8 @@ impl Gains {
 
     /// Adds a layout that sees each voxel in a share of the frames.
     fn add(&mut self, voxels: &[Voxel], shares: &[f64]) {
-        self.by_class
-            .iter_mut()
-            .chain(&mut self.by_distance)
-            .for_each(|part| part.gained.push(0.0));
+        let parts = self.by_class.iter_mut().chain(&mut self.by_distance);
+        parts.for_each(|part| part.gained.push(0.0));
         for (voxel, share) in voxels.iter().zip(shares) {
             let parts = [
                 &mut self.by_class[usize::from(voxel.drawn.class)],
