@@ -202,33 +202,23 @@ mod tests {
                     fewer are missing; requirements come first, then the number of violated guards, then near_gain\n";
         assert_eq!(found, want);
         let met = [0.9, 0.9];
-        let found = words(rig("a", met, 1, 0.6), rig("b", met, 0, 0.5));
-        assert!(found.starts_with(
-            "better: b (2 of 2 requirements met, 0 guards violated, near_gain 50.00 %)"
-        ));
-        assert!(
-            found.contains("1 guard violated, near_gain 60.00 %); decided by the violated"),
-            "{found}"
-        );
-        let found = words(rig("a", met, 1, 0.6), rig("b", met, 1, 0.5));
-        assert!(
-            found.starts_with("better: a ") && found.contains("; decided by near_gain;"),
-            "{found}"
-        );
+        let says = |a: &Scores, b: Scores, parts: [&str; 2]| {
+            let found = words(a.clone(), b);
+            assert!(found.starts_with(parts[0]) && found.contains(parts[1]), "{found}");
+            found
+        };
+        let guarded = rig("a", met, 1, 0.6);
+        let start = "better: b (2 of 2 requirements met, 0 guards violated, near_gain 50.00 %)";
+        let end = "1 guard violated, near_gain 60.00 %); decided by the violated";
+        says(&guarded, rig("b", met, 0, 0.5), [start, end]);
+        let parts = ["better: a ", "; decided by near_gain;"];
+        let found = says(&guarded, rig("b", met, 1, 0.5), parts);
         assert!(!found.contains("1 guard"), "{found}");
-        let mut on_paper = rig("a", met, 0, 0.6);
-        on_paper.requirements_hold_in = Some(0.92);
-        let mut firm = rig("b", met, 1, 0.5);
-        firm.requirements_hold_in = Some(0.97);
-        let found = words(on_paper, firm);
-        assert!(found.starts_with("better: b ") && found.contains("92 %"), "{found}");
-        assert!(found.contains("meet all requirements: 97 % against 92 %"), "{found}");
-        let mut blind = rig("a", met, 0, 0.6);
-        blind.car_missing = Some(0.5);
-        let found = words(blind, rig("b", met, 0, 0.5));
-        assert!(
-            found.starts_with("better: b ") && found.contains("decided by the sectors"),
-            "{found}"
-        );
+        let held = |rig: Scores, share| Scores { requirements_hold_in: Some(share), ..rig };
+        let (on_paper, firm) =
+            (held(rig("a", met, 0, 0.6), 0.92), held(rig("b", met, 1, 0.5), 0.97));
+        says(&on_paper, firm, ["better: b ", "meet all requirements: 97 % against 92 %"]);
+        let blind = Scores { car_missing: Some(0.5), ..rig("a", met, 0, 0.6) };
+        says(&blind, rig("b", met, 0, 0.5), ["better: b ", "decided by the sectors"]);
     }
 }
