@@ -7,6 +7,7 @@ use maud::{Markup, html};
 
 use super::drawing::{Flat, outline};
 use super::svg::{FAINT, INK, LidarSign, colour, corners, page, px};
+use super::view::sight::is_set;
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Content, Entropy, Problem, spread};
 use crate::psog::{Roi, to_nats};
@@ -64,14 +65,11 @@ impl InformationMap {
         for &frame in &frames {
             // Only the occupied voxels: the list of all that are covered is ten times as long.
             let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
-            let is_set = |words: &[u64], voxel: u32| {
-                let bit = bitmaps.order.bit_of(voxel);
-                words[bit as usize / 64] >> (bit % 64) & 1 == 1
-            };
-            let covers = |voxel| bitmaps.sensors().any(|words| is_set(words, voxel));
+            let covered = |words: &[u64], voxel: u32| is_set(words, bitmaps.order.bit_of(voxel));
+            let covers = |voxel| bitmaps.sensors().any(|words| covered(words, voxel));
             map.add_frame(roi, content, covers, frames.len());
             for words in bitmaps.sensors() {
-                map.add_lidar(roi, content, |voxel| is_set(words, voxel));
+                map.add_lidar(roi, content, |voxel| covered(words, voxel));
             }
             map.frames += 1;
         }

@@ -1,4 +1,4 @@
-//! Parts of every drawing: page, colours, numbers as words, and axes with their ticks.
+//! Parts of every drawing: page, colours, signs of LiDARs, numbers as words, and axes with their ticks.
 
 use crate::json::fixed;
 use crate::maths;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Anchor, Drawing, HALO, Ink, Point, Shape, Stroke, WHITE, mm};
+use super::{Drawing, HALO, Ink, Point, Shape, Stroke, WHITE, mm};
 
 /// Points of the format a millimetre: 72 an inch.
 const POINTS: f64 = 72.0 / 25.4;
@@ -141,12 +141,7 @@ impl PdfPage {
             }
             Shape::Words { at, words, size, anchor, bold, ink } => {
                 self.fill(*ink);
-                let back = match anchor {
-                    Anchor::Start => 0.0,
-                    Anchor::Middle => 0.5,
-                    Anchor::End => 1.0,
-                };
-                let (x, y) = (at[0] - back * width(words, *size), at[1]);
+                let (x, y) = (at[0] - anchor.share() * width(words, *size), at[1]);
                 // Drawn as white lines first, then filled: `Tr` of 1 and of 0.
                 if ink.0 != WHITE {
                     self.stroke(Stroke::solid(WHITE, HALO * size));

@@ -54,11 +54,7 @@ pub(super) fn end_of_leader(
 fn bounds([x, y]: Point, size: f64, words: &str, anchor: Anchor) -> [f64; 4] {
     let [wide, above, below] = CHARACTER.map(|share| share * size);
     let width = wide * words.chars().count() as f64;
-    let left = match anchor {
-        Anchor::Start => x,
-        Anchor::Middle => x - 0.5 * width,
-        Anchor::End => x - width,
-    };
+    let left = x - anchor.share() * width;
     [left, y - above, left + width, y + below]
 }
 

@@ -190,7 +190,8 @@ impl Marks<'_> {
     }
 }
 
-fn is_set(words: &[u64], bit: u32) -> bool {
+/// True if a bit of a bitmap is set.
+pub(crate) fn is_set(words: &[u64], bit: u32) -> bool {
     words[bit as usize / 64] >> (bit % 64) & 1 == 1
 }
 
