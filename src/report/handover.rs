@@ -62,13 +62,9 @@ impl DrawnRig<'_> {
         let sheet = Sheet::of(&views, |room| {
             self.lidars.len() + self.about.len() + draw::warnings(self, room).len()
         });
-        let mut drawing = Drawing::new(
-            A3,
-            &format!(
-                "{}, {}: LiDARs from above, from the right and from the front",
-                self.vehicle, self.placement
-            ),
-        );
+        let Self { vehicle, placement, .. } = self;
+        let title = "LiDARs from above, from the right and from the front";
+        let mut drawing = Drawing::new(A3, &format!("{vehicle}, {placement}: {title}"));
         draw::top(&mut drawing, self, &views, &sheet);
         draw::side(&mut drawing, self, &views, &sheet);
         draw::front(&mut drawing, self, &views, &sheet);

@@ -79,14 +79,13 @@ pub(super) fn told_findings(all: &[Finding]) -> impl Iterator<Item = &Finding> {
 
 /// Rank correlations of properties of layouts with the objective, one property a line; empty where none has one.
 pub(crate) fn findings_text(all: &[Finding], objective: &str) -> String {
-    let title = ["over random placements", "with mean height held fixed"].map(str::to_owned);
-    let [first, last] = title;
-    let mut rows = vec![vec![first, format!("rank correlation with {objective}"), last]];
-    rows.extend(told_findings(all).map(|finding| {
-        let name = finding.property.to_owned();
-        vec![name, optional(finding.correlation, 2), optional(finding.beside_height, 2)]
-    }));
-    if rows.len() > 1 { align_columns(&rows) } else { String::new() }
+    let title = format!("rank correlation with {objective}");
+    let titles = ["over random placements", &*title, "with mean height held fixed"];
+    let row = |of: &Finding| {
+        vec![of.property.to_owned(), optional(of.correlation, 2), optional(of.beside_height, 2)]
+    };
+    let rows: Vec<Vec<String>> = told_findings(all).map(row).collect();
+    if rows.is_empty() { String::new() } else { table_text(&titles, rows) }
 }
 
 /// A value of an objective in a sentence: see [`Objective::spoken`].

@@ -268,12 +268,8 @@ fn rectangle(shown: &View, mount: &DrawnMount) -> [Flat; 2] {
 /// Corners of the box around loops; `None` without any.
 fn bounds(loops: &[Vec<Flat>]) -> Option<[Flat; 2]> {
     let each = loops.iter().flatten().map(|corner| [*corner, *corner]);
-    each.reduce(|[low, high], [corner, _]| {
-        [
-            [0, 1].map(|k: usize| low[k].min(corner[k])),
-            [0, 1].map(|k: usize| high[k].max(corner[k])),
-        ]
-    })
+    let of = |of: fn(f64, f64) -> f64, a: Flat, b: Flat| [of(a[0], b[0]), of(a[1], b[1])];
+    each.reduce(|[low, high], [at, _]| [of(f64::min, low, at), of(f64::max, high, at)])
 }
 
 /// An arrow to the right.
@@ -409,21 +405,15 @@ fn key(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
         y += LINE + 0.6;
     };
     sign(Some(BODY), BODY_EDGE, "own body");
-    sign(
-        None,
-        MOUNT,
-        "box around a mount; a cross is where a LiDAR stands whose number stands aside",
-    );
+    let mount = "box around a mount; a cross is where a LiDAR stands whose number stands aside";
+    sign(None, MOUNT, mount);
     let view =
         format!("field of view, level from above and upright from the side, drawn to {REACH} m");
     sign(Some(Ink(colour(0), 0.08)), Stroke::solid(colour(0), 0.2), &view);
     match &rig.near {
         Ok((_, near)) => {
-            sign(
-                Some(ZONE),
-                ZONE_EDGE,
-                "blind zone: ground straight before an edge, up to the nearest ground within 0.5 m of a beam,",
-            );
+            let zone = "blind zone: ground straight before an edge, up to the nearest ground within 0.5 m of a beam,";
+            sign(Some(ZONE), ZONE_EDGE, zone);
             let area = format!(
                 "drawn to {DRAWN} m, open where it goes on; {:.1} m² to 10 m; corners are not counted",
                 near.zone.area
