@@ -119,7 +119,7 @@ impl Footprint {
 }
 
 /// Square metres of a polygon without crossings.
-pub(super) fn polygon_area(corners: &[[f64; 2]]) -> f64 {
+fn polygon_area(corners: &[[f64; 2]]) -> f64 {
     let next = corners.iter().cycle().skip(1);
     let doubled: f64 = corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
     0.5 * doubled.abs()

@@ -334,13 +334,10 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
         FrontObjective::Requirements => "points missing of the requirements".to_owned(),
         other => title(other),
     };
-    Plot {
-        title: format!("front of {}", front.objectives.names().join(", ")),
-        x_title: unit(&all[0]),
-        y_title: unit(&all[1]),
-        x: Axis::Numbers,
-        series: series.into_iter().filter(|series| !series.points.is_empty()).collect(),
-    }
+    let [x_title, y_title] = [0, 1].map(|k| unit(&all[k]));
+    let title = format!("front of {}", front.objectives.names().join(", "));
+    let series = series.into_iter().filter(|series| !series.points.is_empty()).collect();
+    Plot { title, x_title, y_title, x: Axis::Numbers, series }
 }
 
 #[cfg(test)]

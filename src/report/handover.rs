@@ -167,20 +167,16 @@ impl Sheet {
             || (1..).map(|k| 5000.0 * f64::from(k)).take(10_000).find(|one_to| fits(*one_to));
         let one_to = usual.or_else(larger).unwrap_or(5e7);
         let scale = 1000.0 / one_to;
-        let panel = |view: &View, left: f64, lower: f64| Panel {
-            low: view.low,
-            high: view.high,
-            corner: [left, lower],
-            scale,
-        };
+        let panel =
+            |&View { low, high, .. }: &View, corner: Point| Panel { low, high, corner, scale };
         let first = EDGE + OVER + (scale * top[1]).max(legend(scale));
         let second = first + BELOW + OVER + scale * side[1];
         let right = EDGE + scale * top[0] + BETWEEN;
         Self {
             one_to,
-            top: panel(&views.top, EDGE, EDGE + OVER + scale * top[1]),
-            side: panel(&views.side, EDGE, second),
-            front: panel(&views.front, right, second),
+            top: panel(&views.top, [EDGE, EDGE + OVER + scale * top[1]]),
+            side: panel(&views.side, [EDGE, second]),
+            front: panel(&views.front, [right, second]),
             legend: [right, EDGE],
             room: room(scale).max(LEGEND),
             bar: [EDGE, second + BELOW + BAR],

@@ -477,11 +477,8 @@ pub(crate) fn convergence_svg(
     };
     let change = |&(generation, frames): &(u64, u32)| {
         let last = history.iter().rfind(|record| record.generation <= generation)?;
-        Some(Change {
-            at: last.evaluations as f64,
-            name: format!("{frames} frames"),
-            ends_curves: true,
-        })
+        let (at, name) = (last.evaluations as f64, format!("{frames} frames"));
+        Some(Change { at, name, ends_curves: true })
     };
     let steps = steps_of_generations(steps, history.len() as u64);
     let changes: Vec<Change> = steps.iter().skip(1).filter_map(change).collect();

@@ -56,13 +56,8 @@ pub(crate) fn study_plot(table: &Table) -> Plot {
     };
     let has_hollow = rows().any(|row| !row.unmet_at.is_empty());
     let hollow = if has_hollow { " (hollow: a requirement is not met)" } else { "" };
-    Plot {
-        title: table.title.clone(),
-        x_title: x_title.clone(),
-        y_title: format!("{y_title}{hollow}"),
-        x,
-        series,
-    }
+    let [title, x_title] = [&table.title, x_title].map(String::clone);
+    Plot { title, x_title, y_title: format!("{y_title}{hollow}"), x, series }
 }
 
 const COLUMNS: [ScoreColumn; 3] =
