@@ -10,7 +10,7 @@ pub(crate) mod over_scenes;
 pub(crate) mod standing;
 mod worst_frame;
 
-use serde::ser::SerializeStruct;
+use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Entropy, Tally};
@@ -134,12 +134,8 @@ fn map_of_counts<S: Serializer>(
     counts: &[(String, f64)],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
-    struct Count(f64);
-    impl Serialize for Count {
-        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-            whole_if_whole(&self.0, serializer)
-        }
-    }
+    #[derive(Serialize)]
+    struct Count(#[serde(serialize_with = "whole_if_whole")] f64);
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
 }
 
@@ -164,7 +160,7 @@ pub(crate) const SEEN: &str = "seen";
 ///
 /// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact`, `worst_without` and
 /// `worst_frame` where they are known.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
     pub name: String,
@@ -224,41 +220,25 @@ impl Seen {
     /// A requirement of 90 %, for tests.
     #[cfg(test)]
     pub(crate) fn of(name: &str, share: f64) -> Self {
-        let (name, done) = (name.to_owned(), SEEN);
-        let (missing, holds_in, lost, worst_frame) = (None, None, None, None);
-        Self { name, share, done, least: 0.9, missing, holds_in, lost, worst_frame }
+        Self { name: name.to_owned(), share, done: SEEN, least: 0.9, ..Self::default() }
     }
 }
 
 impl Serialize for Seen {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut object = serializer.serialize_struct("Seen", 9)?;
-        object.serialize_field("name", &self.name)?;
-        object.serialize_field("required", &self.least)?;
-        object.serialize_field("found", &self.share)?;
-        object.serialize_field("met", &self.is_met())?;
-        match &self.missing {
-            Some(missing) => object.serialize_field("missing", missing)?,
-            None => object.skip_field("missing")?,
+        let Self { name, share, least, missing, holds_in, lost, worst_frame, .. } = self;
+        let mut object = serializer.serialize_map(None)?;
+        object.serialize_entry("name", name)?;
+        object.serialize_entry("required", least)?;
+        object.serialize_entry("found", share)?;
+        object.serialize_entry("met", &self.is_met())?;
+        missing.iter().try_for_each(|of| object.serialize_entry("missing", of))?;
+        holds_in.iter().try_for_each(|of| object.serialize_entry("holds_in", of))?;
+        if let Some(Lost { intact, worst, .. }) = lost {
+            object.serialize_entry("intact", intact)?;
+            object.serialize_entry("worst_without", worst)?;
         }
-        match &self.holds_in {
-            Some(share) => object.serialize_field("holds_in", share)?,
-            None => object.skip_field("holds_in")?,
-        }
-        match &self.lost {
-            Some(Lost { intact, worst, .. }) => {
-                object.serialize_field("intact", intact)?;
-                object.serialize_field("worst_without", worst)?;
-            }
-            None => {
-                object.skip_field("intact")?;
-                object.skip_field("worst_without")?;
-            }
-        }
-        match &self.worst_frame {
-            Some(worst) => object.serialize_field("worst_frame", worst)?,
-            None => object.skip_field("worst_frame")?,
-        }
+        worst_frame.iter().try_for_each(|of| object.serialize_entry("worst_frame", of))?;
         object.end()
     }
 }
@@ -304,10 +284,7 @@ fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
         share: count as f64 / (frames as u64 * area.voxels).max(1) as f64,
         done: SEEN,
         least: area.required.share,
-        missing: None,
-        holds_in: None,
-        lost: None,
-        worst_frame: None,
+        ..Seen::default()
     });
     seen.collect()
 }
@@ -342,22 +319,17 @@ impl Scores {
     ) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
         let gained = Entropy::Classes.of(&tally.entropy);
-        let unique = tally.unique.iter();
+        let unique = |&own: &u64| if gained == 0 { 0.0 } else { own as f64 / gained as f64 };
+        let by_class =
+            content.classes().iter().cloned().zip(tally.by_class.iter().copied().map(mean));
         Self {
             name: name.to_owned(),
             covered: mean(tally.covered),
             covered_nonzero: mean(tally.covered_nonzero),
-            covered_by_class: content
-                .classes()
-                .iter()
-                .zip(&tally.by_class)
-                .map(|(name, &count)| (name.clone(), mean(count)))
-                .collect(),
+            covered_by_class: by_class.collect(),
             beams: tally.beams / frames as u64,
             hit_share: has_hits.then(|| tally.hits as f64 / tally.beams as f64),
-            unique_share: unique
-                .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
-                .collect(),
+            unique_share: tally.unique.iter().map(unique).collect(),
             required: required(tally, content, frames),
             guards: guards_of(tally, content, has_hits, frames, reference),
             ..Self::of_tasks(Tasks::new(tally, content, frames))

@@ -287,12 +287,7 @@ mod tests {
         assert_eq!(blind.verdict, TrialResult::Caught);
         assert_eq!(Trial::new("blind", &base, scores(100, 5, None)).verdict, TrialResult::Fooled);
         // Equal information, more of it near: only the car that is lost speaks against it.
-        let sector = BlindSector {
-            bearings: [-15.0, 15.0],
-            distances: [25.0, 50.0],
-            worst: 0.0,
-            lost: vec![[25.0, 50.0]],
-        };
+        let sector = BlindSector::lost([-15.0, 15.0], [25.0, 50.0]);
         let near =
             |near_gain, guards| Scores { near_gain: Some(near_gain), guards, ..base.clone() };
         let lost = || vec![Guard::BlindSector(sector.clone())];

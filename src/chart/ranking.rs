@@ -50,11 +50,8 @@ impl RankingError {
         if reference.is_empty() {
             return None;
         }
-        let mut errors: Vec<f64> = reference
-            .iter()
-            .zip(&scores)
-            .map(|(r, s)| if r == s { 0.0 } else { ((s - r) / r).abs() })
-            .collect();
+        let error = |(r, s): (&f64, &f64)| if r == s { 0.0 } else { ((s - r) / r).abs() };
+        let mut errors: Vec<f64> = reference.iter().zip(&scores).map(error).collect();
         errors.sort_by(f64::total_cmp);
         let count = reference.len();
         let (mut taus, mut regrets, mut swaps) = (Vec::new(), Vec::new(), Vec::new());
@@ -130,9 +127,8 @@ fn swapped(reference: &[f64], scores: &[f64], tolerance: f64) -> f64 {
 
 fn regret(reference: &[f64], scores: &[f64]) -> f64 {
     let best = best(reference);
-    let top = (0..scores.len())
-        .max_by(|&a, &b| scores[a].total_cmp(&scores[b]).then(b.cmp(&a)))
-        .unwrap_or(0);
+    let order = |&a: &usize, &b: &usize| scores[a].total_cmp(&scores[b]).then(b.cmp(&a));
+    let top = (0..scores.len()).max_by(order).unwrap_or(0);
     if best == reference[top] { 0.0 } else { (best - reference[top]) / best.abs() }
 }
 
@@ -175,16 +171,12 @@ pub(crate) const MOST_SWAPPED: f64 = 0.05;
 /// one of each other need not be told apart.
 pub(crate) fn rate(measured: &[Measured], tolerance: f64, seed: u64) -> Vec<Rated> {
     let Some(reference) = measured.first() else { return Vec::new() };
-    let mut rated: Vec<Rated> = measured
-        .par_iter()
-        .filter_map(|m| {
-            let error = RankingError::new(&reference.scores, &m.scores, tolerance, seed)?;
-            Some(Rated { measured: m.clone(), error, on_front: false })
-        })
-        .collect();
-    for index in pareto(&rated) {
-        rated[index].on_front = true;
-    }
+    let rated = |m: &Measured| {
+        let error = RankingError::new(&reference.scores, &m.scores, tolerance, seed)?;
+        Some(Rated { measured: m.clone(), error, on_front: false })
+    };
+    let mut rated: Vec<Rated> = measured.par_iter().filter_map(rated).collect();
+    pareto(&rated).into_iter().for_each(|index| rated[index].on_front = true);
     rated
 }
 

@@ -197,9 +197,8 @@ pub fn chart(
         // The f64 scorer takes twenty times as long as its equal in `f32`, which is the reference here.
         ladder.all.swap(0, 1);
         ladder.all.retain(|setting| setting.engine != Engine::Atlas);
-        ladder
-            .left_out
-            .push("warm pose atlases, which are never the advice: see --full".to_owned());
+        let why = "warm pose atlases, which are never the advice: see --full";
+        ladder.left_out.push(why.to_owned());
     }
     let random = settings.random as usize;
     let drawn = random_placements_by_the_rules(&scene.constraints(), random, settings.seed);
@@ -314,9 +313,9 @@ fn measure(
         let own = if place == 0 { effort } else { expected(index, &rule) };
         let later: f64 = order[place + 1..].iter().map(|&index| expected(index, &rule)).sum();
         let is_missing = |&&i: &&usize| state.measured.iter().all(|m| m.setting != settings.all[i]);
+        let missing = || order[place..].iter().filter(is_missing).count();
         if !observer.goes_on() {
-            let missing = order[place..].iter().filter(is_missing).count();
-            return Ok((missing, skipped));
+            return Ok((missing(), skipped));
         }
         let held = state.measured.iter().position(|m| m.setting == setting);
         if held.is_none() && rule.skips(&setting, effort) {
@@ -333,10 +332,7 @@ fn measure(
                     Some(at) => state.measured[at] = measured,
                     None => state.measured.push(measured),
                 },
-                Ok(None) => {
-                    let missing = order[place..].iter().filter(is_missing).count();
-                    return Ok((missing, skipped));
-                }
+                Ok(None) => return Ok((missing(), skipped)),
                 Err(error) if error.spares_others(&setting) => {
                     settings.left_out.push(format!("{words}: {error}"));
                 }

@@ -56,6 +56,17 @@ pub enum Engine {
     Atlas,
 }
 
+impl Engine {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::F64 => "f64",
+            Self::Cpu => "CPU",
+            Self::Gpu => "GPU",
+            Self::Atlas => "atlas",
+        }
+    }
+}
+
 /// One setting: a fidelity and an engine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
@@ -136,13 +147,7 @@ impl Setting {
 
     /// The setting in words; `edge` is the scene's own voxel edge in metres.
     pub(crate) fn words(&self, edge: f64) -> String {
-        let engine = match self.engine {
-            Engine::F64 => "f64",
-            Engine::Cpu => "CPU",
-            Engine::Gpu => "GPU",
-            Engine::Atlas => "atlas",
-        };
-        format!("{}, {engine}", self.fidelity.words(edge))
+        format!("{}, {}", self.fidelity.words(edge), self.engine.name())
     }
 }
 
@@ -177,26 +182,19 @@ impl Ladder {
         settings.add(top, Engine::F64);
         settings.add(top, Engine::Cpu);
         settings.add(top, Engine::Gpu);
-        for &voxel in &voxels {
-            settings.add(SceneDetail { voxel, ..top }, Engine::Cpu);
-        }
+        settings.add_each(Engine::Cpu, &voxels, |&voxel| SceneDetail { voxel, ..top });
         settings.add(own, Engine::Gpu);
         settings.add(SceneDetail { frames: own.frames.div_ceil(4), ..own }, Engine::Atlas);
         for &voxel in &voxels {
             settings.add(SceneDetail { voxel, ..own }, Engine::Atlas);
             settings.add(SceneDetail { voxel, frames: 1, ..own }, Engine::Atlas);
         }
-        for &azimuth in &azimuths {
-            settings.add(SceneDetail { azimuth, ..top }, Engine::Cpu);
-        }
-        for &frames in &frames {
-            settings.add(SceneDetail { frames, ..top }, Engine::Cpu);
-        }
+        settings.add_each(Engine::Cpu, &azimuths, |&azimuth| SceneDetail { azimuth, ..top });
+        settings.add_each(Engine::Cpu, &frames, |&frames| SceneDetail { frames, ..top });
         if !own.through {
             settings.add(SceneDetail { through: true, frames: 1, ..top }, Engine::Cpu);
-            for detail in [0.5, 1.0, 2.0] {
-                settings.add(SceneDetail { detail, ..top }, Engine::Cpu);
-            }
+            let merged = |&detail: &f64| SceneDetail { detail, ..top };
+            settings.add_each(Engine::Cpu, &[0.5, 1.0, 2.0], merged);
         }
         settings.add_combinations(&voxels, &azimuths, &frames, top);
         settings
@@ -228,6 +226,10 @@ impl Ladder {
             self.add(small, Engine::Cpu);
             self.add(small, Engine::Gpu);
         }
+    }
+
+    fn add_each<T>(&mut self, engine: Engine, all: &[T], of: impl Fn(&T) -> SceneDetail) {
+        all.iter().for_each(|one| self.add(of(one), engine));
     }
 
     fn add(&mut self, fidelity: SceneDetail, engine: Engine) {

@@ -188,32 +188,25 @@ pub(crate) fn merge_vertices(soup: &TriangleSoup, cell: f64) -> TriangleSoup {
     }
     let mut slots: HashMap<[i64; 3], u32> = HashMap::new();
     let mut sums: Vec<(DVec3, Vec<[u32; 3]>)> = Vec::new();
-    let slot_of: Vec<u32> = soup
-        .vertices
-        .iter()
-        .map(|vertex| {
-            let key = vertex.map(|v| (f64::from(v) / cell).floor() as i64);
-            let slot = *slots.entry(key).or_insert_with(|| {
-                sums.push((DVec3::ZERO, Vec::new()));
-                sums.len() as u32 - 1
-            });
-            // A corner that several triangles list on their own counts once.
-            let bits = vertex.map(f32::to_bits);
-            let (sum, seen) = &mut sums[slot as usize];
-            if !seen.contains(&bits) {
-                seen.push(bits);
-                *sum += DVec3::from(vertex.map(f64::from));
-            }
-            slot
-        })
-        .collect();
-    let mut merged = TriangleSoup {
-        vertices: sums
-            .iter()
-            .map(|(sum, seen)| (*sum / seen.len() as f64).as_vec3().to_array())
-            .collect(),
-        ..TriangleSoup::default()
+    let slot = |vertex: &[f32; 3]| {
+        let key = vertex.map(|v| (f64::from(v) / cell).floor() as i64);
+        let slot = *slots.entry(key).or_insert_with(|| {
+            sums.push((DVec3::ZERO, Vec::new()));
+            sums.len() as u32 - 1
+        });
+        // A corner that several triangles list on their own counts once.
+        let bits = vertex.map(f32::to_bits);
+        let (sum, seen) = &mut sums[slot as usize];
+        if !seen.contains(&bits) {
+            seen.push(bits);
+            *sum += DVec3::from(vertex.map(f64::from));
+        }
+        slot
     };
+    let slot_of: Vec<u32> = soup.vertices.iter().map(slot).collect();
+    let means = sums.iter().map(|(sum, seen)| *sum / seen.len() as f64);
+    let vertices = means.map(|mean| mean.as_vec3().to_array()).collect();
+    let mut merged = TriangleSoup { vertices, ..TriangleSoup::default() };
     let mut seen = HashSet::new();
     for (face, &class) in soup.faces.iter().zip(&soup.face_class) {
         let [a, b, c] = face.map(|v| slot_of[v as usize]);

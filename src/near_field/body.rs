@@ -119,7 +119,7 @@ impl Footprint {
 }
 
 /// Square metres of a polygon without crossings.
-pub(super) fn polygon_area(corners: &[[f64; 2]]) -> f64 {
+fn polygon_area(corners: &[[f64; 2]]) -> f64 {
     let next = corners.iter().cycle().skip(1);
     let doubled: f64 = corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
     0.5 * doubled.abs()
@@ -147,15 +147,9 @@ impl WheelPlane {
     /// there is no ground within 2 m of it under one of them.
     pub(crate) fn of(footprint: &Footprint, frame: &Frame, is_ground: &[bool]) -> Self {
         let [low, high] = footprint.bounds();
-        let under = |x: f64, y: f64| ground_under(frame, is_ground, [x, y]);
-        let [Some(a), Some(b), Some(c), Some(d)] = [
-            under(low[0], low[1]),
-            under(high[0], low[1]),
-            under(low[0], high[1]),
-            under(high[0], high[1]),
-        ] else {
-            return Self::default();
-        };
+        let corners = [low, [high[0], low[1]], [low[0], high[1]], high];
+        let heights = corners.map(|corner| ground_under(frame, is_ground, corner));
+        let [Some(a), Some(b), Some(c), Some(d)] = heights else { return Self::default() };
         let along =
             |ahead: f64, behind: f64, k: usize| (ahead - behind) / (2.0 * (high[k] - low[k]));
         Self {

@@ -70,7 +70,7 @@ pub struct WorstShares {
 }
 
 /// The near field of a placement.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct NearField {
     /// Name of the placement.
     pub name: String,
@@ -139,24 +139,16 @@ impl NearSite {
     /// # Errors
     /// A scene without an own body, or without ground near it.
     pub fn new(scene: &Scene, problem: &Arc<Problem>) -> Result<Self, NearFieldError> {
-        Self::around(outline(scene, 0)?, scene, problem)
+        Self::in_frame(scene, problem, 0)
     }
 
-    /// The site of a problem of one frame that was made of a scene: the body has its outline in that frame.
+    /// The site of a problem that was made of a scene: the body has its outline in a frame.
     pub(crate) fn in_frame(
         scene: &Scene,
         problem: &Arc<Problem>,
         frame: usize,
     ) -> Result<Self, NearFieldError> {
-        Self::around(outline(scene, frame)?, scene, problem)
-    }
-
-    fn around(
-        footprint: Footprint,
-        scene: &Scene,
-        problem: &Arc<Problem>,
-    ) -> Result<Self, NearFieldError> {
-        let site = Self::among(footprint, ground_triangles(scene), problem);
+        let site = Self::among(outline(scene, frame)?, ground_triangles(scene), problem);
         if !site.frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
             let (scene, names) = (place(scene), Ground::in_words());
             return Err(NearFieldError::NoGround { scene, within: NEAR, names });

@@ -228,13 +228,14 @@ impl RequiredGround {
     pub(crate) fn share(&self, rule: usize, bits: &[u64]) -> GroundSeen {
         match &self.rules[rule] {
             CellRule::Cells(masks) => {
-                let share = self.share_in(masks, bits);
+                let share = self.share_in(masks, bits, 0..masks.len());
                 GroundSeen { share, soft: share.unwrap_or(0.0) }
             }
             CellRule::Lanes(poses, metres, _) => {
-                let each: Vec<[f64; 2]> = with_lanes(poses)
-                    .map(|(pose, lanes)| self.lanes_seen(pose, lanes, *metres, bits))
-                    .collect();
+                let seen = |(pose, lanes): (usize, &Vec<Lane>)| {
+                    self.lanes_seen(pose, lanes, *metres, bits)
+                };
+                let each: Vec<[f64; 2]> = with_lanes(poses).map(seen).collect();
                 let share = each.iter().map(|seen| seen[0]).min_by(f64::total_cmp);
                 let soft: f64 = each.iter().map(|seen| seen[1]).sum();
                 GroundSeen { share, soft: soft / each.len().max(1) as f64 }
@@ -261,7 +262,7 @@ impl RequiredGround {
             CellRule::Cells(masks) => {
                 let poses = self.site.poses.iter().enumerate();
                 let share = |(pose, frames): (usize, &Vec<usize>)| {
-                    Some((pose, self.share_over(masks, bits, frames.iter().copied())?))
+                    Some((pose, self.share_in(masks, bits, frames.iter().copied())?))
                 };
                 poses.filter_map(share).collect()
             }
@@ -274,17 +275,12 @@ impl RequiredGround {
         is_worse.then(|| WorstFrame { frame: self.site.first_frame(pose), share })
     }
 
-    /// Share of the cells of each frame's mask that are seen, a mean over the frames that have any.
-    fn share_in(&self, masks: &[Box<[u64]>], bits: &[u64]) -> Option<f64> {
-        self.share_over(masks, bits, 0..masks.len())
-    }
-
-    /// [`Self::share_in`] over some of the frames.
-    fn share_over(
+    /// Share of the cells of each frame's mask that are seen, a mean over some frames, without those that have none.
+    fn share_in(
         &self,
         masks: &[Box<[u64]>],
         bits: &[u64],
-        frames: impl Iterator<Item = usize>,
+        frames: impl IntoIterator<Item = usize>,
     ) -> Option<f64> {
         let ones = |words: &mut dyn Iterator<Item = u64>| -> u64 {
             words.map(|word| u64::from(word.count_ones())).sum()
@@ -353,7 +349,7 @@ impl RequiredGround {
 
     /// Quarter around the vehicle of which least is seen, with its share.
     fn least_side(&self, masks: &[Box<[u64]>], bits: &[u64]) -> String {
-        let Some(whole) = self.share_in(masks, bits) else {
+        let Some(whole) = self.share_in(masks, bits, 0..masks.len()) else {
             return "no ground in any frame".to_owned();
         };
         let middle = self.site.footprint.middle();
@@ -366,7 +362,7 @@ impl RequiredGround {
             };
             let quarter = mask_of(self.cells.iter().map(in_quarter));
             let masks: Vec<_> = masks.iter().map(|mask| both(mask, &quarter)).collect();
-            self.share_in(&masks, bits).map(|share| (side, share))
+            self.share_in(&masks, bits, 0..masks.len()).map(|share| (side, share))
         };
         let sides: Vec<(Side, f64)> = Side::ALL.into_iter().filter_map(share).collect();
         match sides.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {

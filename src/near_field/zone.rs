@@ -131,7 +131,7 @@ fn lost_stretches(cells: &[(f64, bool)]) -> Vec<[f64; 2]> {
 
 /// Ground between the own body and the nearest ground seen, straight before its edges. Corners, which lie before no edge,
 /// are not counted.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct BlindZone {
     /// Lanes one cell wide before each edge where there is ground, counter-clockwise from the right end of the front edge.
     pub lanes: Vec<BlindLane>,

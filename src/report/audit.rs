@@ -1,7 +1,7 @@
 //! Audits as text.
 
 use super::ScoreColumn;
-use super::columns::{align_columns, align_with_notes};
+use super::columns::{align_with_notes, table_text};
 use super::text::numbered;
 use crate::audit::{Audit, TrialResult};
 use crate::score::{Guard, Scores};
@@ -9,22 +9,21 @@ use crate::score::{Guard, Scores};
 /// A row a scene: attempts caught and fooled, and the least Kendall's τ under changes.
 pub(crate) fn audits_text(all: &[Audit]) -> String {
     let titles = ["scene", "base", "caught", "fooled", "least τ", "verdict"];
-    let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let names = numbered(all.iter().map(|found| found.scene.clone()));
-    for (name, found) in names.into_iter().zip(all) {
+    let rows = names.into_iter().zip(all).map(|(name, found)| {
         let count = |verdict| found.trials.iter().filter(|t| t.verdict == verdict).count();
         let taus = found.stability.iter().filter_map(|change| change.kendall_tau);
         let least = taus.min_by(f64::total_cmp);
-        rows.push(vec![
+        vec![
             name,
             found.base.name.clone(),
             count(TrialResult::Caught).to_string(),
             count(TrialResult::Fooled).to_string(),
             least.map_or("–".into(), |tau| format!("{tau:.2}")),
             if found.passed { "passed" } else { "FAILED" }.to_owned(),
-        ]);
-    }
-    format!("\nall scenes\n{}", align_columns(&rows))
+        ]
+    });
+    format!("\nall scenes\n{}", table_text(&titles, rows))
 }
 
 /// Every attempt to look better while seeing less, and the ranking under every change of the model.
@@ -69,13 +68,11 @@ fn stability_text(found: &Audit) -> String {
         notes.push(guards_line(scores));
     }
     let names = ["change", "median %", "worst %", "τ median", "τ worst", "height", "first"];
-    let mut ranking = vec![names.map(str::to_owned).to_vec()];
     let two = |v: Option<f64>| v.map_or("–".into(), |v| format!("{v:.2}"));
     let height = two(found.ranking_against_mean_height);
     let mut none = vec![String::new(); names.len()];
     (none[0], none[5], none[6]) = ("none".to_owned(), height, found.base.name.clone());
-    ranking.push(none);
-    ranking.extend(found.stability.iter().map(|change| {
+    let ranking = found.stability.iter().map(|change| {
         vec![
             change.change.clone(),
             format!("{:.2}", 100.0 * change.median_relative_change),
@@ -85,8 +82,9 @@ fn stability_text(found: &Audit) -> String {
             two(change.ranking_against_mean_height),
             change.first.clone(),
         ]
-    }));
-    format!("{}\n{}", align_with_notes(&rows, &notes), align_columns(&ranking))
+    });
+    let ranking = table_text(&names, std::iter::once(none).chain(ranking));
+    format!("{}\n{ranking}", align_with_notes(&rows, &notes))
 }
 
 /// A name, the metrics, and further titles.

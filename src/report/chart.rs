@@ -137,15 +137,10 @@ impl Area {
     fn point(&self, rated: &Rated, (colour, fill): (&str, &str), r: f64) -> Markup {
         let (x, y) = self.at(rated);
         let [_, low, high] = misranked(rated).map(|m| self.at_y(m));
+        let (left, d) = (x - r, 2.0 * r);
         let path = match rated.measured.setting.engine {
-            Engine::F64 => format!("M{:.1} {:.1}h{d}v{d}h-{d}z", x - r, y - r, d = 2.0 * r),
-            Engine::Cpu => {
-                format!(
-                    "M{:.1} {y:.1}a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0 -{d} 0z",
-                    x - r,
-                    d = 2.0 * r
-                )
-            }
+            Engine::F64 => format!("M{left:.1} {:.1}h{d}v{d}h-{d}z", y - r),
+            Engine::Cpu => format!("M{left:.1} {y:.1}a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0 -{d} 0z"),
             Engine::Gpu => {
                 format!("M{x:.1} {:.1}l{d} {d}l-{d} {d}l-{d} -{d}z", y - 1.25 * r, d = 1.25 * r)
             }

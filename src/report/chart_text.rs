@@ -1,14 +1,16 @@
 //! A chart as a table, and its advice in words.
 
-use std::fmt::Write;
-
 use maud::{Markup, html};
 
-use super::columns::align_columns;
+use super::columns::table_text;
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
+use super::tables::{Cells, header};
 use super::text::numbered;
-use crate::chart::{Chart, ChartRow, Engine, MOST_SWAPPED, Rated, Setting, Skipped};
-use crate::csv::csv;
+use crate::chart::ranking::BootstrapInterval;
+use crate::chart::{
+    Chart, ChartRow, Engine, Left, MOST_SWAPPED, Rated, SceneDetail, Setting, Skipped,
+};
+use crate::csv::{csv, number};
 
 /// Titles of the printed tables: what a setting costs and how far it is off, then how it ranks.
 const COST: [&str; 6] =
@@ -36,11 +38,7 @@ pub(crate) fn chart_text(found: &Chart) -> String {
     let printed = rows.iter().enumerate().filter(|(i, _)| is_printed(*i));
     let (cost, ranking): (Vec<_>, Vec<_>) =
         printed.map(|(_, row)| (cost_cells(row), ranking_cells(row))).unzip();
-    let table = |titles: &[&str], cells: Vec<Vec<String>>| {
-        let titles: Vec<String> = titles.iter().map(|title| (*title).to_owned()).collect();
-        align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>())
-    };
-    text += &format!("{}\n{}", table(&COST, cost), table(&RANKING, ranking));
+    text += &format!("{}\n{}", table_text(&COST, cost), table_text(&RANKING, ranking));
     text += "error: of the scores; at least and at most: in 95 % of resamples\n";
     text += "* other voxels, beams or coverage make the score another quantity; only the ranking compares\n";
     text += &format!(
@@ -100,12 +98,11 @@ fn ranking_cells(row: &ChartRow) -> Vec<String> {
 /// The setting to take in each scene, a row each.
 pub(crate) fn charts_text(charts: &[Chart]) -> String {
     let titles = ["scene", "cheapest setting that keeps the ranking", "× faster", "τ", "regret %"];
-    let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let names = numbered(charts.iter().map(|chart| chart.scene.clone()));
-    for (name, chart) in names.into_iter().zip(charts) {
+    let rows = names.into_iter().zip(charts).map(|(name, chart)| {
         let all = chart.rows();
         let chosen = chart.verdict.and_then(|verdict| Some((verdict, all.get(verdict.setting)?)));
-        rows.push(match chosen {
+        match chosen {
             None => vec![name, "none".to_owned()],
             Some((verdict, row)) => vec![
                 name,
@@ -114,9 +111,9 @@ pub(crate) fn charts_text(charts: &[Chart]) -> String {
                 row.error.tau.map_or("–".into(), |tau| format!("{:.3}", tau.value)),
                 format!("{:.2}", 100.0 * row.error.regret.value),
             ],
-        });
-    }
-    format!("\nall scenes\n{}", align_columns(&rows))
+        }
+    });
+    format!("\nall scenes\n{}", table_text(&titles, rows))
 }
 
 /// Titles of the table's columns with their x in pixels: the first begins there, the others end there.
@@ -194,89 +191,64 @@ fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
     ]
 }
 
-/// One line a setting: its description, cost and error. A setting that was left early has the errors over its first
-/// placements, and the reason. Settings that were not begun come last.
-pub(crate) fn fidelity_csv(rated: &[Rated], skipped: &[Skipped], edge: f64) -> String {
-    let mut csv = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,\
-                   seconds_high,bytes,beams,triangles,score_error_median,score_error_largest,tau,tau_low,\
-                   tau_high,regret,regret_low,regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,\
-                   on_front,placements,left_early\n"
-        .to_owned();
-    for rated in rated {
-        let (measured, error) = (&rated.measured, &rated.error);
-        let tau = match error.tau {
-            Some(tau) => format!("{},{},{}", tau.value, tau.low, tau.high),
-            None => ",,".to_owned(),
-        };
-        let pose = measured
-            .pose
-            .map_or(",".to_owned(), |pose| format!("{:.4e},{}", pose.seconds, pose.bytes));
-        let _ = writeln!(
-            csv,
-            "{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{},{},{},{pose},{},{},{}",
-            setting_cells(&measured.setting, edge),
-            measured.seconds,
-            measured.spread[0],
-            measured.spread[1],
-            measured.bytes,
-            measured.beams,
-            measured.triangles,
-            error.score_median,
-            error.score_largest,
-            error.regret.value,
-            error.regret.low,
-            error.regret.high,
-            error.swapped.value,
-            error.swapped.low,
-            error.swapped.high,
-            rated.on_front,
-            measured.scores.len(),
-            measured.left.map_or("", |left| left.words()),
-        );
-    }
-    for Skipped { rung, left } in skipped {
-        let empty = ",".repeat(19);
-        let _ = writeln!(csv, "{}{empty},false,0,{}", setting_cells(rung, edge), left.words());
-    }
-    csv
-}
+/// Titles of a line: the setting, its cost and errors, those of a pose of an atlas, and the extent of the measurement.
+const IN_CSV: &str = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,seconds_high,bytes,\
+                      beams,triangles,score_error_median,score_error_largest,tau,tau_low,tau_high,regret,regret_low,\
+                      regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,on_front,placements,left_early";
 
-/// The lines of [`fidelity_csv`] of a chart; of charts in `several` scenes each line behind the name of its scene.
+/// One line a setting: its description, cost and error. A setting that was left early has the errors over its first
+/// placements, and the reason. Settings that were not begun come last. Lines of `several` scenes begin with the scene.
 pub(crate) fn charts_csv(charts: &[Chart], several: bool) -> String {
     let names = numbered(charts.iter().map(|chart| chart.scene.clone()));
-    let mut text = String::new();
-    for (number, (name, chart)) in names.iter().zip(charts).enumerate() {
-        let lines = fidelity_csv(&chart.rated, &chart.skipped, chart.edge);
-        if !several {
-            return lines;
-        }
-        let scene = csv([[name]]);
-        for (row, line) in lines.lines().enumerate().skip(usize::from(number > 0)) {
-            let cell = if row == 0 { "scene" } else { scene.trim_end_matches('\n') };
-            let _ = writeln!(text, "{cell},{line}");
-        }
+    let mut rows = vec![header(IN_CSV)];
+    rows[0].splice(..0, several.then(|| "scene".to_owned()));
+    for (name, chart) in names.iter().zip(charts) {
+        let begun = chart.rated.iter().map(|rated| measured_cells(rated, chart.edge));
+        let all = begun.chain(chart.skipped.iter().map(|of| skipped_cells(of, chart.edge)));
+        rows.extend(all.map(|mut row| {
+            row.splice(..0, several.then(|| name.clone()));
+            row
+        }));
     }
-    text
+    csv(rows)
+}
+
+fn measured_cells(Rated { measured, error, on_front }: &Rated, edge: f64) -> Cells {
+    let mut row = setting_cells(&measured.setting, edge);
+    let [low, high] = measured.spread;
+    row.extend([measured.seconds, low, high].map(|seconds| format!("{seconds:.4e}")));
+    row.extend([measured.bytes, measured.beams, measured.triangles].map(|of| of.to_string()));
+    row.extend([error.score_median, error.score_largest].map(number));
+    let ends = |of: BootstrapInterval| [of.value, of.low, of.high].map(number);
+    row.extend(error.tau.map(ends).unwrap_or_default());
+    row.extend([error.regret, error.swapped].into_iter().flat_map(ends));
+    let pose = measured.pose.map(|of| [format!("{:.4e}", of.seconds), of.bytes.to_string()]);
+    row.extend(pose.unwrap_or_default());
+    let left = measured.left.map_or("", Left::words).to_owned();
+    row.extend([on_front.to_string(), measured.scores.len().to_string(), left]);
+    row
+}
+
+fn skipped_cells(Skipped { rung, left }: &Skipped, edge: f64) -> Cells {
+    let last = ["false", "0", left.words()].map(str::to_owned);
+    let mut row = setting_cells(rung, edge);
+    row.resize(header(IN_CSV).len() - last.len(), String::new());
+    row.extend(last);
+    row
 }
 
 /// The first seven cells of a line.
-fn setting_cells(setting: &Setting, edge: f64) -> String {
-    let fidelity = setting.fidelity;
-    format!(
-        "\"{}\",{},{},{},{},{},{}",
+fn setting_cells(setting: &Setting, edge: f64) -> Cells {
+    let SceneDetail { voxel, azimuth, frames, through, detail } = setting.fidelity;
+    vec![
         setting.words(edge),
-        match setting.engine {
-            Engine::F64 => "f64",
-            Engine::Cpu => "cpu",
-            Engine::Gpu => "gpu",
-            Engine::Atlas => "atlas",
-        },
-        trimmed(fidelity.voxel * edge, 6),
-        fidelity.azimuth,
-        fidelity.frames,
-        if fidelity.through { "through" } else { "first-hit" },
-        trimmed(fidelity.detail * fidelity.voxel * edge, 6),
-    )
+        setting.engine.name().to_lowercase(),
+        trimmed(voxel * edge, 6),
+        azimuth.to_string(),
+        frames.to_string(),
+        if through { "through" } else { "first-hit" }.to_owned(),
+        trimmed(detail * voxel * edge, 6),
+    ]
 }
 
 /// A duration in two or three digits and its unit.
@@ -316,10 +288,10 @@ pub(crate) fn chart_words(chart: &Chart) -> Vec<String> {
         100.0 * MOST_SWAPPED,
     );
     let times = [(verdict.saves_over_f32, "f32"), (verdict.saves_over_f64, "f64")];
-    let times: Vec<String> = times
-        .into_iter()
-        .filter_map(|(times, number)| Some(format!("{:.1} times as fast in {number}", times?)))
-        .collect();
+    let told = |(times, number): (Option<f64>, &str)| {
+        Some(format!("{:.1} times as fast in {number}", times?))
+    };
+    let times: Vec<String> = times.into_iter().filter_map(told).collect();
     let saved = format!(
         "Against the finest setting ({}) it is {}; it takes {} instead of {}.",
         finest.measured.setting.fidelity.words(chart.edge),

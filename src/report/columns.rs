@@ -140,6 +140,12 @@ pub(crate) fn align_columns(rows: &[Vec<String>]) -> String {
     align_with_notes(rows, &[])
 }
 
+/// Like [`align_columns`], of titles and the rows below them.
+pub(crate) fn table_text(titles: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let titles = titles.iter().map(|title| (*title).to_owned()).collect();
+    align_columns(&std::iter::once(titles).chain(rows).collect::<Vec<_>>())
+}
+
 /// Like [`align_columns`], with lines below rows: `notes` has the lines of each row behind the titles.
 pub(crate) fn align_with_notes(rows: &[Vec<String>], notes: &[Vec<String>]) -> String {
     let count = rows.iter().map(Vec::len).max().unwrap_or(0);

@@ -1,8 +1,8 @@
 //! Two rigs compared, as text and as CSV.
 
-use super::columns::align_columns;
+use super::columns::table_text;
 use super::svg::trimmed;
-use super::tables::titles;
+use super::tables::{header, titles};
 use crate::csv::{csv, number};
 use crate::json::fixed;
 use crate::rig::{Asymmetry, Comparison, MovedLidar};
@@ -10,19 +10,16 @@ use sightline_files::json::counted;
 
 /// How far each LiDAR moved, whether its model is another, and how far each pair of either rig is from a mirror image.
 pub(crate) fn comparison_text(found: &Comparison) -> String {
-    let numbers = |values: [f64; 3]| values.map(|value| fixed(value, 5));
-    let table = |titles: [&str; 4], rows: &mut dyn Iterator<Item = (String, [f64; 3])>| {
-        let mut all = vec![titles.map(str::to_owned).to_vec()];
-        all.extend(rows.map(|(name, values)| [vec![name], numbers(values).to_vec()].concat()));
-        align_columns(&all)
+    let row = |name: String, values: [f64; 3]| {
+        std::iter::once(name).chain(values.map(|value| fixed(value, 5))).collect()
     };
     let name = |lidar: &MovedLidar| match lidar.frame == lidar.partner {
         true => lidar.frame.clone(),
         false => format!("{}, now {}", lidar.frame, lidar.partner),
     };
-    let moved = found.lidars.iter().map(|l| (name(l), [l.moved, l.turned, l.tilted]));
+    let moved = found.lidars.iter().map(|l| row(name(l), [l.moved, l.turned, l.tilted]));
     let mut text = alone_text(found);
-    text += &table(["LiDAR", "moved m", "turned rad", "axis rad"], &mut moved.into_iter());
+    text += &table_text(&["LiDAR", "moved m", "turned rad", "axis rad"], moved);
     for lidar in &found.lidars {
         text += &models_text(&lidar.frame, &lidar.models, ["before", "after"]);
     }
@@ -37,9 +34,9 @@ pub(crate) fn comparison_text(found: &Comparison) -> String {
         text += &format!("all moved by ({x}, {y}, {z}) m: another base frame? give --base-link\n");
     }
     for (title, all) in [("before: pair", &found.before), ("after: pair", &found.after)] {
-        let mut rows = all.iter().map(|pair| (named(pair), [pair.moved, pair.turned, pair.tilted]));
-        text +=
-            &format!("\n{}", table([title, "off mirror m", "turned rad", "axis rad"], &mut rows));
+        let rows = all.iter().map(|pair| row(named(pair), [pair.moved, pair.turned, pair.tilted]));
+        let titles = [title, "off mirror m", "turned rad", "axis rad"];
+        text += &format!("\n{}", table_text(&titles, rows));
         for pair in all.iter().filter(|pair| pair.same_roll) {
             text += &format!(
                 "  ! {}: both have the same roll; in a mirror image roll changes its sign\n",
@@ -76,10 +73,8 @@ fn alone_text(found: &Comparison) -> String {
 ///
 /// Distances are metres, and radians between the rotations and between the sensors' own z axes.
 pub(crate) fn comparison_csv(found: &Comparison) -> String {
-    let mut rows = vec![titles(&[
-        "part", "lidar", "other", "moved_m", "turned_rad", "tilted_rad", "same_roll", "model",
-        "other_model",
-    ])];
+    let mut rows =
+        vec![header("part,lidar,other,moved_m,turned_rad,tilted_rad,same_roll,model,other_model")];
     let width = rows[0].len();
     let model = |name: &Option<String>| name.clone().unwrap_or_default();
     rows.extend(found.lidars.iter().map(|of| {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 
-use super::columns::align_columns;
+use super::columns::{align_columns, table_text};
 use super::optional;
 use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px, trimmed};
 use super::text::shortened;
@@ -37,8 +37,7 @@ pub(crate) fn near_field_text(all: &[NearField]) -> String {
         "placement", "near %", "3 m %", "blind m²", "zone m²", "blind ahead m", "behind", "left",
         "right",
     ];
-    let mut ground = vec![titles.map(str::to_owned).to_vec()];
-    ground.extend(all.iter().map(|near| {
+    let ground = all.iter().map(|near| {
         let zone = &near.zone;
         let mut row = vec![near.name.clone(), format!("{:.1}", percent_down(near.near_field))];
         row.push(optional(near.ring.map(percent_down), 1));
@@ -46,11 +45,11 @@ pub(crate) fn near_field_text(all: &[NearField]) -> String {
         let depth = |depth: Option<f64>| depth.map_or(format!("> {NEAR}"), |d| format!("{d:.1}"));
         row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(depth));
         row
-    }));
-    let names = ["placement"].into_iter().chain(Standard::ALL.map(|(_, name)| name));
-    let names = names.chain(["own body %, by LiDAR"]).map(str::to_owned);
-    let mut poles = vec![names.collect::<Vec<_>>()];
-    poles.extend(all.iter().map(|near| {
+    });
+    let ground = table_text(&titles, ground);
+    let standards = Standard::ALL.map(|(_, name)| name);
+    let titles = [&["placement"][..], &standards, &["own body %, by LiDAR"]].concat();
+    let poles = all.iter().map(|near| {
         let mut row = vec![near.name.clone()];
         row.extend(Standard::ALL.map(|(standard, _)| {
             let [seen, poles] = seen_of(near, standard);
@@ -59,8 +58,8 @@ pub(crate) fn near_field_text(all: &[NearField]) -> String {
         let wasted = near.beams.iter().map(|beams| trimmed(percent_up(beams.own), 1));
         row.push(wasted.collect::<Vec<_>>().join(" "));
         row
-    }));
-    let [ground, poles] = [ground, poles].map(|rows| align_columns(&rows));
+    });
+    let poles = table_text(&titles, poles);
     let (worst, lost) = (worst_text(all), lost_text(all));
     format!("{ground}{worst}{lost}\n{poles}{}\n{POLES}\n", seen_ground())
 }

@@ -60,6 +60,13 @@ pub(super) enum Anchor {
     End,
 }
 
+impl Anchor {
+    /// Share of the width of words that lies left of their point.
+    pub(super) fn share(self) -> f64 {
+        0.5 * f64::from(self as u8)
+    }
+}
+
 /// One shape of a drawing; later ones lie over earlier ones.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Shape {

@@ -167,8 +167,8 @@ pub(super) fn has_requirements(front: &Front) -> bool {
     front.points.iter().any(|point| !point.scores.required.is_empty())
 }
 
-/// Titles and cells of the table of a front, a row a point.
-pub(super) fn front_rows(front: &Front) -> (Vec<String>, Vec<Vec<String>>) {
+/// Titles of the table of a front, then its cells, a row a point.
+pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
     let (all, requires) = (front.objectives.all(), has_requirements(front));
     let by_number = all.contains(&FrontObjective::Sensors);
     let mut titles = vec!["placement".to_owned()];
@@ -193,7 +193,7 @@ pub(super) fn front_rows(front: &Front) -> (Vec<String>, Vec<Vec<String>>) {
         cells.push(picks_of(front, k));
         cells
     };
-    (titles, front.points.iter().enumerate().map(row).collect())
+    std::iter::once(titles).chain(front.points.iter().enumerate().map(row)).collect()
 }
 
 /// The front in a sentence: how many points, and which is the cheapest that meets all requirements.
@@ -255,9 +255,7 @@ pub(crate) fn front_text(front: &Front, record: &FrontRecord, folder: &std::path
         let under = under(&record.conditions);
         text +=
             &format!("{}: front of {}{under}\n", record.scene, front.objectives.names().join(", "));
-        let (titles, rows) = front_rows(front);
-        let mut all = vec![titles];
-        all.extend(rows);
+        let mut all = front_rows(front);
         // The picks stand at the left of their column.
         let picks: Vec<&mut String> = all.iter_mut().filter_map(|row| row.last_mut()).collect();
         let width = picks.iter().map(|pick| pick.chars().count()).max().unwrap_or(0);
@@ -319,18 +317,16 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
                 front.points.iter().enumerate().filter(|(_, point)| point.meets == meets).collect();
             let labels = of.iter().enumerate().filter_map(|(number, (k, point))| {
                 let picks = picks_of(front, *k).replace("knee", "best trade-off (knee)");
-                let third = all
-                    .get(2)
-                    .map(|third| format!(" ({} {})", title(third), shown(third, point.values[2])));
-                (!picks.is_empty())
-                    .then(|| (number, format!("{picks}{}", third.unwrap_or_default())))
+                let third = all.get(2).map_or(String::new(), |third| {
+                    format!(" ({} {})", title(third), shown(third, point.values[2]))
+                });
+                (!picks.is_empty()).then(|| (number, picks + &third))
             });
             Series {
                 name: if requires { words.to_owned() } else { "front".to_owned() },
                 points: of.iter().map(|(_, point)| at(point)).collect(),
-                line: false,
                 labels: labels.collect(),
-                hollow: Vec::new(),
+                ..Series::default()
             }
         },
     );
@@ -338,13 +334,10 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
         FrontObjective::Requirements => "points missing of the requirements".to_owned(),
         other => title(other),
     };
-    Plot {
-        title: format!("front of {}", front.objectives.names().join(", ")),
-        x_title: unit(&all[0]),
-        y_title: unit(&all[1]),
-        x: Axis::Numbers,
-        series: series.into_iter().filter(|series| !series.points.is_empty()).collect(),
-    }
+    let [x_title, y_title] = [0, 1].map(|k| unit(&all[k]));
+    let title = format!("front of {}", front.objectives.names().join(", "));
+    let series = series.into_iter().filter(|series| !series.points.is_empty()).collect();
+    Plot { title, x_title, y_title, x: Axis::Numbers, series }
 }
 
 #[cfg(test)]
@@ -388,8 +381,8 @@ mod tests {
             drawn.contains("best trade-off (knee)") && drawn.contains("near_gain %"),
             "{drawn}"
         );
-        let (titles, rows) = front_rows(&knee);
-        assert_eq!((&*titles[2], &*rows[0][2]), ("near_gain %", "50.00"));
+        let rows = front_rows(&knee);
+        assert_eq!((&*rows[0][2], &*rows[1][2]), ("near_gain %", "50.00"));
         // Sensors that reach 20 m: nobody looked farther.
         let words = "blind °: bearings in which a car is lost between 5 and";
         assert_eq!(blind_in_words(&front), format!("{words} 50 m"));

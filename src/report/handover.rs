@@ -62,13 +62,9 @@ impl DrawnRig<'_> {
         let sheet = Sheet::of(&views, |room| {
             self.lidars.len() + self.about.len() + draw::warnings(self, room).len()
         });
-        let mut drawing = Drawing::new(
-            A3,
-            &format!(
-                "{}, {}: LiDARs from above, from the right and from the front",
-                self.vehicle, self.placement
-            ),
-        );
+        let Self { vehicle, placement, .. } = self;
+        let title = "LiDARs from above, from the right and from the front";
+        let mut drawing = Drawing::new(A3, &format!("{vehicle}, {placement}: {title}"));
         draw::top(&mut drawing, self, &views, &sheet);
         draw::side(&mut drawing, self, &views, &sheet);
         draw::front(&mut drawing, self, &views, &sheet);
@@ -171,20 +167,16 @@ impl Sheet {
             || (1..).map(|k| 5000.0 * f64::from(k)).take(10_000).find(|one_to| fits(*one_to));
         let one_to = usual.or_else(larger).unwrap_or(5e7);
         let scale = 1000.0 / one_to;
-        let panel = |view: &View, left: f64, lower: f64| Panel {
-            low: view.low,
-            high: view.high,
-            corner: [left, lower],
-            scale,
-        };
+        let panel =
+            |&View { low, high, .. }: &View, corner: Point| Panel { low, high, corner, scale };
         let first = EDGE + OVER + (scale * top[1]).max(legend(scale));
         let second = first + BELOW + OVER + scale * side[1];
         let right = EDGE + scale * top[0] + BETWEEN;
         Self {
             one_to,
-            top: panel(&views.top, EDGE, EDGE + OVER + scale * top[1]),
-            side: panel(&views.side, EDGE, second),
-            front: panel(&views.front, right, second),
+            top: panel(&views.top, [EDGE, EDGE + OVER + scale * top[1]]),
+            side: panel(&views.side, [EDGE, second]),
+            front: panel(&views.front, [right, second]),
             legend: [right, EDGE],
             room: room(scale).max(LEGEND),
             bar: [EDGE, second + BELOW + BAR],
@@ -263,14 +255,12 @@ impl Views {
             zone,
         };
         // The views from above and from the right stand one over the other, those upright side by side.
-        let (low, high) =
-            ([views.top.low[0], views.side.low[0]], [views.top.high[0], views.side.high[0]]);
-        (views.top.low[0], views.side.low[0]) = (low[0].min(low[1]), low[0].min(low[1]));
-        (views.top.high[0], views.side.high[0]) = (high[0].max(high[1]), high[0].max(high[1]));
-        let (low, high) =
-            ([views.front.low[1], views.side.low[1]], [views.front.high[1], views.side.high[1]]);
-        (views.front.low[1], views.side.low[1]) = (low[0].min(low[1]), low[0].min(low[1]));
-        (views.front.high[1], views.side.high[1]) = (high[0].max(high[1]), high[0].max(high[1]));
+        let side = &mut views.side;
+        for (other, k) in [(&mut views.top, 0), (&mut views.front, 1)] {
+            let (low, high) = (side.low[k].min(other.low[k]), side.high[k].max(other.high[k]));
+            (side.low[k], other.low[k]) = (low, low);
+            (side.high[k], other.high[k]) = (high, high);
+        }
         views
     }
 }
@@ -284,14 +274,10 @@ impl View {
             fans.map(|(k, fan)| (k, fan.into_iter().map(flat).collect())).collect();
         let outline = outline(&body);
         let mounts = rig.mounts.iter().flat_map(|mount| mount.corners);
-        let points = outline
-            .iter()
-            .chain(fans.iter().map(|(_, fan)| fan))
-            .flatten()
-            .copied()
-            .chain(more.iter().copied())
-            .chain(mounts.map(|corner| flat(corner.into())))
-            .chain(rig.lidars.iter().map(|lidar| flat(lidar.pose.position())));
+        let lines = outline.iter().chain(fans.iter().map(|(_, fan)| fan)).flatten();
+        let lidars = rig.lidars.iter().map(|lidar| lidar.pose.position());
+        let places = mounts.map(DVec3::from).chain(lidars).map(flat);
+        let points = lines.chain(more).copied().chain(places);
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in points {
             for k in 0..2 {

@@ -6,7 +6,8 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::drawing::{Flat, outline};
-use super::svg::{COLOURS, FAINT, INK, corners, page, px};
+use super::svg::{FAINT, INK, LidarSign, colour, corners, page, px};
+use super::view::sight::is_set;
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Content, Entropy, Problem, spread};
 use crate::psog::{Roi, to_nats};
@@ -64,14 +65,11 @@ impl InformationMap {
         for &frame in &frames {
             // Only the occupied voxels: the list of all that are covered is ten times as long.
             let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
-            let is_set = |words: &[u64], voxel: u32| {
-                let bit = bitmaps.order.bit_of(voxel);
-                words[bit as usize / 64] >> (bit % 64) & 1 == 1
-            };
-            let covers = |voxel| bitmaps.sensors().any(|words| is_set(words, voxel));
+            let covered = |words: &[u64], voxel: u32| is_set(words, bitmaps.order.bit_of(voxel));
+            let covers = |voxel| bitmaps.sensors().any(|words| covered(words, voxel));
             map.add_frame(roi, content, covers, frames.len());
             for words in bitmaps.sensors() {
-                map.add_lidar(roi, content, |voxel| is_set(words, voxel));
+                map.add_lidar(roi, content, |voxel| covered(words, voxel));
             }
             map.frames += 1;
         }
@@ -315,18 +313,6 @@ const SIGN: f64 = 9.0;
 /// Pixels of a character of a sign.
 const SIGN_LETTER: f64 = 7.0;
 
-/// LiDARs at one place of a view, and the middle of their numbers.
-#[derive(Debug, Clone)]
-struct LidarSign {
-    at: (f64, f64),
-    label: (f64, f64),
-    lidars: Vec<usize>,
-}
-
-fn colour(lidar: usize) -> &'static str {
-    COLOURS[lidar % COLOURS.len()]
-}
-
 /// Half of the width of a sign of some LiDARs, pixels.
 fn half_width(lidars: &[usize]) -> f64 {
     let letters: usize = lidars.iter().map(|lidar| lidar.to_string().len() + 2).sum();
@@ -334,29 +320,13 @@ fn half_width(lidars: &[usize]) -> f64 {
 }
 
 /// Signs of LiDARs at some pixels: those behind one another share one, others that would lie on a sign stand beside it.
-fn sharing(places: &[(f64, f64)]) -> Vec<LidarSign> {
-    let mut signs: Vec<LidarSign> = Vec::new();
-    for (lidar, &at) in places.iter().enumerate() {
-        let is_there = |sign: &&mut LidarSign| {
-            (sign.at.0 - at.0).abs() < 1.0 && (sign.at.1 - at.1).abs() < 1.0
-        };
-        match signs.iter_mut().find(is_there) {
-            Some(sign) => sign.lidars.push(lidar),
-            None => signs.push(LidarSign { at, label: at, lidars: vec![lidar] }),
-        }
-    }
-    for k in 1..signs.len() {
-        let (placed, rest) = signs.split_at_mut(k);
-        let lies_on = |other: &LidarSign, sign: &LidarSign| {
-            let room = half_width(&other.lidars) + half_width(&sign.lidars);
-            (other.label.0 - sign.label.0).abs() < room
-                && (other.label.1 - sign.label.1).abs() < 2.0 * SIGN
-        };
-        while placed.iter().any(|other| lies_on(other, &rest[0])) {
-            rest[0].label.0 += 0.5 * SIGN;
-        }
-    }
-    signs
+fn sharing(places: impl Iterator<Item = (f64, f64)>) -> Vec<LidarSign> {
+    let lies_on = |other: &LidarSign, sign: &LidarSign| {
+        let room = half_width(&other.lidars) + half_width(&sign.lidars);
+        (other.label[0] - sign.label[0]).abs() < room
+            && (other.label[1] - sign.label[1]).abs() < 2.0 * SIGN
+    };
+    LidarSign::all(places.map(|(x, y)| [x, y]), 1.0, 0.5 * SIGN, lies_on)
 }
 
 /// Path around a box. A flat one, which SVG draws as no rectangle, is a line: a way back would fill gaps between dashes.
@@ -377,22 +347,18 @@ pub(crate) fn placement_svg(
     let views = ViewScale::new(constraints, body);
     let lidars = &placement.placement.lidars;
     let places = |view: fn(&ViewScale, [f64; 3]) -> (f64, f64)| {
-        let at = lidars.iter().map(|pose| view(&views, [pose.x, pose.y, pose.z]));
-        sharing(&at.collect::<Vec<_>>())
+        sharing(lidars.iter().map(|pose| view(&views, [pose.x, pose.y, pose.z])))
     };
     let signs = [places(ViewScale::above), places(ViewScale::aside)].concat();
     // From above a box begins at its left side, from the right at its top.
-    let boxes: Vec<_> = constraints
-        .kinds()
-        .iter()
-        .flat_map(|(slot, _)| {
-            let [low, high] = slot.region.corners();
-            [
-                (views.above([low[0], high[1], 0.0]), views.above([high[0], low[1], 0.0])),
-                (views.aside([low[0], 0.0, high[2]]), views.aside([high[0], 0.0, low[2]])),
-            ]
-        })
-        .collect();
+    let boxes = |[low, high]: [[f64; 3]; 2]| {
+        [
+            (views.above([low[0], high[1], 0.0]), views.above([high[0], low[1], 0.0])),
+            (views.aside([low[0], 0.0, high[2]]), views.aside([high[0], 0.0, low[2]])),
+        ]
+    };
+    let kinds = constraints.kinds();
+    let boxes = kinds.iter().flat_map(|(slot, _)| boxes(slot.region.corners()));
     let unit = px(views.scale);
     let drawing = html! {
         @for triangle in body {
@@ -411,19 +377,18 @@ pub(crate) fn placement_svg(
         text x=(px(28.0 + views.scale)) y="510" { "1 m" }
         rect x=(px(90.0 + views.scale)) y="498" width="22" height="13" fill="none" stroke=(INK) stroke-dasharray="5 4" {}
         text x=(px(118.0 + views.scale)) y="510" { "box around a mount" }
-        circle cx=(px(270.0 + views.scale)) cy="505" r="7" fill=(COLOURS[0]) {}
+        circle cx=(px(270.0 + views.scale)) cy="505" r="7" fill=(colour(0)) {}
         text x=(px(282.0 + views.scale)) y="510" { "LiDAR by its number" }
         @for sign in signs.iter().filter(|sign| sign.at != sign.label) {
-            @let ((x, y), own) = (sign.at, colour(sign.lidars[0]));
-            path d={ "M" (px(x)) " " (px(y)) "H" (px(sign.label.0)) } stroke=(own) {}
+            @let ([x, y], own) = (sign.at, sign.colour());
+            path d={ "M" (px(x)) " " (px(y)) "H" (px(sign.label[0])) } stroke=(own) {}
             circle cx=(px(x)) cy=(px(y)) r="2.5" fill=(own) {}
         }
         @for sign in &signs {
-            @let ((x, y), half) = (sign.label, half_width(&sign.lidars));
-            @let words = sign.lidars.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+            @let ([x, y], half) = (sign.label, half_width(&sign.lidars));
             rect x=(px(x - half)) y=(px(y - SIGN)) width=(px(2.0 * half)) height=(px(2.0 * SIGN)) rx=(SIGN)
-                fill=(colour(sign.lidars[0])) {}
-            text x=(px(x)) y=(px(y + 4.5)) fill="#fff" text-anchor="middle" font-weight="600" { (words) }
+                fill=(sign.colour()) {}
+            text x=(px(x)) y=(px(y + 4.5)) fill="#fff" text-anchor="middle" font-weight="600" { (sign.words()) }
         }
     };
     page(ALL, "The placement from above and from the right", &drawing)
@@ -471,21 +436,17 @@ mod tests {
     #[test]
     fn lidars_behind_one_another_share_a_sign_and_no_sign_lies_on_another() {
         let places = [(10.0, 10.0), (12.0, 11.0), (10.4, 9.8), (300.0, 10.0), (22.0, 20.0)];
-        let signs = sharing(&places);
+        let signs = sharing(places.into_iter());
         let lidars: Vec<&[usize]> = signs.iter().map(|sign| &sign.lidars[..]).collect();
         assert_eq!(lidars, [&[0, 2][..], &[1], &[3], &[4]]);
-        assert_eq!((signs[2].label, signs[2].at), (places[3], places[3]));
+        assert_eq!((signs[2].label, signs[2].at), ([300.0, 10.0], [300.0, 10.0]));
         for (k, a) in signs.iter().enumerate() {
             for b in &signs[..k] {
                 // Widths by hand: `0, 2` takes four letters of 7 pixels and 10 more, one number 18.
                 let wide = |sign: &LidarSign| if sign.lidars.len() == 2 { 19.0 } else { 9.0 };
-                let apart = (a.label.0 - b.label.0).abs() >= wide(a) + wide(b);
-                assert!(
-                    apart || (a.label.1 - b.label.1).abs() >= 18.0,
-                    "{:?} {:?}",
-                    a.label,
-                    b.label
-                );
+                let apart = (a.label[0] - b.label[0]).abs() >= wide(a) + wide(b);
+                let (a, b) = (a.label, b.label);
+                assert!(apart || (a[1] - b[1]).abs() >= 18.0, "{a:?} {b:?}");
             }
         }
     }

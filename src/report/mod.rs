@@ -5,7 +5,7 @@
 //! | `record` | all of `result.json`; a run as text; convergence of the search |
 //! | `words`, `blind` | the findings of a run as sentences; what it does not see, as a list where that is much |
 //! | `next_steps` | steps to take next where a result misses requirements |
-//! | `svg` | parts of every drawing: page, colours, axes |
+//! | `svg` | parts of every drawing: page, colours, signs of LiDARs, axes |
 //! | `plot`, `study` | plain charts of some series |
 //! | `sensor` | facts of a sensor file, its pattern as SVG |
 //! | `audit` | audits as text |

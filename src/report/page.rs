@@ -137,7 +137,7 @@ fn unbroken(words: &str) -> Markup {
 }
 
 /// Subject of a page, whether it was searched for or given.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Subject<'a> {
     /// Name of the scene; all names where there are several.
     pub scene: &'a str,
@@ -183,25 +183,8 @@ impl<'a> Subject<'a> {
         objective: &'a str,
         command: String,
     ) -> Self {
-        let verdict = judged(result, baselines, objective);
-        let (conditions, result, tolerance) = (&[][..], Some(result), String::new());
-        Self {
-            scene,
-            scenes,
-            objective,
-            conditions,
-            verdict,
-            result,
-            baselines,
-            command,
-            tolerance,
-        }
-    }
-
-    /// The subject with weather and faults that it holds for.
-    #[must_use]
-    pub(crate) fn under(self, conditions: &'a [String]) -> Self {
-        Self { conditions, ..self }
+        let (verdict, result) = (judged(result, baselines, objective), Some(result));
+        Self { scene, scenes, objective, verdict, result, baselines, command, ..Self::default() }
     }
 
     /// The best baseline that keeps all rules.
@@ -404,7 +387,7 @@ impl Figures {
     ) -> Self {
         let mounts = shown.map(|shown| constraints.mount_names(&shown.placement));
         let mounts = mounts.unwrap_or_default().into_iter();
-        let none = Self {
+        let mut this = Self {
             mounts: mounts.map(|name| name.map(str::to_owned)).collect(),
             convergence: None,
             placement: shown.map(|shown| placement_svg(shown, constraints, body)),
@@ -418,31 +401,24 @@ impl Figures {
             views: Vec::new(),
         };
         let Some((looks, shown)) = looks.zip(shown) else {
-            return none;
+            return this;
         };
-        let Looks { maps, views, near, several, has_moving_bodies, relief } = looks;
-        let near_frames = near.as_ref().map_or(0, |near| near.frames);
-        let near_field = near.map(|Near { footprint, all, .. }| {
+        let placement = &shown.placement;
+        let drawn = |of: fn(&InformationMap, &Placement) -> String| {
+            looks.maps.iter().map(|(name, map)| (name.clone(), of(map, placement))).collect()
+        };
+        this.maps = drawn(InformationMap::svg);
+        if placement.lidars.len() > 1 {
+            this.lidars = drawn(InformationMap::lidars_svg);
+        }
+        this.near_frames = looks.near.as_ref().map_or(0, |near| near.frames);
+        this.near_field = looks.near.map(|Near { footprint, all, .. }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
             near_field_svg(&footprint, &drawn)
         });
-        let placement = &shown.placement;
-        let count = if placement.lidars.len() > 1 { maps.len() } else { 0 };
-        let lidars =
-            maps[..count].iter().map(|(name, map)| (name.clone(), map.lidars_svg(placement)));
-        let lidars = lidars.collect();
-        let maps = maps.into_iter().map(|(name, map)| (name, map.svg(placement))).collect();
-        Self {
-            maps,
-            lidars,
-            near_field,
-            near_frames,
-            several,
-            has_moving_bodies,
-            relief,
-            views,
-            ..none
-        }
+        (this.several, this.views, this.relief) = (looks.several, looks.views, looks.relief);
+        this.has_moving_bodies = looks.has_moving_bodies;
+        this
     }
 
     /// Every drawing with a name of its own; `result` is the placement that they show.

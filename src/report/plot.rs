@@ -8,7 +8,7 @@ mod labels;
 
 use maud::{Markup, html};
 
-use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
+use super::svg::{ACCENT, Axes, GREY, INK, SOFT, Scale, Tick, colour, corners, number, page, px};
 use super::text::shortened;
 
 pub(super) use labels::PlotLabels;
@@ -52,7 +52,7 @@ pub(crate) enum Axis {
 }
 
 /// One set of points.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Series {
     /// For the legend.
     pub name: String,
@@ -174,7 +174,7 @@ impl Plot {
     }
 
     fn colour(&self, index: usize) -> &'static str {
-        if self.series.len() == 1 { ACCENT } else { COLOURS[index % COLOURS.len()] }
+        if self.series.len() == 1 { ACCENT } else { colour(index) }
     }
 
     /// Names along x; `None` where numbers stand there.
@@ -325,9 +325,8 @@ mod tests {
         let series = Series {
             name: "n".repeat(40),
             points: vec![(0.0, 1.0), (1.0, 3.0), (1.0, 3.0)],
-            line: false,
             labels: vec![(1, "a".into()), (2, "b".into())],
-            hollow: Vec::new(),
+            ..Series::default()
         };
         let names = [
             "without LiDAR 0", "without LiDAR 1", "without LiDAR 2", "all", "after the worst loss",

@@ -9,7 +9,7 @@ use super::columns::align_columns;
 use super::coverage::seen_ground;
 use super::next_steps::next_in_text;
 use super::plot::{Change, ReferenceLine};
-use super::tables::by_scene;
+use super::tables::rows_by_scene;
 use super::targets::range_card_text;
 use super::text::{
     findings_text, limit_of, poses_text, rule_lines, scores_text_by, stopped_in_words,
@@ -368,7 +368,8 @@ pub(crate) fn record_text(record: &RunRecord, folder: &Path) -> String {
             "\nbaselines that break rules of the mount, with which the result is not compared:\n";
         broken.iter().for_each(|line| text += &format!("  {line}\n"));
     }
-    if let Some(rows) = by_scene(record) {
+    let best = record.best.as_ref();
+    if let Some(rows) = rows_by_scene(&record.scenes, best, &record.baselines, &record.objective) {
         text += "\nscene by scene\n";
         text += &align_columns(&rows);
     }
@@ -400,14 +401,11 @@ pub(crate) fn record_text(record: &RunRecord, folder: &Path) -> String {
 /// Placements that each method looked at, in full numbers: `180 evaluations and 360 of swaps`.
 pub(super) fn evaluations_in_words(record: &RunRecord) -> String {
     let swaps = record.methods.iter().find(|method| method.method == "swaps");
-    match swaps {
-        Some(swaps) if record.evaluations == 0 => {
-            format!("{} evaluations of swaps", swaps.evaluations)
-        }
-        Some(swaps) => {
-            format!("{} evaluations and {} of swaps", record.evaluations, swaps.evaluations)
-        }
-        None => format!("{} evaluations", record.evaluations),
+    let ran = format!("{} evaluations", record.evaluations);
+    match swaps.map(|swaps| swaps.evaluations) {
+        Some(swaps) if record.evaluations == 0 => format!("{swaps} evaluations of swaps"),
+        Some(swaps) => format!("{ran} and {swaps} of swaps"),
+        None => ran,
     }
 }
 
@@ -456,8 +454,7 @@ pub(crate) fn convergence_svg(
         name: name.to_owned(),
         points,
         line: true,
-        labels: Vec::new(),
-        hollow: Vec::new(),
+        ..Series::default()
     };
     let level = |scored: &'_ Scored, name, accent| {
         Some(ReferenceLine { name, value: scored.objective?, accent })
@@ -480,11 +477,8 @@ pub(crate) fn convergence_svg(
     };
     let change = |&(generation, frames): &(u64, u32)| {
         let last = history.iter().rfind(|record| record.generation <= generation)?;
-        Some(Change {
-            at: last.evaluations as f64,
-            name: format!("{frames} frames"),
-            ends_curves: true,
-        })
+        let (at, name) = (last.evaluations as f64, format!("{frames} frames"));
+        Some(Change { at, name, ends_curves: true })
     };
     let steps = steps_of_generations(steps, history.len() as u64);
     let changes: Vec<Change> = steps.iter().skip(1).filter_map(change).collect();

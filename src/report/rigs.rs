@@ -59,10 +59,8 @@ fn better_in_words(all: &[Scores]) -> Option<String> {
     let best = (0..all.len()).min_by(|&a, &b| order(a, b)).filter(|_| all.len() > 1)?;
     let others = (0..all.len()).filter(|&k| k != best);
     let rival = others.min_by(|&a, &b| order(a, b))?;
-    let (word, name, next) = match all.len() {
-        2 => ("better", &all[best].name, &all[rival].name),
-        _ => ("best", &all[best].name, &all[rival].name),
-    };
+    let word = if all.len() == 2 { "better" } else { "best" };
+    let (name, next) = (&all[best].name, &all[rival].name);
     if order(best, rival) != Ordering::Less {
         return Some(format!("{word}: {name} and {next} are level\n"));
     }
@@ -106,23 +104,16 @@ fn facts_in_words(
     guards: Option<usize>,
     objective: &Objective,
 ) -> String {
-    let mut facts = Vec::new();
-    match scores.broken_rules.len() {
-        0 => {}
-        1 => facts.push("1 rule broken".to_owned()),
-        count => facts.push(format!("{count} rules broken")),
-    }
-    let [met, of] = scores.met();
-    if of > 0 {
-        facts.push(format!("{met} of {of} requirements met"));
-    }
-    if missing > 0.0 {
-        facts.push(format!("{} missing", points(missing)));
-    }
-    facts.extend(guards.map(|count| counted(count, "guard") + " violated"));
+    let (broken, [met, of]) = (scores.broken_rules.len(), scores.met());
     let value = objective.value(scores).map_or("–".to_owned(), |value| objective.spoken(value));
-    facts.push(format!("near_gain {value}"));
-    facts.join(", ")
+    let facts = [
+        (broken > 0).then(|| counted(broken, "rule") + " broken"),
+        (of > 0).then(|| format!("{met} of {of} requirements met")),
+        (missing > 0.0).then(|| points(missing) + " missing"),
+        guards.map(|count| counted(count, "guard") + " violated"),
+        Some(format!("near_gain {value}")),
+    ];
+    facts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// A share in per cent points: `4.1 points`.
@@ -211,33 +202,23 @@ mod tests {
                     fewer are missing; requirements come first, then the number of violated guards, then near_gain\n";
         assert_eq!(found, want);
         let met = [0.9, 0.9];
-        let found = words(rig("a", met, 1, 0.6), rig("b", met, 0, 0.5));
-        assert!(found.starts_with(
-            "better: b (2 of 2 requirements met, 0 guards violated, near_gain 50.00 %)"
-        ));
-        assert!(
-            found.contains("1 guard violated, near_gain 60.00 %); decided by the violated"),
-            "{found}"
-        );
-        let found = words(rig("a", met, 1, 0.6), rig("b", met, 1, 0.5));
-        assert!(
-            found.starts_with("better: a ") && found.contains("; decided by near_gain;"),
-            "{found}"
-        );
+        let says = |a: &Scores, b: Scores, parts: [&str; 2]| {
+            let found = words(a.clone(), b);
+            assert!(found.starts_with(parts[0]) && found.contains(parts[1]), "{found}");
+            found
+        };
+        let guarded = rig("a", met, 1, 0.6);
+        let start = "better: b (2 of 2 requirements met, 0 guards violated, near_gain 50.00 %)";
+        let end = "1 guard violated, near_gain 60.00 %); decided by the violated";
+        says(&guarded, rig("b", met, 0, 0.5), [start, end]);
+        let parts = ["better: a ", "; decided by near_gain;"];
+        let found = says(&guarded, rig("b", met, 1, 0.5), parts);
         assert!(!found.contains("1 guard"), "{found}");
-        let mut on_paper = rig("a", met, 0, 0.6);
-        on_paper.requirements_hold_in = Some(0.92);
-        let mut firm = rig("b", met, 1, 0.5);
-        firm.requirements_hold_in = Some(0.97);
-        let found = words(on_paper, firm);
-        assert!(found.starts_with("better: b ") && found.contains("92 %"), "{found}");
-        assert!(found.contains("meet all requirements: 97 % against 92 %"), "{found}");
-        let mut blind = rig("a", met, 0, 0.6);
-        blind.car_missing = Some(0.5);
-        let found = words(blind, rig("b", met, 0, 0.5));
-        assert!(
-            found.starts_with("better: b ") && found.contains("decided by the sectors"),
-            "{found}"
-        );
+        let held = |rig: Scores, share| Scores { requirements_hold_in: Some(share), ..rig };
+        let (on_paper, firm) =
+            (held(rig("a", met, 0, 0.6), 0.92), held(rig("b", met, 1, 0.5), 0.97));
+        says(&on_paper, firm, ["better: b ", "meet all requirements: 97 % against 92 %"]);
+        let blind = Scores { car_missing: Some(0.5), ..rig("a", met, 0, 0.6) };
+        says(&blind, rig("b", met, 0, 0.5), ["better: b ", "decided by the sectors"]);
     }
 }

@@ -1,7 +1,7 @@
 //! Results of searches and audits as rows for CSV, like those of `tables`.
 
 use super::RunRecord;
-use super::tables::{Cells, joined, score_rows, score_titles, titles};
+use super::tables::{Cells, distinct, header, joined, score_rows, score_titles, titles};
 use super::text::numbered;
 use crate::audit::{Audit, Stability, TrialResult};
 use crate::csv::{csv, number};
@@ -39,13 +39,7 @@ pub(crate) fn run_csv(run: &RunRecord) -> String {
 
 /// Names of the requirements of any of some placements, in the order in which they come.
 pub(crate) fn requirements_of<'a>(all: impl IntoIterator<Item = &'a Scores>) -> Vec<&'a str> {
-    let mut names: Vec<&str> = Vec::new();
-    for seen in all.into_iter().flat_map(|scores| &scores.required) {
-        if !names.contains(&&*seen.name) {
-            names.push(&seen.name);
-        }
-    }
-    names
+    distinct(all.into_iter().flat_map(|scores| &scores.required).map(|seen| &*seen.name))
 }
 
 /// Titles of [`rows_with_requirements`]: those of scores, with four for each requirement by its name before the price.
@@ -82,23 +76,15 @@ fn before_price(mut row: Cells, prices: &[f64], cells: impl Iterator<Item = Stri
 }
 
 /// Columns of [`audits_csv`] behind the scores.
-const OF_AUDIT: [&str; 8] = [
-    "fooled",
-    "verdict",
-    "median_relative_change",
-    "worst_relative_change",
-    "median_kendall_tau",
-    "kendall_tau",
-    "ranking_against_mean_height",
-    "first",
-];
+const OF_AUDIT: &str = "fooled,verdict,median_relative_change,worst_relative_change,median_kendall_tau,kendall_tau,\
+                        ranking_against_mean_height,first";
 
 /// A row for the base of each scene, for each attempt to look better than it and for each change of the model, with its
 /// scores.
 pub(crate) fn audits_csv(all: &[Audit]) -> String {
     let mut rows = vec![titles(&["scene", "part", "name"])];
     rows[0].extend(score_titles(&[]));
-    rows[0].extend(titles(&OF_AUDIT));
+    rows[0].extend(header(OF_AUDIT));
     let names = numbered(all.iter().map(|found| found.scene.clone()));
     for (scene, found) in names.iter().zip(all) {
         let mut add = |part: &str, name: &str, scores: &Scores, more: [String; 8]| {

@@ -51,7 +51,7 @@ pub(crate) struct SensorFacts {
 }
 
 /// Azimuth and elevation in degrees of each direction, or offset and elevation of each channel.
-pub(super) fn angles(beams: &Beams) -> Vec<[f64; 2]> {
+fn angles(beams: &Beams) -> Vec<[f64; 2]> {
     match beams {
         Beams::Channels(all) => all.iter().map(|c| [c.azimuth_offset, c.elevation]).collect(),
         Beams::Directions(all) => {
@@ -63,18 +63,20 @@ pub(super) fn angles(beams: &Beams) -> Vec<[f64; 2]> {
     }
 }
 
-/// Elevations by bands of a round width, lowest first: lower end and count of each; and the width.
-pub(super) fn bands(elevations: &[f64]) -> (f64, Vec<(f64, usize)>) {
-    let [low, high] = span(elevations.iter().copied());
+/// Elevations by bands of a round width, lowest first: the width, lower end and count of each, and the largest count.
+fn bands(angles: &[[f64; 2]]) -> (f64, Vec<(f64, usize)>, usize) {
+    let elevations = || angles.iter().map(|angle| angle[1]);
+    let [low, high] = span(elevations());
     let raw = ((high - low) / ROWS).max(0.1);
     let widths = [0.1, 0.2, 0.5, 1.0, 2.0, 2.5, 5.0, 10.0];
     let width = widths.into_iter().find(|width| *width >= raw).unwrap_or(20.0);
     // An elevation on the border of two bands belongs to the upper one, rounded or not.
     let band = |e: f64| (e / width + 1e-9).floor() as i64;
     let mut counts: Vec<usize> = vec![0; (band(high) - band(low) + 1) as usize];
-    elevations.iter().for_each(|&e| counts[(band(e) - band(low)) as usize] += 1);
+    elevations().for_each(|e| counts[(band(e) - band(low)) as usize] += 1);
+    let most = counts.iter().copied().max().unwrap_or(1).max(1);
     let ends = (band(low)..).map(|k| k as f64 * width);
-    (width, ends.zip(counts).collect())
+    (width, ends.zip(counts).collect(), most)
 }
 
 /// Least and largest value; zeros of none.
@@ -148,10 +150,9 @@ pub(crate) fn sensor_text(pattern: &SensorPattern, facts: &SensorFacts) -> Strin
     lines.extend(facts.beams.map(|beams| ("beams a frame", beams.to_string())));
     let Measures { range: most, min_range, rated_range, noise, rate } = facts.measures;
     let metres = |value: Option<f64>| value.map(|value| format!("{} m", number(value)));
-    lines.extend(metres(most).map(|text| ("range", text)));
-    lines.extend(metres(min_range).map(|text| ("closest range", text)));
-    lines.extend(metres(rated_range).map(|text| ("range at 10 %", text)));
-    lines.extend(metres(noise).map(|text| ("range noise", text)));
+    let names = ["range", "closest range", "range at 10 %", "range noise"];
+    let stated = names.into_iter().zip([most, min_range, rated_range, noise].map(metres));
+    lines.extend(stated.filter_map(|(name, value)| Some((name, value?))));
     lines.extend(rate.map(|rate| ("frames a second", number(rate))));
     lines.extend(facts.notes.iter().map(|note| ("note", note.clone())));
     let width = lines.iter().map(|(key, _)| key.chars().count()).max().unwrap_or(0);
@@ -166,9 +167,7 @@ pub(crate) fn sensor_text(pattern: &SensorPattern, facts: &SensorFacts) -> Strin
 
 /// A bar for each band of elevations, highest first.
 fn drawing(pattern: &SensorPattern, is_channels: bool) -> String {
-    let elevations: Vec<f64> = angles(&pattern.beams).iter().map(|angle| angle[1]).collect();
-    let (width, bands) = bands(&elevations);
-    let most = bands.iter().map(|(_, count)| *count).max().unwrap_or(1).max(1);
+    let (width, bands, most) = bands(&angles(&pattern.beams));
     let what = if is_channels { "channels" } else { "beams" };
     let mut rows = vec![vec!["elevation".to_owned(), what.to_owned()]];
     let mut bars = vec![String::new()];
@@ -217,13 +216,10 @@ pub(crate) fn sensor_svg(pattern: &SensorPattern, facts: &SensorFacts) -> String
     };
     let name = facts.name.as_deref().unwrap_or(&facts.format);
     let name: String = name.chars().take(40).collect();
-    let title = match (facts.channels, facts.beams) {
-        (Some(channels), Some(beams)) => {
-            format!("{name}: {channels} channels, {beams} beams a frame")
-        }
-        (Some(channels), None) => format!("{name}: {channels} channels"),
-        (None, beams) => format!("{name}: {} beams a frame", beams.unwrap_or(0)),
-    };
+    let channels = facts.channels.map(|count| format!("{count} channels"));
+    let beams = facts.beams.map(|count| format!("{count} beams a frame"));
+    let counts: Vec<String> = channels.into_iter().chain(beams).collect();
+    let title = format!("{name}: {}", counts.join(", "));
     // Small dots for many beams, so that each stands alone; one step is told from its neighbours.
     let small = |count: usize| if count < 4000 { "3" } else { "1.5" };
     let (first, colour) = match (dots.others.is_empty(), dots.first.len()) {
@@ -259,11 +255,8 @@ fn dots(beams: &Beams, angles: &[[f64; 2]], steps: Option<u32>) -> Dots {
     }
     let first = angles.to_vec();
     let Some(steps) = steps else {
-        return Dots {
-            first,
-            others: Vec::new(),
-            words: "the beams of one azimuth step".to_owned(),
-        };
+        let (others, words) = (Vec::new(), "the beams of one azimuth step".to_owned());
+        return Dots { first, others, words };
     };
     let step = 360.0 / f64::from(steps);
     let offsets = || angles.iter().map(|angle| angle[0]);
@@ -295,9 +288,7 @@ fn points(dots: &[[f64; 2]], axes: &Axes, colour: &str, size: &str) -> Markup {
 
 /// Channels or beams by bands of elevation, beside the plot and on its axis.
 fn bars(angles: &[[f64; 2]], axes: &Axes, is_channels: bool) -> Markup {
-    let elevations: Vec<f64> = angles.iter().map(|angle| angle[1]).collect();
-    let (width, bands) = bands(&elevations);
-    let most = bands.iter().map(|(_, count)| *count).max().unwrap_or(1).max(1);
+    let (width, bands, most) = bands(angles);
     let (top, bottom) = (TOP, TOP + HEIGHT);
     html! {
         text x=(BARS[0]) y=(TOP - 8.0) font-size="12" fill=(SOFT) {

@@ -1,6 +1,6 @@
 //! Studies, sweeps and tolerances as text and figures.
 
-use super::columns::align_columns;
+use super::columns::{align_columns, table_text};
 use super::plot::{Axis, Change, Plot, Series};
 use super::svg::trimmed;
 use super::tables::ScoreColumn;
@@ -17,15 +17,13 @@ pub(crate) fn study_plot(table: &Table) -> Plot {
     let rows = || table.rows.iter();
     let (x_title, y_title, x, series) = match &table.drawing {
         TablePlot::ByCase { columns, y_title, line } => {
+            let points =
+                |column| (0..).map(f64::from).zip(rows().map(move |row| number(row, column)));
             let series = columns.iter().map(|&column| Series {
                 name: table.columns[column + 1].clone(),
-                points: rows()
-                    .enumerate()
-                    .map(|(k, row)| (k as f64, number(row, column)))
-                    .collect(),
+                points: points(column).collect(),
                 line: *line,
-                labels: Vec::new(),
-                hollow: Vec::new(),
+                ..Series::default()
             });
             let names = Axis::Names(rows().map(Row::marked).collect());
             (&table.columns[0], y_title, names, series.collect())
@@ -34,14 +32,9 @@ pub(crate) fn study_plot(table: &Table) -> Plot {
             let place = |column: &usize| columns.iter().position(|of| of == column);
             let series = rows().map(|row| Series {
                 name: row.marked(),
-                points: columns
-                    .iter()
-                    .enumerate()
-                    .map(|(k, &column)| (k as f64, number(row, column)))
-                    .collect(),
-                line: false,
-                labels: Vec::new(),
+                points: (0..).map(f64::from).zip(columns.iter().map(|&k| number(row, k))).collect(),
                 hollow: row.unmet_at.iter().filter_map(place).collect(),
+                ..Series::default()
             });
             // The unit stands at the axis.
             let name = |&column: &usize| {
@@ -55,22 +48,16 @@ pub(crate) fn study_plot(table: &Table) -> Plot {
             let series = Series {
                 name: format!("by {}", table.columns[0]),
                 points: rows().map(|row| (number(row, 0), number(row, *column))).collect(),
-                line: false,
-                labels: rows().enumerate().map(|(k, row)| (k, row.marked())).collect(),
-                hollow: Vec::new(),
+                labels: rows().map(Row::marked).enumerate().collect(),
+                ..Series::default()
             };
             (x_title, y_title, Axis::Numbers, vec![series])
         }
     };
     let has_hollow = rows().any(|row| !row.unmet_at.is_empty());
     let hollow = if has_hollow { " (hollow: a requirement is not met)" } else { "" };
-    Plot {
-        title: table.title.clone(),
-        x_title: x_title.clone(),
-        y_title: format!("{y_title}{hollow}"),
-        x,
-        series,
-    }
+    let [title, x_title] = [&table.title, x_title].map(String::clone);
+    Plot { title, x_title, y_title: format!("{y_title}{hollow}"), x, series }
 }
 
 const COLUMNS: [ScoreColumn; 3] =
@@ -129,12 +116,8 @@ fn first_of(sweep: &Sweep, title: &str, faults: impl Fn(&SweepRow) -> Vec<String
         return String::new();
     };
     let count = all.iter().filter(|faults| !faults.is_empty()).count();
-    let at = head(sweep, first);
-    let mut text = format!("{title} in {count} of {} rows; at {at}:\n", all.len());
-    for fault in &all[first] {
-        text += &format!("  {fault}\n");
-    }
-    text
+    let faults: String = all[first].iter().map(|fault| format!("  {fault}\n")).collect();
+    format!("{title} in {count} of {} rows; at {}:\n{faults}", all.len(), head(sweep, first))
 }
 
 /// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
@@ -175,29 +158,22 @@ pub(crate) fn sweep_plot(sweep: &Sweep) -> String {
     let is_extra = given.is_some_and(|given| values().all(|value| value != given));
     let mut drawn: Vec<_> = sweep.rows.iter().filter(|row| !row.as_given || is_extra).collect();
     drawn.sort_by(|a, b| a.value.total_cmp(&b.value));
-    let series = |name: String, of: &dyn Fn(&Scores) -> Option<f64>| Series {
-        name,
-        points: drawn
-            .iter()
-            .filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?)))
-            .collect(),
-        line: true,
-        labels: Vec::new(),
-        hollow: Vec::new(),
+    let series = |name: String, of: &dyn Fn(&Scores) -> Option<f64>| {
+        let points = drawn.iter().filter_map(|row| Some((row.value, 100.0 * of(&row.scores)?)));
+        Series { name, points: points.collect(), line: true, ..Series::default() }
     };
-    let scores = DRAWN
-        .iter()
-        .map(|(column, name)| series((*name).to_owned(), &|scores| column.share(scores)));
+    let scores = DRAWN.map(|(column, name)| series(name.to_owned(), &|of| column.value(of)));
     let required = sweep.rows.first().map_or(&[][..], |row| &row.scores.required[..]);
     let required = required.iter().take(MOST_DRAWN).enumerate().map(|(k, seen)| {
         series(seen.title(), &|scores| scores.required.get(k).map(|seen| seen.share))
     });
+    let all = scores.into_iter().chain(required);
     let plot = Plot {
         title: format!("{}: {} of LiDAR {}", sweep.placement, sweep.field, sweep.lidar),
         x_title: format!("{}, {}", sweep.field, sweep.unit),
         y_title: "%".to_owned(),
         x: Axis::Numbers,
-        series: scores.chain(required).filter(|series| !series.points.is_empty()).collect(),
+        series: all.filter(|series| !series.points.is_empty()).collect(),
     };
     let change = given.map(|at| Change { at, name: "as given".to_owned(), ends_curves: false });
     plot.svg_with(&[], change.as_slice())
@@ -212,9 +188,11 @@ fn holds_to(side: &RoomOfSide, digits: usize) -> String {
     }
 }
 
-/// A deviation, with the requirement that breaks beyond it.
-fn cells(side: &RoomOfSide, digits: usize) -> [String; 2] {
-    [holds_to(side, digits), side.breaks.clone().unwrap_or_default()]
+/// A name, then the deviation of each side with the requirement that breaks beyond it.
+fn row<const N: usize>(name: String, sides: [&RoomOfSide; N], digits: usize) -> Vec<String> {
+    let cells =
+        |side: &RoomOfSide| [holds_to(side, digits), side.breaks.clone().unwrap_or_default()];
+    std::iter::once(name).chain(sides.into_iter().flat_map(cells)).collect()
 }
 
 /// A sentence on the direction of tilt that holds least, and a table of all.
@@ -227,16 +205,13 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
         }
         None => format!("{}° and more in every direction", fixed(least.side.holds_to, 2)),
     };
-    let mut rows = vec![["tilt, deg", "holds to", "then breaks"].map(str::to_owned).to_vec()];
-    for of in &tilt.directions {
-        let [holds, breaks] = cells(&of.side, 2);
-        rows.push(vec![of.direction.to_owned(), holds, breaks]);
-    }
+    let rows = tilt.directions.iter().map(|of| row(of.direction.to_owned(), [&of.side], 2));
+    let table = table_text(&["tilt, deg", "holds to", "then breaks"], rows);
     let about = format!(
         "tilt: LiDARs turn; own body, ground and targets stay as they are (docs/targets.md)\n\
          all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to "
     );
-    format!("{}{about}{end}\n{}", align_columns(&rows), tilted_hits_text(tilt))
+    format!("{table}{about}{end}\n{}", tilted_hits_text(tilt))
 }
 
 /// Sentences on limits of a tilt at which a LiDAR is in the own body, or behind it: the body stays upright.
@@ -317,14 +292,11 @@ pub(crate) fn room_text(all: &[Room]) -> String {
             text += "  missed as it is and left out; below are the requirements that it meets\n";
         }
         let titles = ["LiDAR field", "− holds to", "− then breaks", "+ holds to", "+ then breaks"];
-        let mut rows = vec![titles.map(str::to_owned).to_vec()];
-        for row in &room.fields {
-            let name = format!("{} {}, {}", row.lidar, row.field, row.unit);
-            let digits = if row.unit == "deg" { 2 } else { 1 };
-            let [down, up] = [&row.down, &row.up].map(|side| cells(side, digits));
-            rows.push([&[name][..], &down, &up].concat());
-        }
-        text += &align_columns(&rows);
+        let rows = room.fields.iter().map(|of| {
+            let name = format!("{} {}, {}", of.lidar, of.field, of.unit);
+            row(name, [&of.down, &of.up], if of.unit == "deg" { 2 } else { 1 })
+        });
+        text += &table_text(&titles, rows);
         text += &self_hits_text(room);
         text += &room.tilt.as_ref().map(tilt_text).unwrap_or_default();
         text + &copies_text(room)
@@ -354,30 +326,27 @@ mod tests {
 
     #[test]
     fn a_table_is_drawn_by_case_by_column_or_one_column_against_the_other() {
-        let (x_title, y_title) = ("u".to_owned(), "v".to_owned());
-        let columns = vec![1];
-        let by_case =
-            study_plot(&table(TablePlot::ByCase { columns, y_title: y_title.clone(), line: true }));
+        let by_column = |columns: &[usize]| {
+            let [x_title, y_title] = ["u", "v"].map(str::to_owned);
+            TablePlot::ByColumn { columns: columns.to_vec(), x_title, y_title }
+        };
+        let by_case = TablePlot::ByCase { columns: vec![1], y_title: "v".to_owned(), line: true };
+        let by_case = study_plot(&table(by_case));
         assert_eq!((by_case.x_title.as_str(), by_case.y_title.as_str()), ("case", "v"));
         assert_eq!(by_case.series.len(), 1);
         assert_eq!(by_case.series[0].name, "b");
         assert!(by_case.series[0].points[0].1.is_nan());
         assert_eq!(by_case.series[0].points[1], (1.0, 3.0));
-        let (x, y) = (x_title.clone(), y_title.clone());
-        let columns = vec![0, 1];
-        let mut all = table(TablePlot::ByColumn { columns, x_title: x, y_title: y });
-        let by_column = study_plot(&all);
-        assert_eq!((by_column.series.len(), by_column.series[1].name.as_str()), (2, "y"));
-        assert_eq!(by_column.series[1].points, [(0.0, 2.0), (1.0, 3.0)]);
+        let mut all = table(by_column(&[0, 1]));
+        let both = study_plot(&all);
+        assert_eq!((both.series.len(), both.series[1].name.as_str()), (2, "y"));
+        assert_eq!(both.series[1].points, [(0.0, 2.0), (1.0, 3.0)]);
         // A column of another unit is left out, and a value beside a requirement that fails is hollow.
-        let (x_title, y_title) = (x_title.clone(), y_title.clone());
-        all.drawing = TablePlot::ByColumn { columns: vec![1], x_title, y_title };
+        all.drawing = by_column(&[1]);
         (all.columns[2], all.rows[1].unmet_at) = ("b %".into(), vec![0, 1]);
         let one = study_plot(&all);
-        assert_eq!(
-            (&one.series[1].points[..], &one.series[1].hollow[..]),
-            (&[(0.0, 3.0)][..], &[0][..])
-        );
+        let second = &one.series[1];
+        assert_eq!((&second.points[..], &second.hollow[..]), (&[(0.0, 3.0)][..], &[0][..]));
         assert!(matches!(&one.x, Axis::Names(names) if names[..] == ["b"]), "{:?}", one.x);
         assert!(one.y_title.starts_with("v (hollow"), "{}", one.y_title);
         let (x_title, y_title) = ("u".to_owned(), "v".to_owned());
@@ -423,15 +392,8 @@ mod tests {
         };
         let svg = |given: f64| {
             let rows = vec![row(given, true), row(1.0, false), row(2.0, false), row(3.0, false)];
-            let placement = "rig".to_owned();
-            sweep_plot(&Sweep {
-                placement,
-                lidar: 0,
-                mirrored_lidar: None,
-                field: "z",
-                unit: "m",
-                rows,
-            })
+            let (placement, [field, unit]) = ("rig".to_owned(), ["z", "m"]);
+            sweep_plot(&Sweep { placement, lidar: 0, mirrored_lidar: None, field, unit, rows })
         };
         let drawn = |svg: &str| (svg.matches("<polyline").count(), svg.matches("r=\"4\"").count());
         assert_eq!(drawn(&svg(2.5)), (1, 4));

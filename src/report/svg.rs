@@ -1,4 +1,4 @@
-//! Parts of every drawing: page, colours, numbers as words, and axes with their ticks.
+//! Parts of every drawing: page, colours, signs of LiDARs, numbers as words, and axes with their ticks.
 
 use crate::json::fixed;
 use crate::maths;
@@ -17,6 +17,60 @@ pub(super) const COLOURS: [&str; 16] = [
     "#d55e00", "#0072b2", "#009e73", "#b8568f", "#a67400", "#3a8fc7", "#7b5c3e", "#5a6b7b",
     "#7d1a0c", "#0b2f6b", "#004d36", "#5c1a56", "#574000", "#0f5560", "#33211a", "#1f2933",
 ];
+
+/// Colour of a LiDAR, a series or a target by its number.
+pub(super) fn colour(number: usize) -> &'static str {
+    COLOURS[number % COLOURS.len()]
+}
+
+/// LiDARs at one place of a drawing, and where their numbers stand.
+#[derive(Debug, Clone)]
+pub(super) struct LidarSign {
+    /// Their numbers, rising.
+    pub lidars: Vec<usize>,
+    /// Their place.
+    pub at: [f64; 2],
+    /// Middle of their numbers.
+    pub label: [f64; 2],
+}
+
+impl LidarSign {
+    /// Signs of LiDARs at some places. LiDARs less than `near` apart along both axes share one; a sign that touches another
+    /// is moved to the right, `step` by `step`.
+    pub(super) fn all(
+        places: impl Iterator<Item = [f64; 2]>,
+        near: f64,
+        step: f64,
+        touches: impl Fn(&Self, &Self) -> bool,
+    ) -> Vec<Self> {
+        let mut signs: Vec<Self> = Vec::new();
+        for (lidar, at) in places.enumerate() {
+            let is_there =
+                |sign: &&mut Self| (0..2).all(|k: usize| (sign.at[k] - at[k]).abs() < near);
+            match signs.iter_mut().find(is_there) {
+                Some(sign) => sign.lidars.push(lidar),
+                None => signs.push(Self { lidars: vec![lidar], at, label: at }),
+            }
+        }
+        for k in 1..signs.len() {
+            let (placed, rest) = signs.split_at_mut(k);
+            while placed.iter().any(|other| touches(other, &rest[0])) {
+                rest[0].label[0] += step;
+            }
+        }
+        signs
+    }
+
+    /// `0`, or `0, 1` where several LiDARs lie behind one another.
+    pub(super) fn words(&self) -> String {
+        self.lidars.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Colour of the first of its LiDARs.
+    pub(super) fn colour(&self) -> &'static str {
+        colour(self.lidars[0])
+    }
+}
 
 /// A drawing of a size in pixels, to stand alone or in a page.
 pub(super) fn page([width, height]: [f64; 2], title: &str, body: &Markup) -> String {

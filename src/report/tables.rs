@@ -1,8 +1,8 @@
 //! The tables of `score` and of the studies as rows for CSV: titles with units first, numbers in full precision, a row
 //! for each thing that was measured.
 
+use super::SceneRecord;
 use super::study::lost;
-use super::{RunRecord, SceneRecord};
 use crate::csv::{csv, number};
 use crate::job::{Room, RoomOfSide, Sweep};
 use crate::json::fixed;
@@ -22,21 +22,32 @@ pub(super) fn titles(words: &[&str]) -> Cells {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
+/// Titles in their order, as a file has them: between commas.
+pub(super) fn header(keys: &str) -> Cells {
+    keys.split(',').map(str::to_owned).collect()
+}
+
+/// Each of some things once, in the order in which they come.
+pub(super) fn distinct<T: PartialEq>(all: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut once: Vec<T> = Vec::new();
+    for one in all {
+        if !once.contains(&one) {
+            once.push(one);
+        }
+    }
+    once
+}
+
 pub(super) fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {
     parts.into_iter().map(|part| part.to_string()).collect::<Vec<_>>().join(BETWEEN)
 }
 
 /// Titles of [`score_rows`] with the same prices.
 pub(crate) fn score_titles(prices: &[f64]) -> Cells {
-    let mut row: Cells = ScoreColumn::ALL.iter().map(|column| column.key().to_owned()).collect();
-    row.extend(titles(&[
-        "near_ring_share",
-        "requirements_met",
-        "requirements",
-        "requirements_hold_in_share",
-        "warnings",
-        "broken_rules",
-    ]));
+    let mut row: Cells = COLUMNS.iter().map(|(_, key, ..)| (*key).to_owned()).collect();
+    row.extend(header(
+        "near_ring_share,requirements_met,requirements,requirements_hold_in_share,warnings,broken_rules",
+    ));
     row.extend((!prices.is_empty()).then(|| "price".to_owned()));
     row
 }
@@ -49,7 +60,7 @@ pub(crate) fn score_rows<'a>(
     prices: &[f64],
 ) -> Vec<Cells> {
     let row = |(k, scores): (usize, &Scores)| {
-        let mut row: Cells = ScoreColumn::ALL.iter().map(|c| c.plain_cell(scores)).collect();
+        let mut row: Cells = COLUMNS.iter().map(|(column, ..)| column.plain_cell(scores)).collect();
         let required = &scores.required;
         let met = (!required.is_empty()).then(|| required.iter().all(Seen::is_met).to_string());
         let seen = required.iter().map(|seen| {
@@ -71,15 +82,15 @@ pub(crate) fn score_rows<'a>(
 /// A row a placement: shares, blind ground, depth of the blind zone, poles seen of all by standard, share of each LiDAR's
 /// beams on the own body, ground lost again by side. Last come the frames of the deepest lanes by side, where bodies move.
 pub(crate) fn near_field_csv(all: &[NearField]) -> String {
-    let mut rows = vec![titles(&[
-        "placement", "near_field_share", "ring_3m_share", "blind_area_m2", "zone_area_m2",
-        "blind_ahead_m", "blind_behind_m", "blind_left_m", "blind_right_m",
-    ])];
+    let mut rows = vec![header(
+        "placement,near_field_share,ring_3m_share,blind_area_m2,zone_area_m2,blind_ahead_m,blind_behind_m,blind_left_m,\
+         blind_right_m",
+    )];
     for (_, name) in Standard::ALL {
         let name = name.replace(' ', "_");
         rows[0].extend([format!("{name}_seen"), format!("{name}_poles")]);
     }
-    rows[0].extend(titles(&["own_body_share_by_lidar", "lost_again", "worst_frames"]));
+    rows[0].extend(header("own_body_share_by_lidar,lost_again,worst_frames"));
     rows.extend(all.iter().map(|near| {
         let zone = &near.zone;
         let mut row = vec![near.name.clone(), number(near.near_field), number(near.ring)];
@@ -99,10 +110,9 @@ pub(crate) fn near_field_csv(all: &[NearField]) -> String {
 /// Beams on targets, a row for each place and frame: all beams, beams of each LiDAR, and at the bearing the farthest
 /// distance of detection and every run of distances.
 pub(crate) fn targets_csv(table: &TargetTable) -> String {
-    let first = titles(&[
-        "scene", "frame", "placement", "target", "bearing_deg", "distance_m", "beams",
-        "beams_by_lidar", "overlaps_body", "first_m", "detected_m",
-    ]);
+    let first = header(
+        "scene,frame,placement,target,bearing_deg,distance_m,beams,beams_by_lidar,overlaps_body,first_m,detected_m",
+    );
     // Both are by scene, placement, target and bearing.
     let key =
         |of: &TargetRow| (of.scene.clone(), of.placement.clone(), of.target.clone(), of.bearing);
@@ -128,27 +138,16 @@ pub(crate) fn targets_csv(table: &TargetTable) -> String {
 /// technology where a vehicle has several.
 pub(crate) fn redundancy_csv(all: &[&Redundancy]) -> String {
     let has_technologies = all.iter().any(|of| of.technologies.is_some());
-    let mut first = titles(&[
-        "scene",
-        "placement",
-        "thing",
-        "count",
-        "seen_by_0_share",
-        "seen_by_1_share",
-        "seen_by_2_share",
-        "seen_by_3_or_more_share",
-        "one_model_alone_share",
-    ]);
+    let mut rows = vec![header(
+        "scene,placement,thing,count,seen_by_0_share,seen_by_1_share,seen_by_2_share,seen_by_3_or_more_share,\
+         one_model_alone_share",
+    )];
     if has_technologies {
-        first.extend(titles(&[
-            "blind_to_all_share",
-            "seen_by_1_technology_share",
-            "seen_by_2_technologies_share",
-            "seen_by_3_or_more_technologies_share",
-            "technology_share",
-        ]));
+        rows[0].extend(header(
+            "blind_to_all_share,seen_by_1_technology_share,seen_by_2_technologies_share,\
+             seen_by_3_or_more_technologies_share,technology_share",
+        ));
     }
-    let mut rows = vec![first];
     for of in all {
         let mut add = |thing: &str, seen: &SeenBy, technologies: Option<&SeenByTechnologies>| {
             let mut row = titles(&[&of.scene, &of.placement, thing]);
@@ -192,10 +191,9 @@ fn technology_cells(seen: Option<&SeenByTechnologies>) -> [String; 5] {
 
 /// A row a pair of LiDARs, and one of each with itself: voxels and directions of the sphere that both see.
 pub(crate) fn overlap_csv(all: &[Overlap]) -> String {
-    let mut rows = vec![titles(&[
-        "scene", "placement", "lidar", "other", "model", "other_model", "shared_voxels", "overlap",
-        "shared_sphere_share", "all_connected",
-    ])];
+    let mut rows = vec![header(
+        "scene,placement,lidar,other,model,other_model,shared_voxels,overlap,shared_sphere_share,all_connected",
+    )];
     for of in all {
         for a in 0..of.lidars.len() {
             for b in a..of.lidars.len() {
@@ -216,7 +214,7 @@ pub(crate) fn overlap_csv(all: &[Overlap]) -> String {
 
 /// A row a value of the field: scores, bearings in which a car is lost, rules that are broken.
 pub(crate) fn sweep_csv(all: &[Sweep]) -> String {
-    let mut first = titles(&["lidar", "field", "value", "unit", "as_given"]);
+    let mut first = header("lidar,field,value,unit,as_given");
     first.extend(score_titles(&[]));
     first.push("car_lost_deg".to_owned());
     let rows = all.iter().flat_map(|sweep| {
@@ -236,11 +234,10 @@ pub(crate) fn sweep_csv(all: &[Sweep]) -> String {
 /// A row a field of a LiDAR: how far it holds to either side and what breaks; of a placement that misses
 /// requirements as it is, a row first that names them: the others leave them out.
 pub(crate) fn room_csv(all: &[Room]) -> String {
-    let mut rows = vec![titles(&[
-        "placement", "lidar", "field", "unit", "minus_holds_to", "minus_breaks_at", "minus_breaks",
-        "plus_holds_to", "plus_breaks_at", "plus_breaks", "missed_as_it_is", "minus_self_hit_at",
-        "plus_self_hit_at",
-    ])];
+    let mut rows = vec![header(
+        "placement,lidar,field,unit,minus_holds_to,minus_breaks_at,minus_breaks,plus_holds_to,plus_breaks_at,plus_breaks,\
+         missed_as_it_is,minus_self_hit_at,plus_self_hit_at",
+    )];
     let width = rows[0].len();
     for room in all {
         if room.fields.is_empty() || !room.missed.is_empty() {
@@ -279,12 +276,7 @@ pub(crate) fn studies_csv(tables: &[&Table]) -> String {
     if let [table] = tables {
         return table.csv();
     }
-    let mut columns: Vec<&String> = Vec::new();
-    for column in tables.iter().flat_map(|table| &table.columns[1..]) {
-        if !columns.contains(&column) {
-            columns.push(column);
-        }
-    }
+    let columns: Vec<&String> = distinct(tables.iter().flat_map(|table| &table.columns[1..]));
     let case = tables.first().map_or("case", |table| &*table.columns[0]);
     let mut rows = vec![titles(&["table", case])];
     rows[0].extend(columns.iter().map(|column| (*column).clone()));
@@ -306,16 +298,9 @@ pub(crate) fn studies_csv(tables: &[&Table]) -> String {
 
 /// A score as it is shown to people: title and cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
 pub(crate) enum ScoreColumn {
     /// Name of the placement.
     Name,
-    /// M-SOG, literal eq. 5.
-    MSog,
-    /// M-SOG/N in millionths, as the paper prints it.
-    MSogScaled,
-    /// M-SOG/N of the detection task, in millionths.
-    Detection,
     /// Information gain in nats.
     Gain,
     /// Information gain in per cent of the information that the scene holds.
@@ -328,6 +313,12 @@ pub(crate) enum ScoreColumn {
     NearGain3,
     /// Ground within 10 m of the body that is seen, in per cent.
     NearField,
+    /// M-SOG, literal eq. 5.
+    MSog,
+    /// M-SOG/N in millionths, as the paper prints it.
+    MSogScaled,
+    /// M-SOG/N of the detection task, in millionths.
+    Detection,
     /// S-MIG in nats.
     SMig,
     /// Covered voxels.
@@ -336,23 +327,37 @@ pub(crate) enum ScoreColumn {
     Hits,
 }
 
+/// Reads a score; `None` where it does not exist.
+type ScoreGetter = fn(&Scores) -> Option<f64>;
+
+/// Every column, in the order in which they are declared: title in CSV with its unit last, title for people, factor and
+/// decimals of their cell, and the score, which the name has none of.
+const COLUMNS: [(ScoreColumn, &str, &str, f64, usize, ScoreGetter); 13] = {
+    use ScoreColumn as Of;
+    [
+        (Of::Name, "placement", "placement", 1.0, 0, |_| None),
+        (Of::Gain, "information_gain_nats", "gain nats", 1.0, 0, |s| {
+            s.segmentation.information_gain
+        }),
+        (Of::GainShare, "information_gain_share", "gain %", 100.0, 2, |s| {
+            s.segmentation.information_gain_share
+        }),
+        (Of::NearGain, "near_gain_share", "near gain %", 100.0, 2, |s| s.near_gain),
+        (Of::NearGain2, "near_gain_2_share", "near gain ×2 %", 100.0, 2, |s| s.near_gain_2),
+        (Of::NearGain3, "near_gain_3_share", "near gain ×3 %", 100.0, 2, |s| s.near_gain_3),
+        (Of::NearField, "near_field_share", "near field %", 100.0, 1, |s| s.near_field),
+        (Of::MSog, "m_sog", "M-SOG", 1.0, 4, |s| s.segmentation.m_sog),
+        (Of::MSogScaled, "m_sog_scaled", "M-SOG/N ×1e-6", 1e6, 3, |s| s.segmentation.m_sog_scaled),
+        (Of::Detection, "detection_m_sog_scaled", "det ×1e-6", 1e6, 3, |s| {
+            s.detection?.m_sog_scaled
+        }),
+        (Of::SMig, "s_mig_nats", "S-MIG", 1.0, 0, |s| s.s_mig),
+        (Of::Covered, "covered_voxels", "covered", 1.0, 0, |s| Some(s.covered)),
+        (Of::Hits, "hit_share", "hits %", 100.0, 1, |s| s.hit_share),
+    ]
+};
+
 impl ScoreColumn {
-    /// Every column, the name first.
-    pub(crate) const ALL: [Self; 13] = [
-        Self::Name,
-        Self::Gain,
-        Self::GainShare,
-        Self::NearGain,
-        Self::NearGain2,
-        Self::NearGain3,
-        Self::NearField,
-        Self::MSog,
-        Self::MSogScaled,
-        Self::Detection,
-        Self::SMig,
-        Self::Covered,
-        Self::Hits,
-    ];
     /// The columns that an objective can name.
     pub(crate) const METRICS: [Self; 6] =
         [Self::Gain, Self::NearGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
@@ -370,7 +375,7 @@ impl ScoreColumn {
             Self::NearGain3 => objective.contains(NEAR_GAINS[2]),
             _ => true,
         };
-        Self::ALL.into_iter().filter(is_shown).collect()
+        COLUMNS.iter().map(|(column, ..)| *column).filter(is_shown).collect()
     }
 
     /// Share that results are compared by where an objective was maximized: each near gain for itself, else the gain.
@@ -380,62 +385,14 @@ impl ScoreColumn {
         named.map_or(Self::GainShare, |named| of[named])
     }
 
-    /// A near gain or the information gain as a share, for [`Self::argued`].
-    pub(crate) fn share(self, scores: &Scores) -> Option<f64> {
-        match self {
-            Self::NearGain => scores.near_gain,
-            Self::NearGain2 => scores.near_gain_2,
-            Self::NearGain3 => scores.near_gain_3,
-            _ => scores.segmentation.information_gain_share,
-        }
-    }
-
-    /// Title in CSV with its unit last, title for people, and the factor and decimals of their cell.
-    fn facts(self) -> (&'static str, &'static str, f64, usize) {
-        match self {
-            Self::Name => ("placement", "placement", 1.0, 0),
-            Self::MSog => ("m_sog", "M-SOG", 1.0, 4),
-            Self::MSogScaled => ("m_sog_scaled", "M-SOG/N ×1e-6", 1e6, 3),
-            Self::Detection => ("detection_m_sog_scaled", "det ×1e-6", 1e6, 3),
-            Self::Gain => ("information_gain_nats", "gain nats", 1.0, 0),
-            Self::GainShare => ("information_gain_share", "gain %", 100.0, 2),
-            Self::NearGain => ("near_gain_share", "near gain %", 100.0, 2),
-            Self::NearGain2 => ("near_gain_2_share", "near gain ×2 %", 100.0, 2),
-            Self::NearGain3 => ("near_gain_3_share", "near gain ×3 %", 100.0, 2),
-            Self::NearField => ("near_field_share", "near field %", 100.0, 1),
-            Self::SMig => ("s_mig_nats", "S-MIG", 1.0, 0),
-            Self::Covered => ("covered_voxels", "covered", 1.0, 0),
-            Self::Hits => ("hit_share", "hits %", 100.0, 1),
-        }
-    }
-
     /// Title with its unit.
     pub(crate) fn title(self) -> &'static str {
-        self.facts().1
-    }
-
-    /// Title in CSV, its unit last.
-    pub(crate) fn key(self) -> &'static str {
-        self.facts().0
+        COLUMNS[self as usize].2
     }
 
     /// The score; `None` for the name, and where the score does not exist.
-    fn value(self, scores: &Scores) -> Option<f64> {
-        let task = &scores.segmentation;
-        match self {
-            Self::Name => None,
-            Self::MSog => task.m_sog,
-            Self::MSogScaled => task.m_sog_scaled,
-            Self::Detection => scores.detection.and_then(|detection| detection.m_sog_scaled),
-            Self::Gain => task.information_gain,
-            Self::GainShare | Self::NearGain | Self::NearGain2 | Self::NearGain3 => {
-                self.share(scores)
-            }
-            Self::NearField => scores.near_field,
-            Self::SMig => scores.s_mig,
-            Self::Covered => Some(scores.covered),
-            Self::Hits => scores.hit_share,
-        }
+    pub(crate) fn value(self, scores: &Scores) -> Option<f64> {
+        COLUMNS[self as usize].5(scores)
     }
 
     /// The cell of a placement in CSV: full precision, no percent; empty where the score does not exist.
@@ -448,7 +405,7 @@ impl ScoreColumn {
 
     /// The cell of a placement; – where the score does not exist.
     pub(crate) fn cell(self, scores: &Scores) -> String {
-        let (_, _, factor, decimals) = self.facts();
+        let (.., factor, decimals, _) = COLUMNS[self as usize];
         match self {
             Self::Name => scores.name.clone(),
             Self::NearField => optional(self.value(scores).map(percent_down), decimals),
@@ -464,21 +421,16 @@ pub(crate) fn optional(value: Option<f64>, decimals: usize) -> String {
 
 /// A row of titles, then a row a placement: its name, its gain, or near gain where that was maximized, in per cent over
 /// all scenes and in each; `None` where there is one scene.
-pub(crate) fn by_scene(run: &RunRecord) -> Option<Vec<Vec<String>>> {
-    let column = ScoreColumn::argued(&run.objective);
-    rows_by_scene(&run.scenes, run.best.as_ref(), &run.baselines, column)
-}
-
-/// Like [`by_scene`], of scenes, a result and baselines, by a share.
 pub(crate) fn rows_by_scene(
     scenes: &[SceneRecord],
     best: Option<&Scored>,
     baselines: &[Scored],
-    column: ScoreColumn,
+    objective: &str,
 ) -> Option<Vec<Vec<String>>> {
     if scenes.is_empty() {
         return None;
     }
+    let column = ScoreColumn::argued(objective);
     let names = scenes.iter().map(|scene| scene.name.clone());
     let titles = [column.title(), "all"].map(str::to_owned).into_iter().chain(names);
     let row = |scored: &Scored| {

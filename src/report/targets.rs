@@ -9,7 +9,7 @@ mod beams;
 use maud::{Markup, html};
 
 use super::columns::align_columns;
-use super::svg::{COLOURS, FAINT, INK, SOFT, corners, page, px, trimmed};
+use super::svg::{FAINT, INK, SOFT, colour, corners, page, px, trimmed};
 use crate::maths;
 use crate::targets::{
     BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
@@ -65,38 +65,10 @@ pub(super) fn bearing_in_words(bearing: f64) -> String {
     }
 }
 
-/// A line a bearing, a column a target.
-fn block(met: &[MetRuns<'_>]) -> String {
-    let mut targets: Vec<&str> = Vec::new();
-    let mut bearings: Vec<f64> = Vec::new();
-    for one in met {
-        if !targets.contains(&one.target) {
-            targets.push(one.target);
-        }
-        if !bearings.contains(&one.bearing) {
-            bearings.push(one.bearing);
-        }
-    }
-    let title = std::iter::once("bearing".to_owned());
-    let mut rows = vec![title.chain(targets.iter().map(|t| format!("{t} m"))).collect::<Vec<_>>()];
-    for bearing in bearings {
-        let mut row = vec![bearing_in_words(bearing)];
-        row.extend(targets.iter().map(|target| {
-            let of = met.iter().find(|one| one.target == *target && one.bearing == bearing);
-            of.map_or_else(String::new, |one| runs_in_words(one.runs))
-        }));
-        rows.push(row);
-    }
-    align_columns(&rows)
-}
-
-/// Every bearing of every target of a card.
-fn of_card(card: &RangeCard) -> Vec<MetRuns<'_>> {
-    let of_target = card.targets.iter().map(|target| (&*target.target, &target.bearings));
-    let all = of_target.flat_map(|(target, bearings)| {
-        bearings.iter().map(move |of| MetRuns { target, bearing: of.bearing, runs: &of.met })
-    });
-    all.collect()
+/// Every bearing of a target of a card.
+fn of_target(target: &TargetRanges) -> Vec<MetRuns<'_>> {
+    let each = target.bearings.iter().map(|of| (of.bearing, &of.met[..]));
+    each.map(|(bearing, runs)| MetRuns { target: &target.target, bearing, runs }).collect()
 }
 
 /// Distance from which on a car is looked for all round, metres.
@@ -126,10 +98,10 @@ pub(super) fn overlap_in_words(card: &RangeCard) -> Option<String> {
             None => starts.push((*first, vec![name])),
         }
     }
-    let parts = starts
-        .iter()
-        .map(|(metres, names)| format!("{} m ({})", trimmed(*metres, 2), names.join(", ")));
-    let parts: Vec<String> = parts.collect();
+    let part = |(metres, names): &(f64, Vec<String>)| {
+        format!("{} m ({})", trimmed(*metres, 2), names.join(", "))
+    };
+    let parts: Vec<String> = starts.iter().map(part).collect();
     (!parts.is_empty()).then(|| {
         format!(
             "Among these distances a {} stands free of the own body from {} on.",
@@ -177,11 +149,11 @@ pub(crate) fn range_card_text(card: &RangeCard) -> String {
     format!(
         "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}{words}",
         card.beams,
-        block(&of_card(card))
+        align_columns(&range_card_rows(card))
     )
 }
 
-/// Rows of a card for a page: the bearing, then the distances at which each target is met; the titles come first.
+/// Rows of a card: the bearing, then the distances at which each target is met; the titles come first.
 pub(super) fn range_card_rows(card: &RangeCard) -> Vec<Vec<String>> {
     let title = |target: &TargetRanges| format!("{} m", target.target);
     let titles = std::iter::once("bearing".to_owned()).chain(card.targets.iter().map(title));
@@ -204,9 +176,9 @@ pub(super) fn sizes_in_words(card: &RangeCard) -> String {
 }
 
 /// Metres at the outer circle of a plot: the farthest detection, rounded up to whole circles of 5 m.
-fn farthest<'a>(all: impl Iterator<Item = &'a MetRuns<'a>>) -> f64 {
+fn farthest(all: &[MetRuns<'_>]) -> f64 {
     let step = 5.0 * RINGS as f64;
-    let most = all.flat_map(|one| one.runs).map(|run| run[1]).fold(0.0, f64::max);
+    let most = all.iter().flat_map(|one| one.runs).map(|run| run[1]).fold(0.0, f64::max);
     (most / step).ceil().max(1.0) * step
 }
 
@@ -231,13 +203,11 @@ pub(super) fn range_card_svgs(name: &str, card: &RangeCard) -> Vec<(String, Stri
 }
 
 fn card_panels(name: &str, card: &RangeCard) -> Vec<Markup> {
-    let all = of_card(card);
-    let of_target = |target: &TargetRanges| {
-        let own: Vec<&MetRuns<'_>> = all.iter().filter(|one| one.target == target.target).collect();
-        let farthest = farthest(own.iter().copied());
-        panel(&format!("{name}: {}", target.target), card.beams, &own, &[&target.target], farthest)
+    let of_card = |target: &TargetRanges| {
+        let (heading, all) = (format!("{name}: {}", target.target), of_target(target));
+        panel(&heading, card.beams, &all, &[&target.target], farthest(&all))
     };
-    card.targets.iter().map(of_target).collect()
+    card.targets.iter().map(of_card).collect()
 }
 
 /// Detections by scene and placement, in order.
@@ -253,18 +223,13 @@ fn heading(of: &Detection) -> String {
 }
 
 fn of_detections(detections: &[Detection]) -> Vec<MetRuns<'_>> {
-    let mut all = Vec::new();
-    for Detection { target, bearing, detected, .. } in detections {
-        all.push(MetRuns { target, bearing: *bearing, runs: detected });
-    }
-    all
+    let each = detections.iter().map(|of| (&*of.target, of.bearing, &of.detected[..]));
+    each.map(|(target, bearing, runs)| MetRuns { target, bearing, runs }).collect()
 }
 
 /// A polar plot a placement: for each bearing the distances of detection, a strip a target. Ahead is up, left is left.
 pub(crate) fn targets_svg(question: &TargetQuestion, table: &TargetTable) -> String {
-    let panels = by_placement(table);
-    let all: Vec<MetRuns<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
-    panels_svg(question, &panels, farthest(all.iter()))
+    panels_svg(question, &by_placement(table), farthest(&of_detections(&table.detections)))
 }
 
 /// The polar plot of each placement on its own, with its name; all have one scale.
@@ -272,14 +237,12 @@ pub(crate) fn targets_figures(
     question: &TargetQuestion,
     table: &TargetTable,
 ) -> Vec<(String, String)> {
-    let panels = by_placement(table);
-    let all: Vec<MetRuns<'_>> = panels.iter().flat_map(|of| of_detections(of)).collect();
-    let farthest = farthest(all.iter());
+    let farthest = farthest(&of_detections(&table.detections));
     let figure = |of: &&[Detection]| {
         let scene = of[0].scene.as_ref().map_or(String::new(), |scene| format!("-in-{scene}"));
         (format!("targets-{}{scene}", of[0].placement), panels_svg(question, &[*of], farthest))
     };
-    panels.iter().map(figure).collect()
+    by_placement(table).iter().map(figure).collect()
 }
 
 /// Polar plots beside each other, and the colours of the targets.
@@ -292,9 +255,7 @@ fn panels_svg(question: &TargetQuestion, panels: &[&[Detection]], farthest: f64)
         @for (k, detections) in panels.iter().enumerate() {
             @let (x, y) = ((k % columns) as f64 * PANEL, (k / columns) as f64 * (PANEL + TITLE));
             g transform={ "translate(" (px(x)) " " (px(y)) ")" } {
-                @let all = of_detections(detections);
-                @let own = all.iter().collect::<Vec<_>>();
-                (panel(&heading(&detections[0]), question.beams, &own, &names, farthest))
+                (panel(&heading(&detections[0]), question.beams, &of_detections(detections), &names, farthest))
             }
         }
         (legend(&names, height))
@@ -313,7 +274,7 @@ fn legend(names: &[&str], height: f64) -> Markup {
         @for (k, name) in names.iter().enumerate() {
             @let x = 12.0 + (k % 4) as f64 * 96.0;
             @let y = height + 4.0 + (k / 4) as f64 * 18.0;
-            rect x=(px(x)) y=(px(y)) width="12" height="12" fill=(COLOURS[k % COLOURS.len()]) {}
+            rect x=(px(x)) y=(px(y)) width="12" height="12" fill=(colour(k)) {}
             text x=(px(x + 17.0)) y=(px(y + 11.0)) { (name) }
         }
     }
@@ -328,7 +289,7 @@ fn strip_from(bearing: f64, width: f64, index: usize, count: usize) -> f64 {
 }
 
 /// One polar plot of places that at least `beams` meet.
-fn panel(heading: &str, beams: u32, all: &[&MetRuns<'_>], names: &[&str], farthest: f64) -> Markup {
+fn panel(heading: &str, beams: u32, all: &[MetRuns<'_>], names: &[&str], farthest: f64) -> Markup {
     let (middle, scale) = ([PANEL / 2.0, TITLE + PANEL / 2.0], RADIUS / farthest);
     let at = |bearing: f64, metres: f64| {
         let (sin, cos) = maths::sin_cos(bearing.to_radians());
@@ -360,7 +321,7 @@ fn panel(heading: &str, beams: u32, all: &[&MetRuns<'_>], names: &[&str], farthe
         @for one in all {
             @for run in one.runs {
                 @let (index, outline) = wedge(one, run);
-                polygon points=(outline) fill=(COLOURS[index % COLOURS.len()]) fill-opacity=".85" {}
+                polygon points=(outline) fill=(colour(index)) fill-opacity=".85" {}
             }
         }
         @for ring in 1..=RINGS {
@@ -414,22 +375,18 @@ mod tests {
         // Each target has a plot of its own, which says when it is met.
         let drawn = range_card_svg("found", &card);
         assert!(drawn.contains("found: car") && drawn.contains("5 beams or more; "), "{drawn}");
-        assert!(drawn.contains(&format!(">{}<", trimmed(farthest(of_card(&card).iter()), 1))));
+        assert!(
+            drawn.contains(&format!(">{}<", trimmed(farthest(&of_target(&card.targets[0])), 1)))
+        );
         let each = range_card_svgs("found", &card);
         let [(title, own)] = &each[..] else { panic!("one target") };
         assert_eq!(title, "Distances at which a target is met: car");
         assert!(own.contains("found: car") && own.matches("<polygon").count() == 5, "{own}");
         assert_eq!(sizes_in_words(&card), "Targets: car 4.5 × 1.8 × 1.5 m.");
         // A sector elsewhere takes nothing away; in one a car may be lost where it starts late.
-        let sector = |bearings, near| BlindSector {
-            bearings,
-            distances: [near, 50.0],
-            worst: bearings[0],
-            lost: vec![[near, 50.0]],
-        };
-        card.blind = vec![sector([30.0, 120.0], 5.0)];
+        card.blind = vec![BlindSector::lost([30.0, 120.0], [5.0, 50.0])];
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));
-        card.blind = vec![sector([170.0, -170.0], 5.0)];
+        card.blind = vec![BlindSector::lost([170.0, -170.0], [5.0, 50.0])];
         let words =
             "Among these distances a car stands free of the own body from 7.5 m (ahead 0°) on.";
         assert_eq!(overlap_in_words(&card).as_deref(), Some(words));

@@ -1,6 +1,6 @@
 //! Scores, P-SOGs and verifications as text.
 
-use super::columns::{align_columns, align_with_notes};
+use super::columns::{align_columns, align_with_notes, table_text};
 use super::{RunRecord, SceneRecord, ScoreColumn, optional};
 use crate::json::{fixed, spoken};
 use crate::psog::PsogInfo;
@@ -79,14 +79,13 @@ pub(super) fn told_findings(all: &[Finding]) -> impl Iterator<Item = &Finding> {
 
 /// Rank correlations of properties of layouts with the objective, one property a line; empty where none has one.
 pub(crate) fn findings_text(all: &[Finding], objective: &str) -> String {
-    let title = ["over random placements", "with mean height held fixed"].map(str::to_owned);
-    let [first, last] = title;
-    let mut rows = vec![vec![first, format!("rank correlation with {objective}"), last]];
-    rows.extend(told_findings(all).map(|finding| {
-        let name = finding.property.to_owned();
-        vec![name, optional(finding.correlation, 2), optional(finding.beside_height, 2)]
-    }));
-    if rows.len() > 1 { align_columns(&rows) } else { String::new() }
+    let title = format!("rank correlation with {objective}");
+    let titles = ["over random placements", &*title, "with mean height held fixed"];
+    let row = |of: &Finding| {
+        vec![of.property.to_owned(), optional(of.correlation, 2), optional(of.beside_height, 2)]
+    };
+    let rows: Vec<Vec<String>> = told_findings(all).map(row).collect();
+    if rows.is_empty() { String::new() } else { table_text(&titles, rows) }
 }
 
 /// A value of an objective in a sentence: see [`Objective::spoken`].
@@ -191,9 +190,6 @@ pub(crate) fn study_text(table: &Table) -> String {
 pub(crate) fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> String {
     let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
-    let mut small = vec![
-        ["", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"].map(str::to_owned).to_vec(),
-    ];
     let mounted = !mounts.is_empty();
     rows[0].extend(mounted.then(|| "mount".to_owned()));
     let named = placement.lidars.iter().any(|pose| !pose.sensor.is_none());
@@ -207,10 +203,13 @@ pub(crate) fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> St
         row.extend(named.then(|| pose.sensor.to_string()));
         row.extend(phased.then(|| phase_text(pose)));
         rows.push(row);
-        let numbers = millimetres(pose).map(|(_, value)| value.to_string());
-        small.push(std::iter::once(index.to_string()).chain(numbers).collect());
     }
-    align_columns(&rows) + &align_columns(&small)
+    let small = placement.lidars.iter().enumerate().map(|(index, pose)| {
+        let numbers = millimetres(pose).map(|(_, value)| value.to_string());
+        std::iter::once(index.to_string()).chain(numbers).collect()
+    });
+    let titles = ["", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
+    align_columns(&rows) + &table_text(&titles, small)
 }
 
 /// Mount of a LiDAR, – where it stands on none.
@@ -245,28 +244,16 @@ fn facts(info: &PsogInfo) -> String {
     let [x, y, z] = [0, 1, 2].map(|k| format!("{} to {}", info.min[k], info.max[k]));
     let [nx, ny, nz] = info.shape;
     let [dx, dy, dz] = info.voxel;
-    let share = |count: u64| 100.0 * count as f64 / info.voxels as f64;
+    let voxels = |count: u64, which: &str| {
+        format!("{count} voxels ({:.2} %) {which}", 100.0 * count as f64 / info.voxels as f64)
+    };
     let nats = |value: f64| format!("{value:.2} nats");
     let mut facts = vec![
         ("region", format!("x {x}, y {y}, z {z} m")),
         ("voxels", format!("{} = {nx} × {ny} × {nz} of {dx} × {dy} × {dz} m", info.voxels)),
         ("frames", info.frames.to_string()),
-        (
-            "occupied",
-            format!(
-                "{} voxels ({:.2} %) in at least one frame",
-                info.occupied,
-                share(info.occupied)
-            ),
-        ),
-        (
-            "informative",
-            format!(
-                "{} voxels ({:.2} %) not the same in all frames",
-                info.informative,
-                share(info.informative)
-            ),
-        ),
+        ("occupied", voxels(info.occupied, "in at least one frame")),
+        ("informative", voxels(info.informative, "not the same in all frames")),
         ("entropy", format!("{}, every class for itself", nats(info.entropy_segmentation))),
     ];
     if let (Some(entropy), Some(target)) = (info.entropy_detection, &info.detection_target) {
@@ -274,23 +261,18 @@ fn facts(info: &PsogInfo) -> String {
     }
     facts.push(("", format!("{}, occupied or not", nats(info.entropy_bernoulli))));
     facts.push(("memory", format!("{:.1} MiB", info.memory_bytes as f64 / f64::from(1 << 20))));
-    if let Some(ties) = info.tie_share {
-        facts.push((
-            "ties",
-            format!("{:.2} % of the votes, which went to the lowest class", 100.0 * ties),
-        ));
-    }
+    let ties = info.tie_share.map(|ties| format!("{:.2} % of the votes", 100.0 * ties));
+    facts.extend(ties.map(|words| ("ties", words + ", which went to the lowest class")));
     facts.iter().map(|(name, value)| format!("{name:<12}{value}\n")).collect()
 }
 
 /// The part of each class in the entropy.
 fn classes(info: &PsogInfo) -> String {
-    let mut rows = vec![["class", "voxels", "nats"].map(str::to_owned).to_vec()];
-    rows.extend(info.classes.iter().map(|class| {
-        vec![class.name.clone(), class.voxels.to_string(), format!("{:.2}", class.entropy)]
-    }));
-    rows.push(vec!["(empty)".into(), "–".into(), format!("{:.2}", info.entropy_empty)]);
-    align_columns(&rows)
+    let row =
+        |name: &str, voxels: String, nats: f64| vec![name.to_owned(), voxels, format!("{nats:.2}")];
+    let all = info.classes.iter().map(|of| row(&of.name, of.voxels.to_string(), of.entropy));
+    let empty = row("(empty)", "–".to_owned(), info.entropy_empty);
+    table_text(&["class", "voxels", "nats"], all.chain([empty]))
 }
 
 /// Times that scenes are drawn.
@@ -317,7 +299,7 @@ pub(crate) fn against<'a>(
     seed: u64,
     column: ScoreColumn,
 ) -> Vec<Against<'a>> {
-    let share = |scores: &Scores| column.share(scores);
+    let share = |scores: &Scores| column.value(scores);
     let compare = |baseline: &'a Scored| {
         let (ours, theirs) = (share(&best.scores)?, share(&baseline.scores)?);
         // A scene and its mirror image are two frames of one place.

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use crate::chart::world::merge_vertices;
 use crate::engine::{Backend, BackendError};
-use crate::geom::TriangleSoup;
+use crate::geom::{Pose, TriangleSoup};
 use crate::problem::{Problem, SensorBatch, spread};
 use crate::psog::Roi;
 use crate::scene::{EgoBody, Scene};
@@ -132,17 +132,13 @@ impl Things {
             }
         }
         let triangles = count(&shapes);
-        let poses = frames.iter().map(|&frame| {
-            let poses = scene.part_poses(frame).into_iter();
-            poses
-                .map(|pose| {
-                    let (turn, at) = (pose.rotation, pose.translation);
-                    let row = |k: usize| [0, 1, 2].map(|c| turn.col(c)[k]);
-                    let ([a, b, c], [d, e, f], [g, h, i]) = (row(0), row(1), row(2));
-                    [a, b, c, at.x, d, e, f, at.y, g, h, i, at.z].map(|v| v as f32)
-                })
-                .collect()
-        });
+        let rows = |pose: Pose| {
+            let (turn, at) = (pose.rotation, pose.translation);
+            let row = |k: usize| [0, 1, 2].map(|c| turn.col(c)[k]);
+            let ([a, b, c], [d, e, f], [g, h, i]) = (row(0), row(1), row(2));
+            [a, b, c, at.x, d, e, f, at.y, g, h, i, at.z].map(|v| v as f32)
+        };
+        let poses = frames.iter().map(|&k| scene.part_poses(k).into_iter().map(rows).collect());
         Self {
             poses: poses.collect(),
             shapes: few(shapes, TRIANGLES / scenes),
@@ -155,9 +151,10 @@ impl Things {
     /// Sentence on corners that were merged; `None` where none was.
     pub(super) fn left_out(&self) -> Option<String> {
         let (all, shown) = (self.triangles, count(&self.shapes));
-        let words = "The scene's {all} triangles are drawn as {shown}: near corners are merged.";
-        let words = words.replace("{all}", &all.to_string()).replace("{shown}", &shown.to_string());
-        (shown < all).then_some(words)
+        let said = || {
+            format!("The scene's {all} triangles are drawn as {shown}: near corners are merged.")
+        };
+        (shown < all).then(said)
     }
 }
 
@@ -208,17 +205,12 @@ impl BeamEnds {
         scenes: usize,
     ) -> Result<Self, BackendError> {
         let batch = SensorBatch::new(problem, &placement.lidars, None)?;
-        let far = placement
-            .lidars
-            .iter()
-            .flat_map(|l| [l.x, l.y, l.z])
-            .fold(0.0, |m: f64, v| m.max(v.abs()));
+        let places = placement.lidars.iter().flat_map(|l| [l.x, l.y, l.z]);
+        let far = places.fold(0.0, |m: f64, v| m.max(v.abs()));
         let mut beams = Self { ends: vec![], every: 1, reach: problem.far_range() + far as f32 };
         for &frame in frames {
-            let hits = match problem.geometry(frame) {
-                Some(_) => Some(engine.hits(&placement.lidars, frame)?),
-                None => None,
-            };
+            let hits = problem.geometry(frame).map(|_| engine.hits(&placement.lidars, frame));
+            let hits = hits.transpose()?;
             let mut of_frame = Vec::new();
             for (lidar, pose) in batch.ego_from_sensors(frame).iter().enumerate() {
                 let directions = batch.table(lidar).directions();
@@ -338,41 +330,3 @@ fn shape_json(shape: &TriangleSoup, bytes: &mut Bytes) -> Value {
 
 #[cfg(test)]
 pub(super) mod tests;
-
-#[cfg(test)]
-mod unit_tests {
-    use super::*;
-
-    #[test]
-    fn a_mesh_of_many_triangles_becomes_one_of_few() {
-        // A flat square of 200 000 triangles.
-        let (n, step) = (316_u32, 0.05_f32);
-        let vertices =
-            (0..=n).flat_map(|i| (0..=n).map(move |j| [i as f32 * step, j as f32 * step, 0.0]));
-        let at = |i: u32, j: u32| i * (n + 1) + j;
-        let faces = (0..n).flat_map(|i| {
-            (0..n).flat_map(move |j| {
-                [
-                    [at(i, j), at(i + 1, j), at(i, j + 1)],
-                    [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)],
-                ]
-            })
-        });
-        let faces: Vec<[u32; 3]> = faces.collect();
-        let face_class = vec![0; faces.len()];
-        let soup = TriangleSoup { vertices: vertices.collect(), faces, face_class };
-        let shown = few(vec![soup.clone()], TRIANGLES);
-        let left = count(&shown);
-        assert!((1_000..=TRIANGLES).contains(&left), "{left}");
-        let things = Things {
-            shapes: shown,
-            shape_of: vec![0],
-            own: 1,
-            poses: vec![],
-            triangles: count(&[soup]),
-        };
-        assert!(
-            things.left_out().unwrap().starts_with("The scene's 199712 triangles are drawn as ")
-        );
-    }
-}

@@ -250,7 +250,8 @@ fn page(
     let conditions = in_words(&request.conditions.condition);
     let command = request.command.clone();
     let subject = Subject::given(&names, &records, result, baselines, &objective, command);
-    let subject = Subject { tolerance: request.tolerance.clone(), ..subject.under(&conditions) };
+    let (tolerance, conditions) = (request.tolerance.clone(), &conditions[..]);
+    let subject = Subject { tolerance, conditions, ..subject };
     let is_met = result.scores.required.iter().all(Seen::is_met);
     Ok((view_html(&subject, &figures), figures.files(Some(result)), is_met))
 }

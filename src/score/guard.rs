@@ -261,37 +261,25 @@ pub(crate) fn guards_of(
     }
     let mut guards = Vec::new();
     if let Some(reference) = reference {
+        // Where the reference has nothing, a ratio is infinite or NaN, and no guard is violated.
         let ratio = |ours: u64, theirs: u64| ours as f64 / theirs as f64;
-        if gained(reference) > 0 {
-            let share = ratio(gained(tally), gained(reference));
-            if share < LEAST_INFORMATION {
-                guards.push(Guard::LowInformation { share });
-            }
-        }
-        if has_hits && reference.hits > 0 {
-            let hit_share = ratio(tally.hits, tally.beams);
-            let theirs = ratio(reference.hits, reference.beams);
-            if hit_share < LEAST_HITS * theirs {
-                guards.push(Guard::FewHits { hit_share, reference: theirs });
-            }
-        }
+        let share = ratio(gained(tally), gained(reference));
+        guards.extend((share < LEAST_INFORMATION).then_some(Guard::LowInformation { share }));
+        let [hit_share, reference_hits] = [tally, reference].map(|of| ratio(of.hits, of.beams));
+        let are_few = has_hits && hit_share < LEAST_HITS * reference_hits;
+        guards.extend(are_few.then_some(Guard::FewHits { hit_share, reference: reference_hits }));
         for (class, name) in content.classes().iter().enumerate() {
             let theirs = reference.by_class[class];
-            if theirs as f64 / frames as f64 >= COUNTABLE_VOXELS {
-                let share = ratio(tally.by_class[class], theirs);
-                if share < LEAST_OF_CLASS {
-                    guards.push(Guard::ClassUnseen { class: name.clone(), share });
-                }
+            let share = ratio(tally.by_class[class], theirs);
+            if theirs as f64 / frames as f64 >= COUNTABLE_VOXELS && share < LEAST_OF_CLASS {
+                guards.push(Guard::ClassUnseen { class: name.clone(), share });
             }
         }
     }
     if tally.unique.len() > 1 && gained(tally) > 0 {
-        for (lidar, &unique) in tally.unique.iter().enumerate() {
-            let share = unique as f64 / gained(tally) as f64;
-            if share < LEAST_UNIQUE {
-                guards.push(Guard::RedundantLidar { lidar, share });
-            }
-        }
+        let shares = tally.unique.iter().map(|&unique| unique as f64 / gained(tally) as f64);
+        let few = shares.enumerate().filter(|(_, share)| *share < LEAST_UNIQUE);
+        guards.extend(few.map(|(lidar, share)| Guard::RedundantLidar { lidar, share }));
     }
     guards
 }
@@ -299,6 +287,7 @@ pub(crate) fn guards_of(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vehicle::Violation;
 
     fn constraints() -> Constraints {
         Constraints {
@@ -313,46 +302,39 @@ mod tests {
 
     #[test]
     fn the_reference_layout_stands_on_the_corners() {
-        let layout = reference_layout(&constraints(), &[SensorName::default(); 4]);
-        let corners: Vec<_> = layout.lidars.iter().map(|l| (l.x, l.y, l.z)).collect();
+        let layout = |of: &Constraints, lidars: usize| {
+            reference_layout(of, &vec![SensorName::default(); lidars])
+        };
+        let four = layout(&constraints(), 4);
+        let corners = four.lidars.iter().map(|l| (l.x, l.y, l.z));
         let want = [(0.6, 0.4), (-0.6, 0.4), (-0.6, -0.4), (0.6, -0.4)];
-        for ((x, y, z), (want_x, want_y)) in corners.into_iter().zip(want) {
+        for ((x, y, z), (want_x, want_y)) in corners.zip(want) {
             assert!((x - want_x).abs() < 1e-9 && (y - want_y).abs() < 1e-9, "{x} {y}");
             assert_eq!(z, 2.8);
         }
-        let single = reference_layout(&constraints(), &[SensorName::default()]);
         let mut tied = constraints();
         tied.ties.symmetric = true;
         for count in 1..=6 {
-            let layout = reference_layout(&tied, &vec![SensorName::default(); count]);
-            let broken = tied.violations(&layout);
+            let broken = tied.violations(&layout(&tied, count));
             assert!(
-                broken.iter().all(|v| !matches!(v, crate::vehicle::Violation::NotMirrored { .. })),
+                !broken.iter().any(|v| matches!(v, Violation::NotMirrored { .. })),
                 "{broken:?}"
             );
         }
+        let single = layout(&constraints(), 1);
         assert_eq!((single.lidars[0].x, single.lidars[0].y), (0.0, 0.0));
         for count in 1..=16 {
+            let broken = constraints().violations(&layout(&constraints(), count));
             assert!(
-                constraints()
-                    .violations(&reference_layout(
-                        &constraints(),
-                        &vec![SensorName::default(); count]
-                    ))
-                    .iter()
-                    .all(|v| !matches!(v, crate::vehicle::Violation::OutsideMount { .. }))
+                !broken.iter().any(|v| matches!(v, Violation::OutsideMount { .. })),
+                "{broken:?}"
             );
         }
     }
 
     #[test]
     fn a_blind_sector_is_a_word_in_texts_and_a_key_in_files() {
-        let sector = BlindSector {
-            bearings: [165.0, -165.0],
-            distances: [20.0, 25.0],
-            worst: 180.0,
-            lost: vec![[20.0, 25.0]],
-        };
+        let sector = BlindSector::lost([165.0, -165.0], [20.0, 25.0]);
         let (guard, words) = (Guard::BlindSector(sector.clone()), sector.to_string());
         assert_eq!(guard.to_string(), format!("BLIND: {words}"));
         assert_eq!(serde_json::json!(guard), format!("blind_sector: {words}"));

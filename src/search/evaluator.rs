@@ -65,12 +65,12 @@ fn met(sight: &Sight, placement: &Placement, idle: &[usize]) -> Result<Met, Unkn
         done: met.done,
         least: met.least,
         missing: met.missing.clone(),
-        holds_in: None,
         lost: met.intact.map(|intact| {
             let mount = met.without.and_then(|lidar| sight.mount_of(placement, lidar));
             Lost { intact, worst: met.without, mount }
         }),
         worst_frame: met.worst_frame,
+        ..Seen::default()
     });
     Ok(Met { car_missing: sight.car_missing(&all), seen: seen.collect(), needed })
 }

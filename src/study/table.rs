@@ -375,16 +375,8 @@ mod tests {
             drawing: TablePlot::of_column(0, "a", true),
         };
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
-        let seen = |least| Seen {
-            name: "ring".into(),
-            share: 0.5,
-            done: SEEN,
-            least,
-            missing: None,
-            holds_in: None,
-            lost: None,
-            worst_frame: None,
-        };
+        let seen =
+            |least| Seen { name: "ring".into(), share: 0.5, done: SEEN, least, ..Seen::default() };
         let mut marked = table.clone();
         marked.rows[0] = row("x", &[Some(1.5), None]).requiring([seen(0.5), seen(0.6)].iter());
         marked.rows[1] = row("y", &[None, None]).requiring([seen(0.4)].iter());

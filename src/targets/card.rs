@@ -139,6 +139,15 @@ impl BlindSector {
     }
 }
 
+#[cfg(test)]
+impl BlindSector {
+    /// A sector in which a car is lost at all of the distances, worst in its middle.
+    pub(crate) fn lost(bearings: [f64; 2], distances: [f64; 2]) -> Self {
+        let worst = bearings[0] + 0.5 * (bearings[1] - bearings[0]).rem_euclid(360.0);
+        Self { bearings, distances, worst, lost: vec![distances] }
+    }
+}
+
 impl std::fmt::Display for BlindSector {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ([from, to], worst, sides) = (self.bearings, self.worst, self.sides());

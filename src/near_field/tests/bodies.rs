@@ -8,16 +8,13 @@ const TRAILER: &str =
 const ANGLES: [f64; 3] = [0.0, 0.6, std::f64::consts::FRAC_PI_2];
 
 fn with_bodies(bodies: &str, frames: usize) -> Scene {
-    let text = format!(
-        r#"{{ "sightline": 1, "name": "trailer",
-        "roi": {{ "min": [-16, -16, -0.4], "max": [16, 16, 2.8], "voxel": [0.4, 0.4, 0.4] }},
-        "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
-        "mount": {{ "min": [-2, -1, 0.1], "max": [3, 1, 2.7], "lidars": 1 }}, "frames": {frames},
+    let rest = format!(
+        r#""frames": {frames},
         "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": 0 }} }}],
-        "ego": {{ "body": [{{ "class": "vehicle", "box": {{ "min": [-2, -1, 0], "max": [2, 1, 1.5] }} }}],
-                 "bodies": [{bodies}] }} }}"#
+        "ego": {{ "body": [{}], "bodies": [{bodies}] }}"#,
+        body()
     );
-    Scene::from_json(&text, Path::new(""), "trailer.json").unwrap_or_else(|e| panic!("{e}"))
+    written(Path::new(""), &rest)
 }
 
 fn pose(yaw: f64) -> String {

@@ -26,19 +26,31 @@ pub(super) fn scene(others: &str) -> Scene {
 
 /// Like [`scene`], with the ground at a height in metres.
 fn scene_on(ground: f64, others: &str) -> Scene {
-    let [x, y, z] = BODY;
-    let text = format!(
-        r#"{{ "sightline": 1, "name": "level",
-        "roi": {{ "min": [-16, -16, -0.4], "max": [16, 16, 2.8], "voxel": [0.4, 0.4, 0.4] }},
-        "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
-        "mount": {{ "min": [-2, -1, 0.1], "max": [3, 1, 2.7], "lidars": 1 }},
-        "coverage": "first-hit",
-        "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": {ground} }} }}
-                   {others}],
-        "ego": {{ "body": [{{ "class": "vehicle",
-                  "box": {{ "min": [-{x}, -{y}, 0], "max": [{x}, {y}, {z}] }} }}] }} }}"#
+    let plane = format!(r#""plane": {{ "min": [-60, -60], "max": [60, 60], "z": {ground} }}"#);
+    let rest = format!(
+        r#""coverage": "first-hit", "static": [{{ "class": "road", {plane} }} {others}],
+        "ego": {{ "body": [{}] }}"#,
+        body()
     );
-    Scene::from_json(&text, Path::new(""), "level.json").unwrap_or_else(|e| panic!("{e}"))
+    written(Path::new(""), &rest)
+}
+
+/// The own body as a part of a scene.
+fn body() -> String {
+    let [x, y, z] = BODY;
+    format!(
+        r#"{{ "class": "vehicle", "box": {{ "min": [-{x}, -{y}, 0], "max": [{x}, {y}, {z}] }} }}"#
+    )
+}
+
+/// A scene with one LiDAR, whose static shapes and ego are given; its files lie in a folder.
+fn written(folder: &Path, rest: &str) -> Scene {
+    let text = format!(
+        r#"{{ "sightline": 1, "roi": {{ "min": [-16, -16, -0.4], "max": [16, 16, 2.8], "voxel": [0.4, 0.4, 0.4] }},
+        "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
+        "mount": {{ "min": [-2, -1, 0.1], "max": [3, 1, 2.7], "lidars": 1 }}, {rest} }}"#
+    );
+    Scene::from_json(&text, folder, "test.json").unwrap_or_else(|e| panic!("{e}"))
 }
 
 pub(super) fn problem(scene: &Scene) -> Problem {

@@ -12,17 +12,12 @@ fn on_slope(degrees: f64, ego: &str) -> Scene {
     let corners = [[-60.0, -60.0], [60.0, -60.0], [60.0, 60.0], [-60.0, 60.0]];
     let obj = corners.map(|[x, y]| corner(x, y)).concat() + "f 1 2 3\nf 1 3 4\n";
     fs::write(folder.path().join("road.obj"), obj).unwrap();
-    let [x, y, z] = BODY;
-    let text = format!(
-        r#"{{ "sightline": 1, "name": "slope",
-        "roi": {{ "min": [-16, -16, -0.4], "max": [16, 16, 2.8], "voxel": [0.4, 0.4, 0.4] }},
-        "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
-        "mount": {{ "min": [-2, -1, 0.1], "max": [3, 1, 2.7], "lidars": 1 }},
-        "static": [{{ "class": "road", "mesh": {{ "file": "road.obj" }} }}],
-        "ego": {{ {ego}, "body": [{{ "class": "vehicle",
-                  "box": {{ "min": [-{x}, -{y}, 0], "max": [{x}, {y}, {z}] }} }}] }} }}"#
+    let rest = format!(
+        r#""static": [{{ "class": "road", "mesh": {{ "file": "road.obj" }} }}],
+        "ego": {{ {ego}, "body": [{}] }}"#,
+        body()
     );
-    Scene::from_json(&text, folder.path(), "slope.json").unwrap_or_else(|e| panic!("{e}"))
+    written(folder.path(), &rest)
 }
 
 fn spinning() -> BeamTable {

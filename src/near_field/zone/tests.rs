@@ -113,10 +113,8 @@ fn the_outline_is_as_deep_as_each_side_is_said_to_be_and_holds_no_seen_cell() {
     let steps = (-40..40).map(|k| CELL * (f64::from(k) + 0.5));
     let cells = steps.clone().flat_map(|x| steps.clone().map(move |y| [x, y]));
     let is_out = |c: &[f64; 2]| (0..2).any(|k| c[k] < low[k] || c[k] > high[k]);
-    let ground: Vec<Cell> = cells
-        .filter(is_out)
-        .map(|centre| Cell { centre, distance: footprint.distance(centre) })
-        .collect();
+    let cell = |centre| Cell { centre, distance: footprint.distance(centre) };
+    let ground: Vec<Cell> = cells.filter(is_out).map(cell).collect();
     // Seen on the left at once, ahead behind a slanted line, behind from 2 m on, on the right nowhere.
     let is_seen = |cell: &&Cell| match cell.centre {
         [x, y] if x > high[0] => x - high[0] > 1.0 + 0.8 * (y + 1.0),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Anchor, Drawing, HALO, Ink, Point, Shape, Stroke, WHITE, mm};
+use super::{Drawing, HALO, Ink, Point, Shape, Stroke, WHITE, mm};
 
 /// Points of the format a millimetre: 72 an inch.
 const POINTS: f64 = 72.0 / 25.4;
@@ -30,47 +30,36 @@ impl Drawing {
         let [width, height] = self.size.map(|side| format!("{:.3}", side * POINTS));
         let states: String =
             (0..page.opacities.len()).map(|k| format!("/A{k} {} 0 R ", 8 + k)).collect();
-        let mut objects: Vec<Vec<u8>> = [
+        let length = page.content.chars().count();
+        let mut objects = vec![
             "<< /Type /Catalog /Pages 2 0 R >>".to_owned(),
             "<< /Type /Pages /Kids [3 0 R] /Count 1 >>".to_owned(),
             format!(
                 "<< /Type /PdfPage /Parent 2 0 R /MediaBox [0 0 {width} {height}] /Contents 4 0 R /Resources << /Font \
                  << /F0 5 0 R /F1 6 0 R >> /ExtGState << {states}>> >> >>"
             ),
-        ]
-        .map(String::into_bytes)
-        .to_vec();
-        let content = latin(&page.content);
-        let length = content.len();
-        objects.push(
-            [format!("<< /Length {length} >>\nstream\n").as_bytes(), &content, b"\nendstream"]
-                .concat(),
-        );
-        for font in ["Helvetica", "Helvetica-Bold"] {
-            let font = format!(
+            format!("<< /Length {length} >>\nstream\n{}\nendstream", page.content),
+        ];
+        objects.extend(["Helvetica", "Helvetica-Bold"].map(|font| {
+            format!(
                 "<< /Type /Font /Subtype /Type1 /BaseFont /{font} /Encoding /WinAnsiEncoding >>"
-            );
-            objects.push(font.into_bytes());
-        }
-        objects.push(
-            [b"<< /Title (", &latin(&escaped(&self.title))[..], b") /Producer (sightline) >>"]
-                .concat(),
-        );
-        objects.extend(page.opacities.iter().map(|opacity| {
-            format!("<< /Type /ExtGState /ca {0} /CA {0} >>", mm(*opacity)).into_bytes()
+            )
         }));
+        objects.push(format!("<< /Title ({}) /Producer (sightline) >>", escaped(&self.title)));
+        let state = |opacity: &f64| format!("<< /Type /ExtGState /ca {0} /CA {0} >>", mm(*opacity));
+        objects.extend(page.opacities.iter().map(state));
         file(&objects)
     }
 }
 
 /// All objects with their numbers from 1, the table of their places, and the trailer. The seventh is the description.
-fn file(objects: &[Vec<u8>]) -> Vec<u8> {
+fn file(objects: &[String]) -> Vec<u8> {
     let mut bytes = b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n".to_vec();
     let mut places = Vec::new();
     for (k, object) in objects.iter().enumerate() {
         places.push(bytes.len());
         bytes.extend(format!("{} 0 obj\n", k + 1).bytes());
-        bytes.extend(object);
+        bytes.extend(latin(object));
         bytes.extend(b"\nendobj\n");
     }
     let (start, count) = (bytes.len(), objects.len() + 1);
@@ -152,12 +141,7 @@ impl PdfPage {
             }
             Shape::Words { at, words, size, anchor, bold, ink } => {
                 self.fill(*ink);
-                let back = match anchor {
-                    Anchor::Start => 0.0,
-                    Anchor::Middle => 0.5,
-                    Anchor::End => 1.0,
-                };
-                let (x, y) = (at[0] - back * width(words, *size), at[1]);
+                let (x, y) = (at[0] - anchor.share() * width(words, *size), at[1]);
                 // Drawn as white lines first, then filled: `Tr` of 1 and of 0.
                 if ink.0 != WHITE {
                     self.stroke(Stroke::solid(WHITE, HALO * size));

@@ -1,10 +1,10 @@
 //! A view on the sheet: body, mounts, fields of view, blind zone, LiDARs and measures.
 
-use super::labels::{Labels, Marker, RADIUS, end_of_leader};
+use super::labels::{Labels, RADIUS, end_of_leader, half_width, signs};
 use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
 use crate::maths;
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
-use crate::report::svg::{ACCENT, COLOURS, FAINT, GREY, INK, SOFT, trimmed};
+use crate::report::svg::{ACCENT, FAINT, GREY, INK, LidarSign, SOFT, colour, trimmed};
 use crate::report::text::shortened;
 
 /// Font sizes, millimetres.
@@ -24,18 +24,14 @@ const CROSS: f64 = 1.2;
 /// Line from a mount to its name where other words keep both apart.
 const LEADER: Stroke = Stroke::solid(SOFT, 0.12);
 
-pub(super) fn colour(lidar: usize) -> &'static str {
-    COLOURS[lidar % COLOURS.len()]
-}
-
 pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sheet: &Sheet) {
     let panel = &sheet.top;
     title(drawing, panel, "From above");
     zone(drawing, panel, &views.zone);
     view(drawing, rig, &views.top, panel);
-    let markers = Marker::of(rig, &views.top, panel);
+    let lidars = signs(rig, &views.top, panel);
     let mut labels = Labels::default();
-    labels.keep_markers(&markers);
+    labels.keep_signs(&lidars);
     datum(drawing, panel, ["x", "y"], &mut labels);
     let [low, high] = bounds(&views.top.outline).unwrap_or([[-1.0; 2], [1.0; 2]]);
     let [from, to] = [0.3, 1.3].map(|by| panel.at([high[0] + by, 0.5 * (low[1] + high[1])]));
@@ -63,7 +59,7 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
         }
         drawing.text(at, SMALL, &mount.name, anchor, false, Ink::full(SOFT));
     }
-    numbers(drawing, &markers);
+    numbers(drawing, &lidars);
 }
 
 /// The blind zone with a line around it that is open where the zone goes on.
@@ -170,14 +166,7 @@ pub(super) fn front(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sh
         drawing.line([[x - 1.0, y], [x + 1.0, y]], THIN);
     }
     let words = format!("{:.0}", 1000.0 * high[1]);
-    drawing.text(
-        [x + 1.5, 0.5 * (lower + upper)],
-        WORDS,
-        words,
-        Anchor::Start,
-        false,
-        Ink::full(INK),
-    );
+    drawing.words([x + 1.5, 0.5 * (lower + upper)], WORDS, words);
 }
 
 /// A view with the ground, on it the blind depths to its left and right, and the body's extent below.
@@ -192,7 +181,7 @@ fn upright(
     drawing.line([[left, ground], [right, ground]], Stroke::solid(GREY, 0.25));
     view(drawing, rig, shown, panel);
     datum(drawing, panel, [across, "z"], &mut Labels::default());
-    numbers(drawing, &Marker::of(rig, shown, panel));
+    numbers(drawing, &signs(rig, shown, panel));
     let Some([low, high]) = bounds(&shown.outline) else { return };
     if let Some([before, behind]) = depths {
         for (edge, sign, depth) in [(low[0], -1.0, before), (high[0], 1.0, behind)] {
@@ -233,34 +222,32 @@ fn view(drawing: &mut Drawing, rig: &DrawnRig<'_>, shown: &View, panel: &Panel) 
 }
 
 /// LiDARs as numbers; those behind one another share a sign.
-fn numbers(drawing: &mut Drawing, markers: &[Marker]) {
-    for marker in markers {
-        let stroke = Stroke::solid(colour(marker.lidars[0]), 0.4);
-        if marker.at != marker.label {
-            drawing.line([marker.at, marker.label], stroke);
-        }
+fn numbers(drawing: &mut Drawing, signs: &[LidarSign]) {
+    let aside = || signs.iter().filter(|sign| sign.at != sign.label);
+    for sign in aside() {
+        drawing.line([sign.at, sign.label], Stroke::solid(sign.colour(), 0.4));
     }
-    for marker in markers {
-        let ([x, y], [lidar, others @ ..]) = (marker.label, &marker.lidars[..]) else { continue };
+    for sign in signs {
+        let ([x, y], [lidar, others @ ..]) = (sign.label, &sign.lidars[..]) else { continue };
         if others.is_empty() {
-            number(drawing, marker.label, *lidar);
+            number(drawing, sign.label, *lidar);
             continue;
         }
-        let half = marker.half_width() - RADIUS;
-        let ink = Ink::full(colour(*lidar));
+        let half = half_width(sign) - RADIUS;
+        let ink = Ink::full(sign.colour());
         [x - half, x + half].into_iter().for_each(|x| drawing.disc([x, y], RADIUS, ink));
         let corners = [[-half, -RADIUS], [half, -RADIUS], [half, RADIUS], [-half, RADIUS]];
         drawing.area(vec![corners.map(|[dx, dy]| [x + dx, y + dy]).to_vec()], Some(ink), None);
         let white = Ink::full("#ffffff");
-        drawing.text([x, y + 0.85], 2.4, marker.words(), Anchor::Middle, true, white);
+        drawing.text([x, y + 0.85], 2.4, sign.words(), Anchor::Middle, true, white);
     }
     // A number that stands aside hides neither its place nor that of another one.
-    for marker in markers.iter().filter(|marker| marker.at != marker.label) {
-        let [x, y] = marker.at;
+    for sign in aside() {
+        let [x, y] = sign.at;
         for [dx, dy] in [[CROSS, 0.0], [0.0, CROSS]] {
             let ends = [[x - dx, y - dy], [x + dx, y + dy]];
             drawing.line(ends, Stroke::solid("#ffffff", 0.95));
-            drawing.line(ends, Stroke::solid(colour(marker.lidars[0]), 0.4));
+            drawing.line(ends, Stroke::solid(sign.colour(), 0.4));
         }
     }
 }
@@ -281,12 +268,8 @@ fn rectangle(shown: &View, mount: &DrawnMount) -> [Flat; 2] {
 /// Corners of the box around loops; `None` without any.
 fn bounds(loops: &[Vec<Flat>]) -> Option<[Flat; 2]> {
     let each = loops.iter().flatten().map(|corner| [*corner, *corner]);
-    each.reduce(|[low, high], [corner, _]| {
-        [
-            [0, 1].map(|k: usize| low[k].min(corner[k])),
-            [0, 1].map(|k: usize| high[k].max(corner[k])),
-        ]
-    })
+    let of = |of: fn(f64, f64) -> f64, a: Flat, b: Flat| [of(a[0], b[0]), of(a[1], b[1])];
+    each.reduce(|[low, high], [at, _]| [of(f64::min, low, at), of(f64::max, high, at)])
 }
 
 /// An arrow to the right.
@@ -361,17 +344,15 @@ pub(super) fn draw(drawing: &mut Drawing, rig: &DrawnRig<'_>, sheet: &Sheet) {
     let mut y = upper + TITLE;
     let heading = format!("{}: {}", shortened(rig.vehicle, 30), shortened(rig.placement, 30));
     drawing.text([left, y], TITLE + 0.6, heading, Anchor::Start, true, Ink::full(INK));
-    for words in [
-        format!("1 : {} on A3; dimensions in mm, angles in degrees", sheet.one_to),
-        "Datum: origin of the vehicle's frame, on the ground; x ahead, y left, z up (ISO 8855)."
-            .to_owned(),
-        "R = Rz(yaw) · Ry(pitch) · Rx(roll). Positive yaw turns left, positive pitch looks down,"
-            .to_owned(),
-        "positive roll lifts the left side.".to_owned(),
+    let facts = [
+        &*format!("1 : {} on A3; dimensions in mm, angles in degrees", sheet.one_to),
+        "Datum: origin of the vehicle's frame, on the ground; x ahead, y left, z up (ISO 8855).",
+        "R = Rz(yaw) · Ry(pitch) · Rx(roll). Positive yaw turns left, positive pitch looks down,",
+        "positive roll lifts the left side.",
     ]
-    .into_iter()
-    .chain(rig.about.iter().map(|words| shortened(words, LONGEST_LINE)))
-    {
+    .map(str::to_owned);
+    let about = rig.about.iter().map(|words| shortened(words, LONGEST_LINE));
+    for words in facts.into_iter().chain(about) {
         y += LINE;
         drawing.words([left, y], WORDS, words);
     }
@@ -383,7 +364,7 @@ pub(super) fn draw(drawing: &mut Drawing, rig: &DrawnRig<'_>, sheet: &Sheet) {
     drawing.words([left, y], WORDS, "Optical centres, mm from the datum:");
     y += LINE;
     y = table(drawing, rig, [left, y]);
-    signs(drawing, rig, [left, y + 1.2 * LINE]);
+    key(drawing, rig, [left, y + 1.2 * LINE]);
 }
 
 /// A line a LiDAR; returns the place of the last.
@@ -415,7 +396,7 @@ fn table(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) -> 
     y
 }
 
-fn signs(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
+fn key(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
     let mut sign = |fill: Option<Ink>, stroke: Stroke, words: &str| {
         let corners = [[0.0, -2.2], [6.0, -2.2], [6.0, 0.4], [0.0, 0.4]];
         let corners = corners.map(|[x, up]| [left + x, y + up]).to_vec();
@@ -424,21 +405,15 @@ fn signs(drawing: &mut Drawing, rig: &DrawnRig<'_>, [left, mut y]: [f64; 2]) {
         y += LINE + 0.6;
     };
     sign(Some(BODY), BODY_EDGE, "own body");
-    sign(
-        None,
-        MOUNT,
-        "box around a mount; a cross is where a LiDAR stands whose number stands aside",
-    );
+    let mount = "box around a mount; a cross is where a LiDAR stands whose number stands aside";
+    sign(None, MOUNT, mount);
     let view =
         format!("field of view, level from above and upright from the side, drawn to {REACH} m");
     sign(Some(Ink(colour(0), 0.08)), Stroke::solid(colour(0), 0.2), &view);
     match &rig.near {
         Ok((_, near)) => {
-            sign(
-                Some(ZONE),
-                ZONE_EDGE,
-                "blind zone: ground straight before an edge, up to the nearest ground within 0.5 m of a beam,",
-            );
+            let zone = "blind zone: ground straight before an edge, up to the nearest ground within 0.5 m of a beam,";
+            sign(Some(ZONE), ZONE_EDGE, zone);
             let area = format!(
                 "drawn to {DRAWN} m, open where it goes on; {:.1} m² to 10 m; corners are not counted",
                 near.zone.area

@@ -2,6 +2,7 @@
 
 use super::{DrawnRig, Panel, View};
 use crate::report::drawing::{Anchor, Point};
+use crate::report::svg::LidarSign;
 
 /// Radius of the disc behind a LiDAR's number, millimetres.
 pub(super) const RADIUS: f64 = 1.7;
@@ -14,55 +15,24 @@ const APART: f64 = 0.15;
 /// Lines by which words are moved away at most.
 const MOST_LINES: usize = 12;
 
-/// LiDARs at one place of a view, and where their numbers stand.
-pub(super) struct Marker {
-    /// Their numbers, rising.
-    pub lidars: Vec<usize>,
-    /// Their place on the sheet.
-    pub at: Point,
-    /// Middle of their numbers.
-    pub label: Point,
+/// Half of the width of a sign, millimetres.
+pub(super) fn half_width(sign: &LidarSign) -> f64 {
+    match sign.lidars.len() {
+        0 | 1 => RADIUS,
+        _ => RADIUS.max(0.5 * CHARACTER[0] * 2.4 * sign.words().chars().count() as f64 + 0.8),
+    }
 }
 
-impl Marker {
-    /// `0`, or `0, 1` where several LiDARs lie behind one another.
-    pub(super) fn words(&self) -> String {
-        self.lidars.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
-    }
+fn around(sign: &LidarSign) -> [f64; 4] {
+    let ([x, y], half) = (sign.label, half_width(sign));
+    [x - half, y - RADIUS, x + half, y + RADIUS]
+}
 
-    /// Half of the width of its sign, millimetres.
-    pub(super) fn half_width(&self) -> f64 {
-        match self.lidars.len() {
-            0 | 1 => RADIUS,
-            _ => RADIUS.max(0.5 * CHARACTER[0] * 2.4 * self.words().chars().count() as f64 + 0.8),
-        }
-    }
-
-    fn bounds(&self) -> [f64; 4] {
-        let ([x, y], half) = (self.label, self.half_width());
-        [x - half, y - RADIUS, x + half, y + RADIUS]
-    }
-
-    /// The LiDARs of a view: those behind one another as one, numbers that would touch side by side.
-    pub(super) fn of(rig: &DrawnRig<'_>, shown: &View, panel: &Panel) -> Vec<Self> {
-        let mut markers: Vec<Self> = Vec::new();
-        for (lidar, drawn) in rig.lidars.iter().enumerate() {
-            let at = panel.at((shown.flat)(drawn.pose.position()));
-            let is_there =
-                |of: &&mut Self| (0..2).all(|k: usize| (of.at[k] - at[k]).abs() < ONE_PLACE);
-            match markers.iter_mut().find(is_there) {
-                Some(marker) => marker.lidars.push(lidar),
-                None => markers.push(Self { lidars: vec![lidar], at, label: at }),
-            }
-        }
-        for k in 1..markers.len() {
-            let (placed, rest) = markers.split_at_mut(k);
-            while placed.iter().any(|other| overlap(&other.bounds(), &rest[0].bounds())) {
-                rest[0].label[0] += 0.5 * RADIUS;
-            }
-        }
-        markers
-    }
+/// The LiDARs of a view: those behind one another as one, numbers that would touch side by side.
+pub(super) fn signs(rig: &DrawnRig<'_>, shown: &View, panel: &Panel) -> Vec<LidarSign> {
+    let places = rig.lidars.iter().map(|drawn| panel.at((shown.flat)(drawn.pose.position())));
+    let touches = |a: &LidarSign, b: &LidarSign| overlap(&around(a), &around(b));
+    LidarSign::all(places, ONE_PLACE, 0.5 * RADIUS, touches)
 }
 
 fn overlap(a: &[f64; 4], b: &[f64; 4]) -> bool {
@@ -84,11 +54,7 @@ pub(super) fn end_of_leader(
 fn bounds([x, y]: Point, size: f64, words: &str, anchor: Anchor) -> [f64; 4] {
     let [wide, above, below] = CHARACTER.map(|share| share * size);
     let width = wide * words.chars().count() as f64;
-    let left = match anchor {
-        Anchor::Start => x,
-        Anchor::Middle => x - 0.5 * width,
-        Anchor::End => x - width,
-    };
+    let left = x - anchor.share() * width;
     [left, y - above, left + width, y + below]
 }
 
@@ -98,8 +64,8 @@ pub(super) struct Labels(Vec<[f64; 4]>);
 
 impl Labels {
     /// Keeps the places of LiDARs' numbers.
-    pub(super) fn keep_markers(&mut self, markers: &[Marker]) {
-        self.0.extend(markers.iter().map(Marker::bounds));
+    pub(super) fn keep_signs(&mut self, signs: &[LidarSign]) {
+        self.0.extend(signs.iter().map(around));
     }
 
     /// Keeps the place of words that stand where they stand.
@@ -144,10 +110,8 @@ mod tests {
         let placed: Vec<(Point, Anchor)> =
             (0..12).map(|_| labels.place(&wanted, 2.0, "side-front-left")).collect();
         // By plain areas: no two of the boxes share any.
-        let boxes: Vec<[f64; 4]> = placed
-            .iter()
-            .map(|(at, anchor)| bounds(*at, 2.0, "side-front-left", *anchor))
-            .collect();
+        let around = |(at, anchor): &(Point, Anchor)| bounds(*at, 2.0, "side-front-left", *anchor);
+        let boxes: Vec<[f64; 4]> = placed.iter().map(around).collect();
         for (k, a) in boxes.iter().enumerate() {
             for b in &boxes[k + 1..] {
                 let side = |k: usize| (a[k + 2].min(b[k + 2]) - a[k].max(b[k])).max(0.0);

@@ -17,8 +17,8 @@ fn lidar(pose: SensorPose, table: &BeamTable) -> DrawnLidar {
     }
 }
 
-fn assert_near(found: DVec3, wanted: DVec3) {
-    assert!((found - wanted).length() < 1e-6, "{found}, not {wanted}");
+fn assert_near(found: DVec3, wanted: [f64; 3]) {
+    assert!((found - DVec3::from(wanted)).length() < 1e-6, "{found}, not {wanted:?}");
 }
 
 /// Channels at −20° and 10° over 120°, a step every degree.
@@ -31,17 +31,17 @@ fn a_sensor_on_the_left_side_looks_left_and_is_drawn_from_the_front_alone() {
     let pose = SensorPose { yaw: 90_f64.to_radians(), ..SensorPose::at(2.0, 1.0, 0.5) };
     let lidar = lidar(pose, &sector());
     let fan = horizontal(&lidar);
-    assert_near(fan[0], DVec3::new(2.0, 1.0, 0.5));
+    assert_near(fan[0], [2.0, 1.0, 0.5]);
     // From −60° to 60° around the left: 30° to 150°.
     let (cos, sin) = (REACH * 0.75_f64.sqrt(), REACH * 0.5);
-    assert_near(fan[1], DVec3::new(2.0 + cos, 1.0 + sin, 0.5));
-    assert_near(fan[fan.len() - 1], DVec3::new(2.0 - cos, 1.0 + sin, 0.5));
+    assert_near(fan[1], [2.0 + cos, 1.0 + sin, 0.5]);
+    assert_near(fan[fan.len() - 1], [2.0 - cos, 1.0 + sin, 0.5]);
     assert!(vertical(&lidar, DVec3::X).is_none() && vertical(&lidar, -DVec3::X).is_none());
     assert!(vertical(&lidar, -DVec3::Y).is_none());
     let fan = vertical(&lidar, DVec3::Y).unwrap();
     let at = |degrees: f64| {
         let (up, out) = (degrees.to_radians().sin(), degrees.to_radians().cos());
-        DVec3::new(2.0, 1.0 + REACH * out, 0.5 + REACH * up)
+        [2.0, 1.0 + REACH * out, 0.5 + REACH * up]
     };
     assert_near(fan[1], at(-20.0));
     assert_near(fan[fan.len() - 1], at(10.0));
@@ -62,24 +62,15 @@ fn a_positive_pitch_turns_the_field_of_view_down_ahead() {
     let lidar = lidar(pose, &turning);
     let ahead = vertical(&lidar, DVec3::X).unwrap();
     let [low, high] = [-30_f64, 0.0].map(f64::to_radians);
-    assert_near(ahead[1], DVec3::new(REACH * low.cos(), 0.0, 2.0 + REACH * low.sin()));
-    assert_near(
-        ahead[ahead.len() - 1],
-        DVec3::new(REACH * high.cos(), 0.0, 2.0 + REACH * high.sin()),
-    );
+    assert_near(ahead[1], [REACH * low.cos(), 0.0, 2.0 + REACH * low.sin()]);
+    assert_near(ahead[ahead.len() - 1], [REACH * high.cos(), 0.0, 2.0 + REACH * high.sin()]);
     // Behind it looks up by as much.
     let behind = vertical(&lidar, -DVec3::X).unwrap();
     let high = 20_f64.to_radians();
-    assert_near(
-        behind[behind.len() - 1],
-        DVec3::new(-REACH * high.cos(), 0.0, 2.0 + REACH * high.sin()),
-    );
+    assert_near(behind[behind.len() - 1], [-REACH * high.cos(), 0.0, 2.0 + REACH * high.sin()]);
     // All round: no corner at the sensor.
-    assert!(
-        horizontal(&lidar)
-            .iter()
-            .all(|corner| (corner.z - 2.0).abs() <= REACH && corner.length() > 1.0)
-    );
+    let is_around = |corner: &DVec3| (corner.z - 2.0).abs() <= REACH && corner.length() > 1.0;
+    assert!(horizontal(&lidar).iter().all(is_around));
 }
 
 #[test]

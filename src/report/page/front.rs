@@ -37,14 +37,7 @@ pub(crate) fn front_html(front: &Front, record: &FrontRecord) -> String {
 
 /// The picture, and the table with the picks.
 fn trade(front: &Front, record: &FrontRecord) -> Markup {
-    let (titles, rows) = front_rows(front);
-    let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
     let is_picked = |k: usize| !picks_of(front, k).is_empty();
-    let rows: Vec<(bool, Vec<Markup>)> = rows
-        .iter()
-        .enumerate()
-        .map(|(k, row)| (is_picked(k), row.iter().map(layout::text).collect()))
-        .collect();
     html! {
         section aria-labelledby="front" {
             h2 #front { "The front" }
@@ -62,7 +55,7 @@ fn trade(front: &Front, record: &FrontRecord) -> Markup {
                 " " (blind_in_words(front)) "."
             }
             div.paper { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
-            (layout::table("Points of the front", &titles, &rows))
+            (layout::table_of("Points of the front", &front_rows(front), is_picked))
         }
     }
 }

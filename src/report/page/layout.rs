@@ -5,7 +5,7 @@ use maud::{Markup, PreEscaped, html};
 use super::{Figures, Subject};
 use crate::json::fixed;
 use crate::report::RunRecord;
-use crate::report::svg::COLOURS;
+use crate::report::svg::{COLOURS, colour};
 use crate::report::text::{mount_text, phase_text};
 use crate::vehicle::millimetres;
 
@@ -23,14 +23,12 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     let mounts = &figures.mounts;
     let phased = poses.iter().any(|pose| pose.phase.is_some());
     titles.extend(phased.then_some("phase rad"));
-    let rows: Vec<_> = (0..poses.len())
-        .map(|index| {
-            let mut row = vec![text(index.to_string())];
-            row.extend(poses[index].fields().map(|(_, value)| text(fixed(value, 3))));
-            row.extend(phased.then(|| text(phase_text(&poses[index]))));
-            (false, row)
-        })
-        .collect();
+    let rows = poses.iter().enumerate().map(|(index, pose)| {
+        let mut row = vec![text(index.to_string())];
+        row.extend(pose.fields().map(|(_, value)| text(fixed(value, 3))));
+        row.extend(phased.then(|| text(phase_text(pose))));
+        (false, row)
+    });
     let mut positions = vec!["LiDAR"];
     positions.extend((!mounts.is_empty()).then_some("mount"));
     positions.extend(named.then_some("sensor"));
@@ -54,12 +52,12 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
             h2 #placement { "The placement" }
             @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
             div.beside {
-                (table("Positions in millimetres: x ahead, y left, z up", &positions, &at))
-                (table("Angles in degrees: positive pitch looks down, positive yaw turns left", &angles, &turned))
+                (table("Positions in millimetres: x ahead, y left, z up", &positions, at))
+                (table("Angles in degrees: positive pitch looks down, positive yaw turns left", &angles, turned))
             }
             details {
                 summary { "Poses in metres and radians, for programs" }
-                (table("Poses in metres and radians", &titles, &rows))
+                (table("Poses in metres and radians", &titles, rows))
             }
             @if !active.is_empty() {
                 p { (active.join("; ")) "." }
@@ -82,13 +80,12 @@ fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
         row.push(bar(alone.unwrap_or(0.0), Some(*only)));
         (false, row)
     });
-    let rows: Vec<_> = rows.collect();
     html! {
         h3 { "Gain of each LiDAR" }
         (table(
             "Each LiDAR alone, and the loss if it fails, in % of the gain of all",
             &["LiDAR", "alone %", "lost with it %", ""],
-            &rows,
+            rows,
         ))
         p.small {
             "Bar: alone"
@@ -105,15 +102,19 @@ pub(super) fn figure(svg: &str, label: &str) -> Markup {
 
 /// A table that may be wider than the page, which a phone says of many columns; a row is a name and its cells, `best` rows
 /// stand out.
-pub(super) fn table(caption: &str, titles: &[&str], rows: &[(bool, Vec<Markup>)]) -> Markup {
+pub(super) fn table(
+    caption: &str,
+    titles: &[impl AsRef<str>],
+    rows: impl IntoIterator<Item = (bool, Vec<Markup>)>,
+) -> Markup {
     html! {
         div.wide.many[titles.len() > FEW_COLUMNS] tabindex="0" role="group" aria-label=(caption) {
             table {
                 caption { span { (caption) } }
-                thead { tr { @for title in titles { th scope="col" { (title) } } } }
+                thead { tr { @for title in titles { th scope="col" { (title.as_ref()) } } } }
                 tbody {
                     @for (best, cells) in rows {
-                        tr.best[*best] {
+                        tr.best[best] {
                             @for (index, cell) in cells.iter().enumerate() {
                                 @if index == 0 { th scope="row" { (cell) } } @else { td { (cell) } }
                             }
@@ -123,6 +124,17 @@ pub(super) fn table(caption: &str, titles: &[&str], rows: &[(bool, Vec<Markup>)]
             }
         }
     }
+}
+
+/// A table whose first row holds the titles; rows behind it stand out where `is_best` says so of their number.
+pub(super) fn table_of(
+    caption: &str,
+    rows: &[Vec<String>],
+    is_best: impl Fn(usize) -> bool,
+) -> Markup {
+    let Some((titles, rows)) = rows.split_first() else { return html! {} };
+    let row = |(k, cells): (usize, &Vec<String>)| (is_best(k), cells.iter().map(text).collect());
+    table(caption, titles, rows.iter().enumerate().map(row))
 }
 
 pub(super) fn text(text: impl AsRef<str>) -> Markup {
@@ -178,7 +190,7 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 canvas #canvas tabindex="0" role="img" aria-label=(label) aria-describedby="view-help" {}
                 div #lidars aria-hidden="true" {
                     @for index in 0..lidars {
-                        span style={ "--own:" (COLOURS[index % COLOURS.len()]) } { b { (index) } }
+                        span style={ "--own:" (colour(index)) } { b { (index) } }
                     }
                 }
                 div.buttons {
@@ -286,7 +298,7 @@ mod tests {
     fn a_table_of_many_columns_says_so_to_a_phone() {
         let is_marked = |columns: usize| {
             let titles = vec!["x"; columns];
-            table("numbers", &titles, &[]).into_string().contains("class=\"wide many\"")
+            table("numbers", &titles, []).into_string().contains("class=\"wide many\"")
         };
         assert!(is_marked(FEW_COLUMNS + 1) && !is_marked(FEW_COLUMNS));
     }

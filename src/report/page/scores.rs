@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::layout::{bar, difference, table, text};
+use super::layout::{bar, difference, table, table_of, text};
 use super::{Figures, Subject};
 use crate::job::Tolerance;
 use crate::report::tables::rows_by_scene;
@@ -41,11 +41,10 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
         row.push(difference(one.difference / widest, scaled));
         (false, row)
     });
-    let rows: Vec<(bool, Vec<Markup>)> = rows.collect();
     let titles: Vec<&str> =
         titles.into_iter().filter(|t| several || !t.starts_with("95")).collect();
     html! {
-        @if !rows.is_empty() {
+        @if !all.is_empty() {
             section aria-labelledby="against" {
                 h2 #against { "Against every baseline" }
                 p {
@@ -67,7 +66,7 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
                          the scenes' own spread."
                     }
                 }
-                (table(&caption, &titles, &rows))
+                (table(&caption, &titles, rows))
             }
         }
     }
@@ -160,8 +159,7 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
         (is_best, cells)
     };
     let result = subject.result.into_iter().map(|best| (best, true));
-    let rows: Vec<_> =
-        result.chain(subject.baselines.iter().map(|b| (b, false))).map(row).collect();
+    let rows = result.chain(subject.baselines.iter().map(|b| (b, false))).map(row);
     let caption = match subject.baselines {
         [] => "Scores of this rig",
         _ => "Scores of the result and the baselines",
@@ -169,7 +167,7 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     html! {
         section aria-labelledby="scores" {
             h2 #scores { "All scores" }
-            (table(caption, &titles, &rows))
+            (table(caption, &titles, rows))
             p.small {
                 "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
                  the more of what changes in the scene the beams reach, the larger it is. M-SOG is the negative \
@@ -185,23 +183,16 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
 
 pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
     let column = ScoreColumn::argued(subject.objective);
-    let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines, column);
-    let Some((titles, rows)) = rows.as_deref().and_then(<[_]>::split_first) else {
-        return html! {};
+    let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines, subject.objective);
+    let Some(rows) = rows else { return html! {} };
+    let caption = match near_gain(column) {
+        Some(_) => "Near gain in each scene",
+        None => "Share of each scene's information that is gained",
     };
-    let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
-    let row = |(index, row): (usize, &Vec<String>)| {
-        (index == 0 && subject.result.is_some(), row.iter().map(text).collect())
-    };
-    let rows: Vec<_> = rows.iter().enumerate().map(row).collect();
     html! {
         section aria-labelledby="scenes" {
             h2 #scenes { "Scene by scene" }
-            @if near_gain(column).is_some() {
-                (table("Near gain in each scene", &titles, &rows))
-            } @else {
-                (table("Share of each scene's information that is gained", &titles, &rows))
-            }
+            (table_of(caption, &rows, |index| index == 0 && subject.result.is_some()))
             p.small {
                 "Over all is the mean, each scene counting the same; the gain in nats above is the share of the \
                  information times the mean total."
@@ -254,8 +245,7 @@ fn parts(
         row.push(bar(share(0), place.map(share)));
         (false, row)
     };
-    let rows: Vec<_> = parts.iter().map(row).collect();
-    html! { (table(caption, &titles, &rows)) }
+    table(caption, &titles, parts.iter().map(row))
 }
 
 /// Baselines that stand beside the result, at most.
@@ -340,11 +330,8 @@ fn has_more_to_tell(seen: &Seen) -> bool {
 }
 
 fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
-    let beside: Vec<&Scored> = baselines
-        .iter()
-        .filter(|of| of.scores.required.len() == best.scores.required.len())
-        .take(BESIDE)
-        .collect();
+    let has_all = |of: &&Scored| of.scores.required.len() == best.scores.required.len();
+    let beside: Vec<&Scored> = baselines.iter().filter(has_all).take(BESIDE).collect();
     let mut titles = vec!["", "", "found %", "required %", "margin"];
     // Without a mounting tolerance nobody looked at copies.
     let has_copies = best.scores.required.iter().any(|seen| seen.holds_in.is_some());
@@ -365,11 +352,10 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
         row.extend(beside.iter().map(|of| text(per_cent(of.scores.required[k].share))));
         (false, row)
     });
-    let rows: Vec<_> = rows.collect();
     table(
         "Requirements of the vehicle; margins in percentage points; baselines found %",
         &titles,
-        &rows,
+        rows,
     )
 }
 
@@ -410,12 +396,7 @@ mod tests {
     fn warnings_of_baselines_are_told_where_the_result_has_none() {
         let (best, mut center) = (planted("found", 1.0, 500.0), planted("Center", 0.5, 400.0));
         let plain = center.clone();
-        let sector = BlindSector {
-            bearings: [-15.0, 15.0],
-            distances: [20.0, 25.0],
-            worst: 0.0,
-            lost: vec![[20.0, 25.0]],
-        };
+        let sector = BlindSector::lost([-15.0, 15.0], [20.0, 25.0]);
         center.scores.guards = vec![Guard::BlindSector(sector)];
         let told = |best: &Scored, baselines: &[Scored]| {
             let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());

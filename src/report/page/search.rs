@@ -78,7 +78,7 @@ fn findings(run: &RunRecord) -> Markup {
                 "Rank correlations (Spearman) of properties of layouts with the objective over random \
                  placements, and what is left of them with mean height, the null model, held fixed."
             }
-            (table("Properties of layouts", &["property", "rank correlation", "with mean height held fixed"], &rows))
+            (table("Properties of layouts", &["property", "rank correlation", "with mean height held fixed"], rows))
         }
     }
 }

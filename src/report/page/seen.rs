@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::layout::{figure, prose, table, text};
+use super::layout::{figure, prose, table_of};
 use super::{Figures, Subject};
 use crate::report::svg::trimmed;
 use crate::report::targets::{
@@ -17,9 +17,6 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
     else {
         return html! {};
     };
-    let rows = range_card_rows(card);
-    let titles: Vec<&str> = rows[0].iter().map(String::as_str).collect();
-    let cells = |row: &Vec<String>| (false, row.iter().map(text).collect());
     html! {
         section aria-labelledby="range" {
             h2 #range { "Range card" }
@@ -45,7 +42,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
             div.polar {
                 @for (title, svg) in range_card_svgs(&best.placement.name, card) { (figure(&svg, &title)) }
             }
-            (table("Metres from the origin at which a target is met", &titles, &rows[1..].iter().map(cells).collect::<Vec<_>>()))
+            (table_of("Metres from the origin at which a target is met", &range_card_rows(card), |_| false))
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::layout::{table, text};
+use super::layout::{table, table_of, text};
 use super::{Figures, Subject};
 use crate::job::Loss;
 use crate::json::fixed;
@@ -23,7 +23,7 @@ pub(super) fn redundancy(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 @if figures.views.len() > 1 { " of the first scene" }
                 ". A LiDAR sees a target with five beams or more of its own, at 5 to 50 m from the origin on level ground, and ground counts from the body."
             }
-            (with_titles("Per cent seen by a number of LiDARs", &redundancy_rows(found)))
+            (table_of("Per cent seen by a number of LiDARs", &redundancy_rows(found), |_| false))
             @if let Some(all) = &found.technologies {
                 p {
                     "Per cent by technology: seen by no technology (blind to all), by one, two, and three or more, and by \
@@ -31,18 +31,10 @@ pub(super) fn redundancy(subject: &Subject<'_>, figures: &Figures) -> Markup {
                     @if !subject.conditions.is_empty() { "Other sensors see as in clear air. " }
                     @for note in &figures.several.notes { "Note: " (note) ". " }
                 }
-                (with_titles("Per cent seen by technologies", &technology_rows(all)))
+                (table_of("Per cent seen by technologies", &technology_rows(all), |_| false))
             }
         }
     }
-}
-
-/// A table whose first row holds the titles.
-fn with_titles(caption: &str, rows: &[Vec<String>]) -> Markup {
-    let Some((titles, rows)) = rows.split_first() else { return html! {} };
-    let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
-    let cells = |row: &Vec<String>| (false, row.iter().map(text).collect());
-    table(caption, &titles, &rows.iter().map(cells).collect::<Vec<_>>())
 }
 
 /// Score, requirements and blind sectors without each LiDAR.
@@ -57,7 +49,6 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
         row.push(text(blind));
         (false, row)
     };
-    let rows: Vec<_> = found.losses.iter().map(row).collect();
     let mut titles = vec!["lost", column.title()];
     titles.extend(requires.then_some("requirements that fail"));
     titles.push("blind °");
@@ -70,7 +61,7 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 @if requires { ", requirements that are met with all and fail without it (others are told as " code { "already" } ")" }
                 ", and the width of all blind sectors."
             }
-            (table("Left when one LiDAR fails", &titles, &rows))
+            (table("Left when one LiDAR fails", &titles, found.losses.iter().map(row)))
             ul.guards {
                 @for loss in found.losses.iter().filter(|loss| !told(loss).is_empty()) {
                     li { b { "without " (loss.name) } ": " (told(loss)) }
@@ -97,18 +88,16 @@ fn not_lost(subject: &Subject<'_>) -> Markup {
 pub(super) fn overlap(figures: &Figures) -> Markup {
     let Some(found) = &figures.several.overlap else { return html! {} };
     let count = found.lidars.len();
-    let names: Vec<String> = (0..count).map(|lidar| lidar.to_string()).collect();
-    let titles: Vec<&str> =
-        std::iter::once("LiDAR").chain(names.iter().map(String::as_str)).collect();
+    let names = (0..count).map(|lidar| lidar.to_string());
+    let titles: Vec<String> = std::iter::once("LiDAR".to_owned()).chain(names).collect();
     let percent = |share: f64| format!("{:.1}", percent_down(share));
     let row = |a: usize| {
         let cells = (0..count).map(|b| match a == b {
             true => text("–"),
             false => text(percent(found.overlap[a][b])),
         });
-        (false, std::iter::once(text(&names[a])).chain(cells).collect())
+        (false, std::iter::once(text(&titles[a + 1])).chain(cells).collect())
     };
-    let rows: Vec<_> = (0..count).map(row).collect();
     html! {
         section aria-labelledby="overlap" {
             h2 #overlap { "Overlap of the LiDARs" }
@@ -121,7 +110,7 @@ pub(super) fn overlap(figures: &Figures) -> Markup {
                 " Overlap: surface voxels that two LiDARs share, as a share of those of the LiDAR that has fewer, over "
                 (counted(found.frames, "frame")) "."
             }
-            (table("Overlap of each pair, %", &titles, &rows))
+            (table("Overlap of each pair, %", &titles, (0..count).map(row)))
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::{bearing_in_words, by_placement, heading, runs_in_words};
 use crate::report::columns::align_columns;
 use crate::report::svg::trimmed;
+use crate::report::tables::distinct;
 use crate::targets::{Detection, TargetRow, TargetTable};
 
 /// Most distances at which beams are shown at each of them, in place of the distances of detection.
@@ -44,16 +45,8 @@ pub(crate) fn targets_text(table: &TargetTable, beams: u32) -> String {
 impl OfPlacement<'_> {
     /// Targets and bearings, each once, in order.
     fn names(&self) -> (Vec<&str>, Vec<f64>) {
-        let (mut targets, mut bearings) = (Vec::new(), Vec::new());
-        for of in self.detections {
-            if !targets.contains(&&*of.target) {
-                targets.push(&*of.target);
-            }
-            if !bearings.contains(&of.bearing) {
-                bearings.push(of.bearing);
-            }
-        }
-        (targets, bearings)
+        let targets = distinct(self.detections.iter().map(|of| &*of.target));
+        (targets, distinct(self.detections.iter().map(|of| of.bearing)))
     }
 
     /// Rows of a target at a bearing.
@@ -65,10 +58,8 @@ impl OfPlacement<'_> {
     /// A line a bearing, a column a target and distance: its beams, over several frames the fewest and the most.
     fn beams_at(&self, distances: &[f64], beams: u32) -> String {
         let (targets, bearings) = self.names();
-        let columns: Vec<(&str, f64)> = targets
-            .iter()
-            .flat_map(|&target| distances.iter().map(move |&m| (target, m)))
-            .collect();
+        let of_target = |target| distances.iter().map(move |&metres| (target, metres));
+        let columns: Vec<(&str, f64)> = targets.into_iter().flat_map(of_target).collect();
         let title = |(target, metres): &(&str, f64)| format!("{target} {} m", trimmed(*metres, 2));
         let mut rows = vec![vec![format!("beams, {beams} needed")]];
         rows[0].extend(columns.iter().map(title));

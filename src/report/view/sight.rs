@@ -7,7 +7,7 @@ use crate::engine::{Backend, BackendError};
 use crate::maths;
 use crate::problem::{Content, Entropy, OccupiedVoxel, Problem};
 use crate::psog::{Roi, to_nats};
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::Placement;
 
 /// Metres between two rings of distance, and most rings.
 const RING: f64 = 10.0;
@@ -88,10 +88,10 @@ impl InformationView {
         let (mut shares, mut masks) = (Vec::new(), Vec::new());
         let mut alone = vec![0.0; placement.lidars.len()];
         let mut places = VoxelBits::default();
-        for (layout, lidars) in layouts(placement, baselines).enumerate() {
+        for (layout, of) in std::iter::once(placement).chain(baselines).enumerate() {
             let mut seen = vec![0_u32; voxels.len()];
             for &frame in shown {
-                let bitmaps = engine.bitmaps(lidars, frame)?;
+                let bitmaps = engine.bitmaps(&of.lidars, frame)?;
                 places.fit(bitmaps.order, &voxels);
                 let marks = Marks { bitmaps, places: &places };
                 marks.count(&mut seen);
@@ -131,14 +131,6 @@ impl InformationView {
             )
         })
     }
-}
-
-/// LiDARs of the placement, then those of each baseline.
-fn layouts<'a>(
-    placement: &'a Placement,
-    baselines: &'a [Placement],
-) -> impl Iterator<Item = &'a [SensorPose]> {
-    std::iter::once(placement).chain(baselines).map(|layout| &layout.lidars[..])
 }
 
 /// Bits of voxels in the bitmaps of an engine.
@@ -198,7 +190,8 @@ impl Marks<'_> {
     }
 }
 
-fn is_set(words: &[u64], bit: u32) -> bool {
+/// True if a bit of a bitmap is set.
+pub(crate) fn is_set(words: &[u64], bit: u32) -> bool {
     words[bit as usize / 64] >> (bit % 64) & 1 == 1
 }
 
@@ -267,10 +260,8 @@ impl Gains {
 
     /// Adds a layout that sees each voxel in a share of the frames.
     fn add(&mut self, voxels: &[Voxel], shares: &[f64]) {
-        self.by_class
-            .iter_mut()
-            .chain(&mut self.by_distance)
-            .for_each(|part| part.gained.push(0.0));
+        let parts = self.by_class.iter_mut().chain(&mut self.by_distance);
+        parts.for_each(|part| part.gained.push(0.0));
         for (voxel, share) in voxels.iter().zip(shares) {
             let parts = [
                 &mut self.by_class[usize::from(voxel.drawn.class)],
