@@ -12,7 +12,9 @@ use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::{Air, DevicePose, Frame, Problem, beam_direction, beam_origin, own_bodies};
+use crate::problem::{
+    Air, DevicePose, Frame, Instance, Problem, beam_direction, beam_origin, own_bodies,
+};
 use crate::scan::conditions::Weather;
 use crate::scene::{Scene, Target};
 use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, UnknownSensor};
@@ -130,6 +132,23 @@ impl TargetSite {
     #[must_use]
     pub fn receiving(self, receiving: Option<Receiving>) -> Self {
         Self { receiving, ..self }
+    }
+
+    /// A copy whose own bodies stand in other poses, one for each body; `None` where their number is another.
+    pub(super) fn with_bodies_at(&self, poses: &[Pose]) -> Option<Self> {
+        let bodies = self.body.instances();
+        if bodies.len() != poses.len() {
+            return None;
+        }
+        let bodies = bodies.iter().zip(poses);
+        let at = |(of, &ego_from_instance)| Instance { ego_from_instance, ..Instance::clone(of) };
+        let body = Frame::new(bodies.map(at));
+        Some(Self { bounds: bounds_in_plan(&body), body, ..self.clone() })
+    }
+
+    /// True if the own bodies of both stand alike.
+    pub(super) fn stands_as(&self, other: &Self) -> bool {
+        self.body == other.body
     }
 
     /// The sensor models.

@@ -1,12 +1,13 @@
-//! Places of a rule on targets, and the closer look at a rule that must be met at all of them.
+//! Places of a rule on targets, and the closer look at a rule that must be met at all of them, in each pose of the own bodies.
 
 use rayon::prelude::*;
 
 use super::beams::{PlacedTarget, TargetSite};
+use super::bodies::BodyPoses;
 use super::card::position;
 use super::missing::Missing;
 use crate::maths;
-use crate::score::Seen;
+use crate::score::{Seen, WorstFrame};
 use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
 
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
@@ -86,15 +87,43 @@ impl<'a> CloseLook<'a> {
     }
 }
 
+/// Close looks at a rule with the own bodies in each of their poses, by the first frame of each.
+struct InPoses<'a>(Vec<(usize, CloseLook<'a>)>);
+
+impl<'a> InPoses<'a> {
+    fn new(
+        bodies: &BodyPoses,
+        rule: &'a TargetRule,
+        lidars: &[SensorPose],
+    ) -> Result<Self, UnknownSensor> {
+        let look = |(site, frame)| Ok((frame, CloseLook::new(site, rule, lidars)?));
+        Ok(Self(bodies.each().map(look).collect::<Result<_, _>>()?))
+    }
+
+    /// Share in the worst pose.
+    fn share(&self, lost: Option<usize>) -> f64 {
+        self.0.iter().map(|(_, look)| look.share(lost)).fold(1.0, f64::min)
+    }
+
+    /// Replaces share, missing places and worst frame of a requirement.
+    fn tell(&self, lost: Option<usize>, seen: &mut Seen) {
+        let shares: Vec<f64> = self.0.iter().map(|(_, look)| look.share(lost)).collect();
+        let worst = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]));
+        let Some(worst) = worst else { return };
+        (seen.share, seen.missing) = (shares[worst], self.0[worst].1.missing(lost));
+        seen.worst_frame = WorstFrame::among(self.0.iter().map(|(frame, _)| *frame).zip(shares));
+    }
+}
+
 /// Looks again at each rule on a target that asks for 100 % and has it, at bearings as close together as the target is wide at
-/// the farthest distance. Narrow things on the own body hide a target between the places of a search. The shares there, and
-/// the places missed, replace those of the search. Rules that ask for less are judged at the places of the search alone: else
-/// a rig met at 100 % of these could fail where one met at fewer does not.
+/// the farthest distance, in each pose of the own bodies. Narrow things on the own body hide a target between the places of
+/// a search. The shares there, and the places missed, replace those of the search. Rules that ask for less are judged at the
+/// places of the search alone: else a rig met at 100 % of these could fail where one met at fewer does not.
 ///
 /// # Errors
 /// A model that the vehicle does not have.
 pub(crate) fn confirm(
-    site: &TargetSite,
+    bodies: &BodyPoses,
     rules: &[TargetRule],
     (lidars, mounts): (&[SensorPose], &[Option<&str>]),
     required: &mut [Seen],
@@ -103,9 +132,9 @@ pub(crate) fn confirm(
     for seen in required.iter_mut().filter(|seen| is_whole(seen)) {
         let rule = rules.iter().find(|rule| rule.share >= 1.0 && rule.name == seen.name);
         let Some(rule) = rule else { continue };
-        let look = CloseLook::new(site, rule, lidars)?;
+        let look = InPoses::new(bodies, rule, lidars)?;
         let Some(lost) = &mut seen.lost else {
-            (seen.share, seen.missing) = (look.share(None), look.missing(None));
+            look.tell(None, seen);
             continue;
         };
         lost.intact = look.share(None);
@@ -116,7 +145,7 @@ pub(crate) fn confirm(
         let is_worst = each.len() == 1 || each.iter().any(|share| *share > each[worst]);
         let mount = mounts.get(worst).copied().flatten().filter(|_| is_worst);
         (lost.worst, lost.mount) = (is_worst.then_some(worst), mount.map(str::to_owned));
-        (seen.share, seen.missing) = (each[worst], look.missing(Some(worst)));
+        look.tell(Some(worst), seen);
     }
     Ok(())
 }
@@ -149,7 +178,8 @@ mod tests {
         let lost = Lost { intact: 1.0, worst: None, mount: None };
         let lost = rule.without_any_one.then_some(lost);
         let mut seen = [Seen { lost, ..Seen::of("car", 1.0) }];
-        confirm(site, &[rule], (lidars, &[]), &mut seen).unwrap();
+        let bodies = BodyPoses::of(site.clone(), []);
+        confirm(&bodies, &[rule], (lidars, &[]), &mut seen).unwrap();
         let [seen] = seen;
         seen
     }
@@ -188,10 +218,20 @@ mod tests {
         let lost = both.lost.as_ref().unwrap();
         assert_eq!((lost.intact, both.share < 1.0), (1.0, true), "{both:?}");
         assert!(lost.worst.is_some() && both.missing.is_some(), "{both:?}");
+        // The worst of two poses of the bodies counts, whichever comes first.
+        for (sites, frames) in [([&free, &hidden], [0, 7]), ([&hidden, &free], [7, 0])] {
+            let sites = sites.map(TargetSite::clone).to_vec();
+            let bodies = BodyPoses { sites, poses: (0..2).zip(frames).collect() };
+            let mut told = [Seen::of("car", 1.0)];
+            confirm(&bodies, &[rule(false)], (&[lidar], &[]), &mut told).unwrap();
+            let worst_frame = Some(WorstFrame { frame: 7, share: seen.share });
+            assert_eq!(told[0], Seen { worst_frame, ..seen.clone() });
+        }
         // A share after the worst loss that was lower before is one of the closer look, too.
         let lost = Lost { intact: 1.0, worst: Some(1), mount: Some("roof".to_owned()) };
         let mut seen = [Seen { lost: Some(lost), ..Seen::of("car", 0.5) }];
-        confirm(&hidden, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
+        let bodies = BodyPoses::of(hidden, []);
+        confirm(&bodies, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
         assert_eq!(seen[0], both);
     }
 }

@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use super::beams::TargetSite;
+use super::bodies::BodyPoses;
 use super::confirm::places_of;
 use super::places::{Sight, SightBeams};
 use super::rules::Rule;
@@ -65,8 +66,10 @@ impl Sight {
         let bound = |rule: &Rule| match rule {
             _ if rule.least() <= 0.0 => None,
             _ if rule.without_any_one() && seats < 2 => Some(one_seat(rule.name())),
-            Rule::Target(rule, places) => {
-                self.target_bound(rule, places.clone(), (&most[..], &largest[..], seats))
+            Rule::Target(rule, poses) => {
+                let held = (&most[..], &largest[..], seats);
+                let of_pose = |places: &Range<usize>| self.target_bound(rule, places.clone(), held);
+                poses.iter().filter_map(of_pose).min_by(|a, b| a.share.total_cmp(&b.share))
             }
             Rule::Ground(rule, number) => self.ground_bound(rule, *number, &all),
             Rule::Overlap(rule) if seats < 2 => Some(one_seat(&rule.name)),
@@ -161,9 +164,12 @@ fn one_seat(name: &str) -> OutOfReach {
 pub(crate) fn check_counting(problem: &Problem, vehicle: &Vehicle) -> Result<(), ProblemError> {
     let Vehicle { require, targets, ground, require_order, .. } = vehicle;
     let index = |number: usize| require_order.get(number).copied().unwrap_or(number);
-    let site = (!targets.is_empty()).then(|| TargetSite::of(problem));
+    let bodies = (!targets.is_empty()).then(|| BodyPoses::of(TargetSite::of(problem), [problem]));
     for (number, rule) in targets.iter().enumerate() {
-        let has_room = |at: [f64; 3]| site.as_ref().is_none_or(|s| s.has_room(&rule.target, at));
+        let has_room = |at: [f64; 3]| {
+            let mut poses = bodies.iter().flat_map(BodyPoses::each);
+            poses.any(|(site, _)| site.has_room(&rule.target, at))
+        };
         if !places_of(rule).into_iter().any(has_room) {
             let (index, name) = (index(require.len() + number), rule.name.clone());
             return Err(ProblemError::NoPlace { index, name });
