@@ -7,15 +7,17 @@ use crate::targets::{BodyPoses, confirm, missed_places};
 use crate::vehicle::Placement;
 
 impl Job {
-    /// The first scene's vehicle, its bodies in every pose that they take in the scenes; `None` without rules on targets.
+    /// The first scene's vehicle, its bodies in every pose that they take in the scenes, and these; `None` without rules on
+    /// targets.
     fn bodies_of_rules(&self) -> Result<Option<BodyPoses>, JobError> {
         let (Some(site), problem) = (self.target_site()?, self.problem()?) else { return Ok(None) };
         if problem.target_rules().is_empty() {
             return Ok(None);
         }
-        let problems = self.scenes.iter().map(|scene| scene.problem());
-        let problems = problems.collect::<Result<Vec<_>, _>>()?;
-        Ok(Some(BodyPoses::of(site.clone(), problems.iter().map(|problem| &**problem))))
+        let suite = self.suite()?;
+        let members = suite.members().iter();
+        let members = members.map(|member| (&**member.problem(), member.is_mirrored()));
+        Ok(Some(BodyPoses::of(site.clone(), members)))
     }
 
     /// Looks again, at bearings as close together as the target is wide, at targets that are required everywhere and met everywhere.

@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::beams::{PlacedTarget, TargetSite};
-use super::bodies::BodyPoses;
+use super::bodies::{BodyPoses, together, worst_frame};
 use super::card::position;
 use super::missing::Missing;
 use crate::maths;
-use crate::score::{Seen, WorstFrame};
+use crate::score::Seen;
 use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
 
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
@@ -59,8 +59,8 @@ impl<'a> CloseLook<'a> {
         lidars: &[SensorPose],
     ) -> Result<Self, UnknownSensor> {
         let target = &*rule.target;
-        let mut places = spread(rule, factor(rule));
-        places.retain(|&at| site.has_room(target, at));
+        let places = spread(rule, factor(rule)).into_iter();
+        let places: Vec<_> = places.filter_map(|at| site.standing(target, at)).collect();
         let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
         let beams = lidars.par_iter().map(|lidar| site.beams(lidar, &standing, rule.beams));
         let beams = beams.collect::<Result<Vec<_>, _>>()?;
@@ -87,22 +87,22 @@ impl<'a> CloseLook<'a> {
     }
 }
 
-/// Close looks at a rule with the own bodies in each of their poses, by the first frame of each.
-struct InPoses<'a>(Vec<(usize, CloseLook<'a>)>);
+/// Close looks at a rule with the own bodies in each of their poses or in each scene, by the first frame of each.
+struct InSites<'a>(Vec<(usize, CloseLook<'a>)>, &'a TargetRule);
 
-impl<'a> InPoses<'a> {
+impl<'a> InSites<'a> {
     fn new(
         bodies: &BodyPoses,
         rule: &'a TargetRule,
         lidars: &[SensorPose],
     ) -> Result<Self, UnknownSensor> {
         let look = |(site, frame)| Ok((frame, CloseLook::new(site, rule, lidars)?));
-        Ok(Self(bodies.each().map(look).collect::<Result<_, _>>()?))
+        Ok(Self(bodies.each(rule).map(look).collect::<Result<_, _>>()?, rule))
     }
 
-    /// Share in the worst pose.
+    /// Share in the worst pose, or the mean over scenes.
     fn share(&self, lost: Option<usize>) -> f64 {
-        self.0.iter().map(|(_, look)| look.share(lost)).fold(1.0, f64::min)
+        together(self.1, self.0.iter().map(|(_, look)| look.share(lost)))
     }
 
     /// Replaces share, missing places and worst frame of a requirement.
@@ -110,15 +110,16 @@ impl<'a> InPoses<'a> {
         let shares: Vec<f64> = self.0.iter().map(|(_, look)| look.share(lost)).collect();
         let worst = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]));
         let Some(worst) = worst else { return };
-        (seen.share, seen.missing) = (shares[worst], self.0[worst].1.missing(lost));
-        seen.worst_frame = WorstFrame::among(self.0.iter().map(|(frame, _)| *frame).zip(shares));
+        (seen.share, seen.missing) = (self.share(lost), self.0[worst].1.missing(lost));
+        seen.worst_frame = worst_frame(self.1, self.0.iter().map(|(frame, _)| *frame).zip(shares));
     }
 }
 
-/// Looks again at each rule on a target that asks for 100 % and has it, at bearings as close together as the target is wide at
-/// the farthest distance, in each pose of the own bodies. Narrow things on the own body hide a target between the places of
-/// a search. The shares there, and the places missed, replace those of the search. Rules that ask for less are judged at the
-/// places of the search alone: else a rig met at 100 % of these could fail where one met at fewer does not.
+/// Looks again at each rule on a target that asks for 100 % and has it, in each pose of the own bodies or in each scene.
+/// Bearings are then as close together as the target is wide at the farthest distance. Narrow things on the own body hide a
+/// target between the places of a search. The shares there, and the places missed, replace those of the search. Rules that
+/// ask for less are judged at the places of the search alone: else a rig met at 100 % of these could fail where one met at
+/// fewer does not.
 ///
 /// # Errors
 /// A model that the vehicle does not have.
@@ -132,7 +133,7 @@ pub(crate) fn confirm(
     for seen in required.iter_mut().filter(|seen| is_whole(seen)) {
         let rule = rules.iter().find(|rule| rule.share >= 1.0 && rule.name == seen.name);
         let Some(rule) = rule else { continue };
-        let look = InPoses::new(bodies, rule, lidars)?;
+        let look = InSites::new(bodies, rule, lidars)?;
         let Some(lost) = &mut seen.lost else {
             look.tell(None, seen);
             continue;
@@ -156,7 +157,7 @@ mod tests {
 
     use super::*;
     use crate::scene::Target;
-    use crate::score::Lost;
+    use crate::score::{Lost, WorstFrame};
     use crate::targets::tests::{directions, site, wall};
 
     /// A rule on a car at all places from 10 to 50 m, all round.
@@ -167,6 +168,7 @@ mod tests {
             from: 10.0,
             within: 50.0,
             bearings: [-180.0, 180.0],
+            on_scene: false,
             beams: 5,
             share: 1.0,
             without_any_one,
@@ -221,7 +223,7 @@ mod tests {
         // The worst of two poses of the bodies counts, whichever comes first.
         for (sites, frames) in [([&free, &hidden], [0, 7]), ([&hidden, &free], [7, 0])] {
             let sites = sites.map(TargetSite::clone).to_vec();
-            let bodies = BodyPoses { sites, poses: (0..2).zip(frames).collect() };
+            let bodies = BodyPoses::of_sites(sites, frames);
             let mut told = [Seen::of("car", 1.0)];
             confirm(&bodies, &[rule(false)], (&[lidar], &[]), &mut told).unwrap();
             let worst_frame = Some(WorstFrame { frame: 7, share: seen.share });

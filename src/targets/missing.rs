@@ -68,7 +68,7 @@ impl Missing {
     }
 }
 
-/// Places of a rule that LiDARs do not meet with the own bodies in the worst of their poses, in words; `None` where they
+/// Places of a rule that LiDARs do not meet in the worst pose of the own bodies or the worst scene, in words; `None` where they
 /// meet all.
 ///
 /// # Errors
@@ -80,9 +80,9 @@ pub(crate) fn missed_places(
 ) -> Result<Option<String>, UnknownSensor> {
     let target = &*rule.target;
     let mut worst: Option<(f64, Vec<([f64; 3], bool)>)> = None;
-    for (site, _) in bodies.each() {
-        let mut places = places_of(rule);
-        places.retain(|&at| site.has_room(target, at));
+    for (site, _) in bodies.each(rule) {
+        let places = places_of(rule).into_iter();
+        let places: Vec<_> = places.filter_map(|at| site.standing(target, at)).collect();
         let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
         let met = site.met(lidars, &standing, rule.beams)?;
         let missed = met.iter().filter(|is_met| !**is_met).count() as f64;

@@ -17,7 +17,7 @@ use crate::geom::Pose;
 use crate::maths;
 use crate::near_field::{Footprint, RequiredGround, WheelPlane, outline};
 use crate::overlap::{RequiredOverlap, Surfaces};
-use crate::problem::{Frame, Problem};
+use crate::problem::{Frame, Problem, SceneSurface};
 use crate::scene::{EgoBody, Ground, Scene, Target};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
@@ -53,6 +53,12 @@ impl GroundBelow {
         Self { is_ground, footprint: outline(scene, 0).ok() }
     }
 
+    /// On the surface of a scene, around an own body.
+    pub(super) fn of(surface: &SceneSurface, body: &Frame) -> Self {
+        let footprint = Footprint::of(body.corners().map(|at| [at.x, at.y]));
+        Self { is_ground: surface.is_ground.clone(), footprint }
+    }
+
     /// Plane of the ground under the wheels in a frame; z = 0 without a body.
     pub(super) fn wheels(&self, geometry: &Frame) -> WheelPlane {
         let plane = |footprint| WheelPlane::of(footprint, geometry, &self.is_ground);
@@ -68,12 +74,11 @@ impl GroundBelow {
     /// than a metre above each other are one, and the lowest of them counts.
     pub(super) fn height(
         &self,
-        problem: &Problem,
-        (frame, wheels): (usize, &WheelPlane),
+        geometry: &Frame,
+        wheels: &WheelPlane,
         target: &Target,
         [x, y]: [f64; 2],
     ) -> Option<f64> {
-        let geometry = problem.geometry(frame)?;
         let (plane, reach) = (wheels.at([x, y]), (REACH + STEEPEST * maths::hypot(x, y)).ceil());
         let mut from = plane + reach;
         let (mut grounds, mut others) = (Vec::new(), Vec::new());
@@ -179,11 +184,12 @@ impl Sight {
         };
         // Bodies that move matter to rules on targets alone.
         let posing = if problem.target_rules().is_empty() { &[][..] } else { &scenes[..] };
-        let bodies = BodyPoses::of(site, posing.iter().map(|&(problem, _)| &**problem));
+        let posing = posing.iter().map(|&(problem, is_mirrored)| (&**problem, is_mirrored));
+        let bodies = BodyPoses::of(site, posing);
         let (mut places, mut enough, mut rules) = (Vec::new(), Vec::new(), Vec::new());
         let mut group = |site: usize, target: &Arc<Target>, at: Vec<[f64; 3]>, beams: u32| {
             let begin = places.len();
-            let free = at.into_iter().filter(|&at| bodies.sites[site].has_room(target, at));
+            let free = at.into_iter().filter_map(|at| bodies.sites[site].standing(target, at));
             places.extend(free.map(|at| Place { target: target.clone(), at, site }));
             enough.resize(places.len(), beams.min(u32::from(u8::MAX)) as u8);
             begin..places.len()
@@ -199,7 +205,7 @@ impl Sight {
         };
         for rule in problem.target_rules() {
             let in_pose = |site| group(site, &rule.target, places_of(rule), rule.beams);
-            rules.push(Rule::Target(rule.clone(), bodies.numbers().map(in_pose).collect()));
+            rules.push(Rule::Target(rule.clone(), bodies.numbers(rule).map(in_pose).collect()));
         }
         let ground_in = |&(problem, is_mirrored)| RequiredGround::of(problem, is_mirrored);
         let ground: Vec<_> = scenes.iter().filter_map(ground_in).collect();
@@ -364,8 +370,9 @@ mod tests {
         let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
         let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
         let (ground, child) = (GroundBelow::new(&scene), Target::named("child").unwrap());
-        let wheels = ground.wheels(problem.geometry(0).unwrap());
-        let height = |at: &[f64; 2]| ground.height(&problem, (0, &wheels), &child, *at);
+        let geometry = problem.geometry(0).unwrap();
+        let wheels = ground.wheels(geometry);
+        let height = |at: &[f64; 2]| ground.height(geometry, &wheels, &child, *at);
         places.iter().map(height).collect()
     }
 

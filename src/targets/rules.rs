@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::beams::LookingOut;
+use super::bodies::{mean, together, worst_frame};
 use super::missing::Missing;
 use super::places::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
@@ -23,7 +24,7 @@ const PARTIAL: f64 = 0.1;
 
 /// A rule of the vehicle.
 pub(super) enum Rule {
-    /// On a target, with its places beside the own bodies in each of their poses.
+    /// On a target, with its places beside the own bodies in each of their poses, or in each scene.
     Target(TargetRule, Vec<Range<usize>>),
     /// On the ground, with its number among these.
     Ground(GroundRule, usize),
@@ -73,12 +74,6 @@ struct Looked<'a> {
     overlaps: Vec<Shares>,
 }
 
-/// Mean of some numbers; 0 of none.
-fn mean(numbers: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = numbers.len().max(1);
-    numbers.sum::<f64>() / count as f64
-}
-
 /// A rule, and the share of its places or ground that is met.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RuleMet<'a> {
@@ -86,7 +81,8 @@ pub struct RuleMet<'a> {
     pub name: &'a str,
     /// Share that is required.
     pub least: f64,
-    /// Target: share of its places at which enough beams meet it, in the worst pose of the own bodies.
+    /// Target: share of its places at which enough beams meet it, in the worst pose of the own bodies, or on the surface
+    /// of scenes a mean.
     /// Other rules: share of the ground that is seen, or the largest overlap at which pairs connect all LiDARs, each a
     /// mean over scenes. For a rule that must hold without any one LiDAR, the least share over the LiDARs left out.
     pub share: f64,
@@ -161,8 +157,8 @@ impl Sight {
         self.worst_ground(all, number, false).map(|(scene, bits)| scene.missing(number, bits))
     }
 
-    /// Share of places of a target that are met with the bodies in each of their poses.
-    fn in_poses(&self, all: &SightBeams, poses: &[Range<usize>]) -> Vec<f64> {
+    /// Share of places of a target that are met with the bodies in each of their poses, or in each scene.
+    fn by_site(&self, all: &SightBeams, poses: &[Range<usize>]) -> Vec<f64> {
         poses.iter().map(|places| self.hard(all, places.clone())).collect()
     }
 
@@ -176,9 +172,9 @@ impl Sight {
     ) -> Option<WorstFrame> {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
-            Rule::Target(_, poses) if poses.len() > 1 => {
-                let frames = self.bodies.each().map(|(_, frame)| frame);
-                WorstFrame::among(frames.zip(self.in_poses(&all(), poses)))
+            Rule::Target(rule, sites) if sites.len() > 1 => {
+                let frames = self.bodies.each(rule).map(|(_, frame)| frame);
+                worst_frame(rule, frames.zip(self.by_site(&all(), sites)))
             }
             Rule::Ground(_, number) if self.ground.iter().any(RequiredGround::moves) => {
                 let all = all();
@@ -205,7 +201,7 @@ impl Sight {
     fn met_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> f64 {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
-            Rule::Target(_, poses) => self.in_poses(&all(), poses).into_iter().fold(1.0, f64::min),
+            Rule::Target(rule, sites) => together(rule, self.by_site(&all(), sites).into_iter()),
             Rule::Ground(_, number) => self.ground_share(&all(), *number),
             Rule::Overlap(_) => {
                 mean(looked.overlaps.iter().map(|shares| connected_without(shares, lost)))
@@ -290,23 +286,26 @@ impl Sight {
     ) -> Result<Vec<f64>, UnknownSensor> {
         let looking = self.looking_out_of(lidars)?;
         let share = |(rule, is_wanted): (&Rule, &bool)| match rule {
-            Rule::Target(rule, poses) if *is_wanted => {
-                let of_pose = |places: &Range<usize>| {
-                    self.share_on_targets(&looking, rule, (places.clone(), order))
+            Rule::Target(rule, sites) if *is_wanted => {
+                let of_site = |places: &Range<usize>| {
+                    self.after_losses(&looking, rule, (places.clone(), order))
                 };
-                poses.iter().map(of_pose).fold(1.0, f64::min)
+                let each: Vec<Vec<f64>> = sites.iter().map(of_site).collect();
+                let after = |lost: usize| together(rule, each.iter().map(|shares| shares[lost]));
+                (0..each.first().map_or(0, Vec::len)).map(after).fold(1.0, f64::min)
             }
             _ => 1.0,
         };
         Ok(self.rules.iter().zip(wanted).map(share).collect())
     }
 
-    fn share_on_targets(
+    /// Share of some places after the loss of each LiDAR, of a rule that must hold without any one; else of all LiDARs.
+    fn after_losses(
         &self,
         looking: &[LookingOut<'_>],
         rule: &TargetRule,
         (places, order): (Range<usize>, &[Vec<usize>]),
-    ) -> f64 {
+    ) -> Vec<f64> {
         let count = places.len();
         let lidars = order.first().map_or(0, Vec::len);
         // Places not met by all LiDARs, or without each one.
@@ -328,8 +327,8 @@ impl Sight {
                 *missed += usize::from(sum - lost < enough);
             }
         }
-        let most = missed.into_iter().max().unwrap_or_default();
-        if count == 0 { 1.0 } else { (count - most) as f64 / count as f64 }
+        let share = |missed| if count == 0 { 1.0 } else { (count - missed) as f64 / count as f64 };
+        missed.into_iter().map(share).collect()
     }
 
     /// True for each rule that is on targets.
@@ -387,7 +386,7 @@ impl Sight {
                 let is_met = |place: usize| {
                     all.beams.get(place).is_some_and(|&beams| beams >= self.enough[place])
                 };
-                let shares = poses.iter().zip(self.in_poses(all, poses));
+                let shares = poses.iter().zip(self.by_site(all, poses));
                 let (worst, _) = shares.min_by(|a, b| a.1.total_cmp(&b.1))?;
                 let places = worst.clone().map(|place| (self.places[place].at, is_met(place)));
                 Missing::new(rule, places).map(|missing| format!("{missing}{}", self.beyond(rule)))
