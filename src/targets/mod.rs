@@ -8,7 +8,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `beams` | beams of a placement on targets |
-//! | `bodies` | the own bodies in every pose that they take |
+//! | `bodies` | the own bodies in every pose that they take, and scenes, for rules |
 //! | `card` | the range card, and blind sectors |
 //! | `confirm` | places of a rule on targets, and a closer look at them |
 //! | `missing` | places of a rule that are not met, in words |
