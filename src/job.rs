@@ -10,6 +10,7 @@
 //! | `room` | how far each pose field may be off until a requirement breaks |
 //! | `front` | the front of two or three objectives |
 //! | `holds` | requirements in copies that are mounted a little off |
+//! | `on_targets` | a closer look at requirements on targets |
 //! | `error` | why a job cannot be posed or searched |
 //!
 //! Program, Python module, studies, chart and audit all go through a [`Job`].
@@ -19,6 +20,7 @@ mod files;
 mod front;
 mod holds;
 mod loss;
+mod on_targets;
 mod relief;
 mod room;
 mod scene;
@@ -34,10 +36,10 @@ use crate::problem::Problem;
 use crate::psog::Psog;
 use crate::scan::conditions::Condition;
 use crate::scene::Scene;
-use crate::score::{Guard, Objective, Scores, Seen};
+use crate::score::{Guard, Objective, Scores};
 use crate::search::{Evaluator, Judged, SearchError, Settings, Suite, TimeLimit};
-use crate::targets::{RangeCard, TargetSite, confirm, missed_places};
-use crate::vehicle::{Constraints, Placement, Sensors, TargetRule};
+use crate::targets::{RangeCard, TargetSite};
+use crate::vehicle::{Constraints, Placement, Sensors};
 use scene::{Frames, Worth};
 
 pub use crate::search::Tolerance;
@@ -354,28 +356,9 @@ impl Job {
         }
         self.confirm_targets(&mut all)?;
         let is_whole = self.add_holds(&mut all, go_on)?;
-        if let Some(site) = self.target_site()? {
-            for (placement, scores) in &mut all {
-                name_missed_places(site, problem.target_rules(), placement, &mut scores.required)?;
-            }
-        }
+        self.name_missed_places(&mut all)?;
         self.add_range_cards(all)?;
         Ok(is_whole)
-    }
-
-    /// Looks again, at bearings as close together as the target is wide, at targets that are required everywhere and met everywhere.
-    ///
-    /// # Errors
-    /// See [`Self::problem`]; a sensor that the vehicle does not have.
-    fn confirm_targets(&self, all: &mut [(&Placement, &mut Scores)]) -> Result<(), JobError> {
-        let (Some(site), problem) = (self.target_site()?, self.problem()?) else { return Ok(()) };
-        for (placement, scores) in all {
-            let mounts = problem.rules().mount_names(placement);
-            let rig = (&placement.lidars[..], &mounts[..]);
-            confirm(site, problem.target_rules(), rig, &mut scores.required)
-                .map_err(BackendError::from)?;
-        }
-        Ok(())
     }
 
     /// Adds the range card to scores, and its blind sectors to their guards. Coverage `through` adds nothing.
@@ -428,7 +411,8 @@ impl Job {
                 for (seen, of) in scene.scores.required.iter_mut().zip(&scores.required) {
                     seen.missing.clone_from(&of.missing);
                     if rules.iter().any(|rule| rule.name == seen.name) {
-                        (seen.share, seen.lost) = (of.share, of.lost.clone());
+                        (seen.share, seen.worst_frame) = (of.share, of.worst_frame);
+                        seen.lost.clone_from(&of.lost);
                     }
                 }
             }
@@ -458,31 +442,6 @@ impl Job {
             None => source.into(),
         }
     }
-}
-
-/// Names places that a requirement on targets misses where enough others are seen; without the worst LiDAR where the
-/// requirement must hold whichever one is lost.
-fn name_missed_places(
-    site: &TargetSite,
-    rules: &[TargetRule],
-    placement: &Placement,
-    required: &mut [Seen],
-) -> Result<(), BackendError> {
-    let count = placement.lidars.len();
-    for seen in required.iter_mut().filter(|seen| seen.is_met() && seen.share < 1.0) {
-        let Some(rule) = rules.iter().find(|rule| rule.name == seen.name) else { continue };
-        let lost = seen.lost.as_ref().map(|lost| lost.worst.unwrap_or(0));
-        let lost = lost.filter(|&lost| lost < count);
-        let left = lost.map(|lost| without(placement, lost));
-        let words = missed_places(site, rule, &left.as_ref().unwrap_or(placement).lidars)?;
-        let words = words.map(|words| match lost {
-            Some(lost) => format!("{words} (without LiDAR {lost})"),
-            None => words,
-        });
-        // Places that only a closer look misses are named already.
-        seen.missing = words.or(seen.missing.take());
-    }
-    Ok(())
 }
 
 /// Range cards of placements on a site, and their blind sectors as guards; nothing where there is no site.

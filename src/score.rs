@@ -26,7 +26,6 @@ pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
-pub(crate) use worst_frame::SEEN_IN_FRAME_0;
 pub use worst_frame::WorstFrame;
 
 /// Scores of one task, segmentation or detection, which tell classes apart differently.
@@ -170,7 +169,7 @@ pub struct Seen {
     /// - ground: share that is seen
     /// - overlap: the largest at which pairs connect all LiDARs
     pub share: f64,
-    /// The word for the share: `SEEN`, also with the frame of the body, or `shared` of overlap.
+    /// The word for the share: `SEEN`, or `shared` of overlap.
     pub done: &'static str,
     /// Share that is required.
     pub least: f64,
@@ -181,7 +180,7 @@ pub struct Seen {
     pub holds_in: Option<f64>,
     /// The intact rig, of a requirement that must hold whichever one LiDAR is lost: `share` is then the least one.
     pub lost: Option<Lost>,
-    /// Frame in which bodies that move leave least of the ground; `None` where it is the same in all.
+    /// Frame in which bodies that move leave least of the ground or of a target; `None` where it is the same in all.
     pub worst_frame: Option<WorstFrame>,
 }
 

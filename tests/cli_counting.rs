@@ -90,3 +90,49 @@ fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
     let found = &ok(dir.path(), &SCORE)["scores"][0]["requirements"][1];
     assert!([0.0, 1.0].contains(&found["found"].as_f64().unwrap()), "{found}");
 }
+
+#[test]
+fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
+    let dir = TempDir::new().unwrap();
+    let car = |within: f64, ground: &str| {
+        json!({ "name": "car", "target": "car", "from": within, "within": within, "beams": 45, "ground": ground,
+            "share": 0.5 })
+    };
+    let sweep = "study sweep p.json --vehicle box.json --of 0.z --from 3 --to 3.4 --backend cpu";
+    let sweep: Vec<&str> = sweep.split(' ').collect();
+    parked(dir.path(), CAR, &car(8.0, "scene"));
+    let told = fails(dir.path(), &sweep);
+    let words =
+        "box.json: require[1].ground: `car` stands on the ground of a scene, and there is none";
+    assert!(told.contains(words), "{told}");
+    let found = ok(dir.path(), &SCORE)["scores"][0]["requirements"][1]["found"].clone();
+    // The road ends at 20 m.
+    parked(dir.path(), CAR, &car(40.0, "scene"));
+    let told = fails(dir.path(), &SCORE);
+    assert!(told.contains("box.json: require[1]: no place of `car` is free"), "{told}");
+    // This scene is level, and its rule has the share of the study there.
+    parked(dir.path(), CAR, &car(8.0, "scene"));
+    let bearings: Vec<String> =
+        (1..=48).map(|k| (f64::from(k) * 7.5 - 180.0).to_string()).collect();
+    let bearings = format!("--bearings={}", bearings.join(","));
+    let mut study = vec!["study", "targets", "road.json", "p.json", "--target", "car"];
+    study.extend(["--distances", "8", &bearings, "--frames", "1", "--backend", "cpu"]);
+    let rows = ok(dir.path(), &study)["rows"].clone();
+    let met = |row: &&Value| row["beams"].as_u64().is_some_and(|beams| beams >= 45);
+    let rows = rows.as_array().unwrap();
+    let met = rows.iter().filter(met).count();
+    assert!(met > 0 && met < 48, "{met}");
+    assert_eq!((rows.len(), found.as_f64()), (48, Some(met as f64 / 48.0)));
+    for (rule, said) in [
+        (car(8.0, "level"), "require[1].ground: `level` is not `scene`; leave it out"),
+        (json!({ "ground": "scene", "share": 1 }), "require[1].ground: `scene` is not a number"),
+        (
+            json!({ "target": "car", "within": 9, "ground": true, "share": 1 }),
+            "or \"scene\" of a target",
+        ),
+    ] {
+        parked(dir.path(), CAR, &rule);
+        let told = fails(dir.path(), &SCORE);
+        assert!(told.contains(said), "{rule}: {told}");
+    }
+}

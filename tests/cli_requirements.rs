@@ -232,6 +232,16 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
         let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
         assert_eq!(page.contains("Note: targets of requirements and range card"), is_told);
     }
+    // A requirement that stands on the ground of the scene is no reason to doubt.
+    let mut on_scene = car([-60, 60], 0.1);
+    on_scene["ground"] = json!("scene");
+    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let mut cart: Value = serde_json::from_str(&text).unwrap();
+    cart["require"] = json!([on_scene]);
+    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    let told = sightline(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    let told = String::from_utf8(told.stderr).unwrap();
+    assert!(told.contains("targets of the range card stand on level ground, "), "{told}");
 }
 
 #[test]

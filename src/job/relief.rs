@@ -18,10 +18,14 @@ impl Job {
             let Some(relief) = Relief::of(&problem, &GroundBelow::new(scene.scene())) else {
                 continue;
             };
-            let name = scene.scene().name();
+            let (name, rules) = (scene.scene().name(), problem.target_rules());
+            let of = match rules.is_empty() || rules.iter().any(|rule| !rule.on_scene) {
+                true => "requirements and range card",
+                false => "the range card",
+            };
             return Ok(Some(format!(
-                "targets of requirements and range card stand on level ground, and the ground of {name} {relief}; `study \
-                 targets` with this scene looks at targets on it"
+                "targets of {of} stand on level ground, and the ground of {name} {relief}; `study targets` with this scene \
+                 looks at targets on it, and so do requirements with `\"ground\": \"scene\"`"
             )));
         }
         Ok(None)

@@ -172,6 +172,7 @@ impl NearSite {
             frames.push((frame, weight, ground));
         }
         let poses = alike(frames.iter().map(|(frame, ..)| *frame), problem, is_ground.len());
+        let poses = poses.into_iter().map(|(_, frames)| frames).collect();
         Self { problem: problem.clone(), footprint, cells, is_ground, frames, poses }
     }
 
@@ -414,12 +415,26 @@ impl NearSite {
 
 /// True if the own bodies of a problem stand in several poses.
 pub(crate) fn bodies_move(problem: &Problem) -> bool {
-    let frames = problem.distinct_frames().into_iter().map(|(frame, _)| frame);
-    alike(frames, problem, problem.overlap_required().own).len() > 1
+    body_poses(problem).len() > 1
 }
 
-/// Frames of a list, by their place in it, in which the own bodies stand alike. Their triangles have the numbers from `own` on.
-fn alike(frames: impl Iterator<Item = usize>, problem: &Problem, own: usize) -> Vec<Vec<usize>> {
+/// Poses of the own bodies in the ego frame, each time that they stand otherwise in a frame of a problem, with the number in
+/// the scene of the first such frame.
+pub(crate) fn body_poses(problem: &Problem) -> Vec<(Vec<Pose>, usize)> {
+    let frames = problem.distinct_frames();
+    let frames: Vec<usize> = frames.into_iter().map(|(frame, _)| frame).collect();
+    let alike = alike(frames.iter().copied(), problem, problem.overlap_required().own);
+    let first = |(poses, of): (Vec<Pose>, Vec<usize>)| (poses, problem.number_of(frames[of[0]]));
+    alike.into_iter().map(first).collect()
+}
+
+/// Poses of the own bodies, with the frames of a list, by their place in it, in which they stand so. Their triangles have the
+/// numbers from `own` on.
+fn alike(
+    frames: impl Iterator<Item = usize>,
+    problem: &Problem,
+    own: usize,
+) -> Vec<(Vec<Pose>, Vec<usize>)> {
     let mut poses: Vec<(Vec<Pose>, Vec<usize>)> = Vec::new();
     for (k, frame) in frames.enumerate() {
         let instances = problem.geometry(frame).map(|frame| frame.instances()).unwrap_or_default();
@@ -430,7 +445,7 @@ fn alike(frames: impl Iterator<Item = usize>, problem: &Problem, own: usize) -> 
             None => poses.push((stands, vec![k])),
         }
     }
-    poses.into_iter().map(|(_, frames)| frames).collect()
+    poses
 }
 
 /// Poses of LiDARs in the ego frame and the hits of their beams in a frame; in bad weather of those that come back.

@@ -44,7 +44,7 @@ mod zone;
 pub(crate) use self::body::WheelPlane;
 pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, mounts_into_body, self_hits};
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
-pub(crate) use look::{CLOSE, bodies_move, outline, place, returned_hits};
+pub(crate) use look::{CLOSE, bodies_move, body_poses, outline, place, returned_hits};
 pub use look::{NearField, NearSite};
 pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;

@@ -270,9 +270,8 @@ impl RequiredGround {
                 .map(|(pose, lanes)| (pose, self.lanes_seen(pose, lanes, *metres, bits)[0]))
                 .collect(),
         };
-        let &(pose, share) = each.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let is_worse = each.iter().any(|(_, other)| *other > share);
-        is_worse.then(|| WorstFrame { frame: self.site.first_frame(pose), share })
+        let by_frame = each.into_iter().map(|(pose, share)| (self.site.first_frame(pose), share));
+        WorstFrame::among(by_frame)
     }
 
     /// Share of the cells of each frame's mask that are seen, a mean over some frames, without those that have none.

@@ -1,13 +1,10 @@
-//! The frame in which bodies that move leave least of some ground to be seen.
+//! The frame in which bodies that move leave least to be seen.
 
 use serde::{Deserialize, Serialize};
 
 use super::percent_down;
 
-/// The words for a share of places of a target where bodies of the vehicle move.
-pub(crate) const SEEN_IN_FRAME_0: &str = "seen with the body as in frame 0";
-
-/// Frame of a scene whose own bodies move in which least of some ground is seen.
+/// Frame of a scene whose own bodies move in which least of some ground is seen, or a target at fewest places.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WorstFrame {
     /// Its number: the first in which the bodies stand so.
@@ -17,6 +14,13 @@ pub struct WorstFrame {
 }
 
 impl WorstFrame {
+    /// The least of some shares by frame, of equal ones the first; `None` where no share is larger.
+    pub(crate) fn among(shares: impl IntoIterator<Item = (usize, f64)>) -> Option<Self> {
+        let each: Vec<(usize, f64)> = shares.into_iter().collect();
+        let &(frame, share) = each.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        each.iter().any(|(_, other)| *other > share).then_some(Self { frame, share })
+    }
+
     /// In words behind a share: its own share where that is another, as ` (89.5 % in frame 0)`.
     pub(crate) fn beside(&self, share: f64) -> String {
         let Self { frame, share: own } = self;

@@ -8,11 +8,15 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::card::{BeamFinder, SLACK};
+use super::places::GroundBelow;
 use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::maths;
-use crate::problem::{Air, DevicePose, Frame, Problem, beam_direction, beam_origin, own_bodies};
+use crate::near_field::WheelPlane;
+use crate::problem::{
+    Air, DevicePose, Frame, Instance, Problem, beam_direction, beam_origin, own_bodies,
+};
 use crate::scan::conditions::Weather;
 use crate::scene::{Scene, Target};
 use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, UnknownSensor};
@@ -34,6 +38,19 @@ pub struct TargetSite {
     bounds: Option<[[f64; 2]; 2]>,
     /// Light that must return for a beam to count; `None` counts every beam.
     receiving: Option<Receiving>,
+    /// Surface on which targets stand; `None` for level ground.
+    surface: Option<Arc<Surface>>,
+}
+
+/// Surface of a scene in a frame, on which targets stand.
+#[derive(Debug)]
+struct Surface {
+    ground: GroundBelow,
+    wheels: WheelPlane,
+    /// Number of the frame, on which free start angles depend.
+    frame: usize,
+    /// True for a mirror image: LiDARs and places are mirrored there.
+    is_mirrored: bool,
 }
 
 /// A target in place: the middle of its box in plan and the height of its ground, in the ego frame, metres. Its own
@@ -84,6 +101,7 @@ struct Looking<'a> {
     ego_from_sensor: Pose,
     ends: EndRanges<'a>,
     receiving: Option<&'a Receiving>,
+    is_mirrored: bool,
 }
 
 /// LiDARs of a placement, asked one at a time.
@@ -109,7 +127,7 @@ impl TargetSite {
     pub fn new(sensors: Sensors, body: Frame) -> Self {
         let finders = sensors.models().iter().map(|_| OnceLock::new()).collect();
         let bounds = bounds_in_plan(&body);
-        Self { sensors, finders, body, bounds, receiving: None }
+        Self { sensors, finders, body, bounds, receiving: None, surface: None }
     }
 
     /// Models and own body of a problem. In weather a beam counts if enough light comes back. A problem of a mirror
@@ -117,6 +135,20 @@ impl TargetSite {
     pub fn of(problem: &Problem) -> Self {
         let receiving = problem.air().map(|air| Receiving(Through::Air(air.clone())));
         Self::new(problem.sensors().clone(), problem.body().clone()).receiving(receiving)
+    }
+
+    /// Site of a problem whose rules place targets on the surface of its scene, with all that is there in the way; `None`
+    /// where none does. A mirror image has mirrored sensors, and is asked for the vehicle's own LiDARs and places.
+    pub(super) fn in_scene(problem: &Problem, is_mirrored: bool) -> Option<Self> {
+        let surface = problem.surface()?;
+        let (instances, own) = (surface.geometry.instances(), problem.overlap_required().own);
+        let own = instances.iter().filter(|instance| instance.first_prim as usize >= own);
+        let bounds = bounds_in_plan(&Frame::new(own.cloned()));
+        let ground = GroundBelow::of(surface, problem.body());
+        let wheels = ground.wheels(&surface.geometry);
+        let surface_of = Surface { ground, wheels, frame: surface.frame, is_mirrored };
+        let (body, surface) = (surface.geometry.clone(), Some(Arc::new(surface_of)));
+        Some(Self { body, bounds, surface, ..Self::of(problem) })
     }
 
     /// Models and own body of a scene's vehicle.
@@ -133,6 +165,23 @@ impl TargetSite {
     #[must_use]
     pub fn receiving(self, receiving: Option<Receiving>) -> Self {
         Self { receiving, ..self }
+    }
+
+    /// A copy whose own bodies stand in other poses, one for each body; `None` where their number is another.
+    pub(super) fn with_bodies_at(&self, poses: &[Pose]) -> Option<Self> {
+        let bodies = self.body.instances();
+        if bodies.len() != poses.len() {
+            return None;
+        }
+        let bodies = bodies.iter().zip(poses);
+        let at = |(of, &ego_from_instance)| Instance { ego_from_instance, ..Instance::clone(of) };
+        let body = Frame::new(bodies.map(at));
+        Some(Self { bounds: bounds_in_plan(&body), body, ..self.clone() })
+    }
+
+    /// True if the own bodies of both stand alike.
+    pub(super) fn stands_as(&self, other: &Self) -> bool {
+        self.body == other.body
     }
 
     /// The sensor models.
@@ -212,7 +261,16 @@ impl TargetSite {
         Ok(transposed(&by_lidar.collect::<Result<Vec<_>, _>>()?, standing.len()))
     }
 
-    fn at_rest(&self, model: usize, lidar: &SensorPose) -> Pose {
+    fn is_mirrored(&self) -> bool {
+        self.surface.as_ref().is_some_and(|surface| surface.is_mirrored)
+    }
+
+    /// Pose of a LiDAR: on level ground with a free start angle at 0.
+    fn pose_of(&self, model: usize, lidar: &SensorPose) -> Pose {
+        if let Some(surface) = &self.surface {
+            let lidar = if surface.is_mirrored { lidar.mirrored() } else { *lidar };
+            return self.sensors.ego_from_sensor(model, &lidar, surface.frame);
+        }
         let phase = lidar.phase.unwrap_or_else(|| self.sensors.models()[model].phase.at_rest());
         self.sensors.ego_from_sensor(model, &SensorPose { phase: Some(phase), ..*lidar }, 0)
     }
@@ -234,7 +292,7 @@ impl TargetSite {
         let model = self.sensors.number(lidar)?;
         let beams = self.sensors.table(model).directions().len();
         let known = (0..beams).map(|_| AtomicU32::new(f32::NAN.to_bits())).collect();
-        let pose = self.at_rest(model, lidar);
+        let pose = self.pose_of(model, lidar);
         Ok(self.looking(model, pose, EndRanges::Body { body: &self.body, known }))
     }
 
@@ -246,7 +304,20 @@ impl TargetSite {
     ) -> Looking<'a> {
         let (of, receiving) = (&self.sensors.models()[model], self.receiving.as_ref());
         let finder = self.finders[model].get_or_init(|| BeamFinder::new(of.table.directions()));
-        Looking { model: of, finder, ego_from_sensor, ends, receiving }
+        let is_mirrored = self.is_mirrored();
+        Looking { model: of, finder, ego_from_sensor, ends, receiving, is_mirrored }
+    }
+
+    /// Where a target stands that is to stand at a position of level ground: beside the own body, in a scene on free ground;
+    /// `None` where there is no room.
+    pub(super) fn standing(&self, target: &Target, at: [f64; 3]) -> Option<[f64; 3]> {
+        let [x, y, _] = at;
+        let side = if self.is_mirrored() { -y } else { y };
+        if !self.has_room(target, [x, side, at[2]]) {
+            return None;
+        }
+        let Some(Surface { ground, wheels, .. }) = self.surface.as_deref() else { return Some(at) };
+        ground.height(&self.body, wheels, target, [x, side]).map(|height| [x, y, height])
     }
 
     /// True if a target at a position stands beside the own body: their boxes in plan do not overlap.
@@ -276,7 +347,9 @@ fn transposed(by_lidar: &[Vec<u32>], targets: usize) -> Vec<Vec<u32>> {
 impl Looking<'_> {
     /// Beams that meet a target first; counting ends at `enough`.
     fn beams(&self, PlacedTarget { target, at }: &PlacedTarget<'_>, enough: u32) -> u32 {
-        let (origin, table) = (DVec3::from(*at), &self.model.table);
+        let [x, y, z] = *at;
+        let origin = DVec3::new(x, if self.is_mirrored { -y } else { y }, z);
+        let table = &self.model.table;
         let range = table.range();
         let [low, high] = target.corners.map(DVec3::from);
         let (middle, radius) = (0.5 * (low + high) + origin, 0.5 * low.distance(high));

@@ -1,8 +1,9 @@
-//! Places of a rule on targets, and the closer look at a rule that must be met at all of them.
+//! Places of a rule on targets, and the closer look at a rule that must be met at all of them, in each pose of the own bodies.
 
 use rayon::prelude::*;
 
 use super::beams::{PlacedTarget, TargetSite};
+use super::bodies::{BodyPoses, together, worst_frame};
 use super::card::position;
 use super::missing::Missing;
 use crate::maths;
@@ -58,8 +59,8 @@ impl<'a> CloseLook<'a> {
         lidars: &[SensorPose],
     ) -> Result<Self, UnknownSensor> {
         let target = &*rule.target;
-        let mut places = spread(rule, factor(rule));
-        places.retain(|&at| site.has_room(target, at));
+        let places = spread(rule, factor(rule)).into_iter();
+        let places: Vec<_> = places.filter_map(|at| site.standing(target, at)).collect();
         let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
         let beams = lidars.par_iter().map(|lidar| site.beams(lidar, &standing, rule.beams));
         let beams = beams.collect::<Result<Vec<_>, _>>()?;
@@ -86,15 +87,44 @@ impl<'a> CloseLook<'a> {
     }
 }
 
-/// Looks again at each rule on a target that asks for 100 % and has it, at bearings as close together as the target is wide at
-/// the farthest distance. Narrow things on the own body hide a target between the places of a search. The shares there, and
-/// the places missed, replace those of the search. Rules that ask for less are judged at the places of the search alone: else
-/// a rig met at 100 % of these could fail where one met at fewer does not.
+/// Close looks at a rule with the own bodies in each of their poses or in each scene, by the first frame of each.
+struct InSites<'a>(Vec<(usize, CloseLook<'a>)>, &'a TargetRule);
+
+impl<'a> InSites<'a> {
+    fn new(
+        bodies: &BodyPoses,
+        rule: &'a TargetRule,
+        lidars: &[SensorPose],
+    ) -> Result<Self, UnknownSensor> {
+        let look = |(site, frame)| Ok((frame, CloseLook::new(site, rule, lidars)?));
+        Ok(Self(bodies.each(rule).map(look).collect::<Result<_, _>>()?, rule))
+    }
+
+    /// Share in the worst pose, or the mean over scenes.
+    fn share(&self, lost: Option<usize>) -> f64 {
+        together(self.1, self.0.iter().map(|(_, look)| look.share(lost)))
+    }
+
+    /// Replaces share, missing places and worst frame of a requirement.
+    fn tell(&self, lost: Option<usize>, seen: &mut Seen) {
+        let shares: Vec<f64> = self.0.iter().map(|(_, look)| look.share(lost)).collect();
+        let worst = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]));
+        let Some(worst) = worst else { return };
+        (seen.share, seen.missing) = (self.share(lost), self.0[worst].1.missing(lost));
+        seen.worst_frame = worst_frame(self.1, self.0.iter().map(|(frame, _)| *frame).zip(shares));
+    }
+}
+
+/// Looks again at each rule on a target that asks for 100 % and has it, in each pose of the own bodies or in each scene.
+/// Bearings are then as close together as the target is wide at the farthest distance. Narrow things on the own body hide a
+/// target between the places of a search. The shares there, and the places missed, replace those of the search. Rules that
+/// ask for less are judged at the places of the search alone: else a rig met at 100 % of these could fail where one met at
+/// fewer does not.
 ///
 /// # Errors
 /// A model that the vehicle does not have.
 pub(crate) fn confirm(
-    site: &TargetSite,
+    bodies: &BodyPoses,
     rules: &[TargetRule],
     (lidars, mounts): (&[SensorPose], &[Option<&str>]),
     required: &mut [Seen],
@@ -103,9 +133,9 @@ pub(crate) fn confirm(
     for seen in required.iter_mut().filter(|seen| is_whole(seen)) {
         let rule = rules.iter().find(|rule| rule.share >= 1.0 && rule.name == seen.name);
         let Some(rule) = rule else { continue };
-        let look = CloseLook::new(site, rule, lidars)?;
+        let look = InSites::new(bodies, rule, lidars)?;
         let Some(lost) = &mut seen.lost else {
-            (seen.share, seen.missing) = (look.share(None), look.missing(None));
+            look.tell(None, seen);
             continue;
         };
         lost.intact = look.share(None);
@@ -116,7 +146,7 @@ pub(crate) fn confirm(
         let is_worst = each.len() == 1 || each.iter().any(|share| *share > each[worst]);
         let mount = mounts.get(worst).copied().flatten().filter(|_| is_worst);
         (lost.worst, lost.mount) = (is_worst.then_some(worst), mount.map(str::to_owned));
-        (seen.share, seen.missing) = (each[worst], look.missing(Some(worst)));
+        look.tell(Some(worst), seen);
     }
     Ok(())
 }
@@ -127,7 +157,7 @@ mod tests {
 
     use super::*;
     use crate::scene::Target;
-    use crate::score::Lost;
+    use crate::score::{Lost, WorstFrame};
     use crate::targets::tests::{directions, site, wall};
 
     /// A rule on a car at all places from 10 to 50 m, all round.
@@ -138,6 +168,7 @@ mod tests {
             from: 10.0,
             within: 50.0,
             bearings: [-180.0, 180.0],
+            on_scene: false,
             beams: 5,
             share: 1.0,
             without_any_one,
@@ -149,7 +180,8 @@ mod tests {
         let lost = Lost { intact: 1.0, worst: None, mount: None };
         let lost = rule.without_any_one.then_some(lost);
         let mut seen = [Seen { lost, ..Seen::of("car", 1.0) }];
-        confirm(site, &[rule], (lidars, &[]), &mut seen).unwrap();
+        let bodies = BodyPoses::of(site.clone(), []);
+        confirm(&bodies, &[rule], (lidars, &[]), &mut seen).unwrap();
         let [seen] = seen;
         seen
     }
@@ -188,10 +220,20 @@ mod tests {
         let lost = both.lost.as_ref().unwrap();
         assert_eq!((lost.intact, both.share < 1.0), (1.0, true), "{both:?}");
         assert!(lost.worst.is_some() && both.missing.is_some(), "{both:?}");
+        // The worst of two poses of the bodies counts, whichever comes first.
+        for (sites, frames) in [([&free, &hidden], [0, 7]), ([&hidden, &free], [7, 0])] {
+            let sites = sites.map(TargetSite::clone).to_vec();
+            let bodies = BodyPoses::of_sites(sites, frames);
+            let mut told = [Seen::of("car", 1.0)];
+            confirm(&bodies, &[rule(false)], (&[lidar], &[]), &mut told).unwrap();
+            let worst_frame = Some(WorstFrame { frame: 7, share: seen.share });
+            assert_eq!(told[0], Seen { worst_frame, ..seen.clone() });
+        }
         // A share after the worst loss that was lower before is one of the closer look, too.
         let lost = Lost { intact: 1.0, worst: Some(1), mount: Some("roof".to_owned()) };
         let mut seen = [Seen { lost: Some(lost), ..Seen::of("car", 0.5) }];
-        confirm(&hidden, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
+        let bodies = BodyPoses::of(hidden, []);
+        confirm(&bodies, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
         assert_eq!(seen[0], both);
     }
 }

@@ -1,6 +1,7 @@
 //! Places of a rule that are not met, in words: runs of neighbouring bearings, and distances.
 
-use super::beams::{PlacedTarget, TargetSite};
+use super::beams::PlacedTarget;
+use super::bodies::BodyPoses;
 use super::confirm::places_of;
 use crate::json::fixed;
 use crate::maths;
@@ -67,21 +68,31 @@ impl Missing {
     }
 }
 
-/// Places of a rule that LiDARs do not meet, in words; `None` where they meet all.
+/// Places of a rule that LiDARs do not meet in the worst pose of the own bodies or the worst scene, in words; `None` where they
+/// meet all.
 ///
 /// # Errors
 /// A model that the vehicle does not have.
 pub(crate) fn missed_places(
-    site: &TargetSite,
+    bodies: &BodyPoses,
     rule: &TargetRule,
     lidars: &[SensorPose],
 ) -> Result<Option<String>, UnknownSensor> {
     let target = &*rule.target;
-    let mut places = places_of(rule);
-    places.retain(|&at| site.has_room(target, at));
-    let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
-    let met = site.met(lidars, &standing, rule.beams)?;
-    Ok(Missing::new(rule, places.into_iter().zip(met)).map(|missing| missing.to_string()))
+    let mut worst: Option<(f64, Vec<([f64; 3], bool)>)> = None;
+    for (site, _) in bodies.each(rule) {
+        let places = places_of(rule).into_iter();
+        let places: Vec<_> = places.filter_map(|at| site.standing(target, at)).collect();
+        let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
+        let met = site.met(lidars, &standing, rule.beams)?;
+        let missed = met.iter().filter(|is_met| !**is_met).count() as f64;
+        let missed = missed / met.len().max(1) as f64;
+        if worst.as_ref().is_none_or(|(most, _)| missed > *most) {
+            worst = Some((missed, places.into_iter().zip(met).collect()));
+        }
+    }
+    let places = worst.map(|(_, places)| places).unwrap_or_default();
+    Ok(Missing::new(rule, places).map(|missing| missing.to_string()))
 }
 
 /// A number with a decimal where it has one.

@@ -8,6 +8,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `beams` | beams of a placement on targets |
+//! | `bodies` | the own bodies in every pose that they take, and scenes, for rules |
 //! | `card` | the range card, and blind sectors |
 //! | `confirm` | places of a rule on targets, and a closer look at them |
 //! | `missing` | places of a rule that are not met, in words |
@@ -18,6 +19,7 @@
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
 mod beams;
+mod bodies;
 mod card;
 mod confirm;
 mod missing;
@@ -28,6 +30,7 @@ mod rules;
 mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
+pub(crate) use bodies::BodyPoses;
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
 pub(crate) use confirm::confirm;
 pub(crate) use missing::missed_places;

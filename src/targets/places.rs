@@ -7,6 +7,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::beams::{LookingOut, PlacedTarget, TargetSite};
+use super::bodies::{BodyPoses, Place};
 use super::card::{CARD_BEAMS, card_targets, position};
 use super::confirm::places_of;
 use super::rules::Rule;
@@ -14,9 +15,9 @@ use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::maths;
-use crate::near_field::{Footprint, RequiredGround, WheelPlane, bodies_move, outline};
+use crate::near_field::{Footprint, RequiredGround, WheelPlane, outline};
 use crate::overlap::{RequiredOverlap, Surfaces};
-use crate::problem::{Frame, Problem};
+use crate::problem::{Frame, Problem, SceneSurface};
 use crate::scene::{EgoBody, Ground, Scene, Target};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
@@ -52,6 +53,12 @@ impl GroundBelow {
         Self { is_ground, footprint: outline(scene, 0).ok() }
     }
 
+    /// On the surface of a scene, around an own body.
+    pub(super) fn of(surface: &SceneSurface, body: &Frame) -> Self {
+        let footprint = Footprint::of(body.corners().map(|at| [at.x, at.y]));
+        Self { is_ground: surface.is_ground.clone(), footprint }
+    }
+
     /// Plane of the ground under the wheels in a frame; z = 0 without a body.
     pub(super) fn wheels(&self, geometry: &Frame) -> WheelPlane {
         let plane = |footprint| WheelPlane::of(footprint, geometry, &self.is_ground);
@@ -67,12 +74,11 @@ impl GroundBelow {
     /// than a metre above each other are one, and the lowest of them counts.
     pub(super) fn height(
         &self,
-        problem: &Problem,
-        (frame, wheels): (usize, &WheelPlane),
+        geometry: &Frame,
+        wheels: &WheelPlane,
         target: &Target,
         [x, y]: [f64; 2],
     ) -> Option<f64> {
-        let geometry = problem.geometry(frame)?;
         let (plane, reach) = (wheels.at([x, y]), (REACH + STEEPEST * maths::hypot(x, y)).ceil());
         let mut from = plane + reach;
         let (mut grounds, mut others) = (Vec::new(), Vec::new());
@@ -118,9 +124,10 @@ const DISTANCES: [f64; 8] = [5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0];
 
 /// Places of targets around a vehicle on level ground, ground near it in each scene, and surfaces there.
 pub struct Sight {
-    pub(super) site: TargetSite,
-    /// Targets and their positions, group after group.
-    pub(super) places: Vec<(Arc<Target>, [f64; 3])>,
+    /// Sensors and own bodies: a car all round stands beside the first.
+    pub(super) bodies: BodyPoses,
+    /// Group after group.
+    pub(super) places: Vec<Place>,
     /// Places of the car all round; empty where a search does not look.
     car: Range<usize>,
     pub(super) rules: Vec<Rule>,
@@ -130,8 +137,6 @@ pub struct Sight {
     pub(super) ground: Vec<RequiredGround>,
     /// Surfaces of each scene and mirror image; empty where no overlap is required.
     pub(super) overlap: Vec<RequiredOverlap>,
-    /// True if bodies of the vehicle move in some scene: targets see them as in frame 0.
-    pub(super) bodies_move: bool,
     /// The scenes' problem, for the names of mounts.
     problem: Arc<Problem>,
 }
@@ -177,11 +182,15 @@ impl Sight {
             true => TargetSite::of(&problem.mirrored()),
             false => TargetSite::of(problem),
         };
+        // Bodies that move matter to rules on targets alone.
+        let posing = if problem.target_rules().is_empty() { &[][..] } else { &scenes[..] };
+        let posing = posing.iter().map(|&(problem, is_mirrored)| (&**problem, is_mirrored));
+        let bodies = BodyPoses::of(site, posing);
         let (mut places, mut enough, mut rules) = (Vec::new(), Vec::new(), Vec::new());
-        let mut group = |target: &Arc<Target>, at: Vec<[f64; 3]>, beams: u32| {
+        let mut group = |site: usize, target: &Arc<Target>, at: Vec<[f64; 3]>, beams: u32| {
             let begin = places.len();
-            let free = at.into_iter().filter(|&at| site.has_room(target, at));
-            places.extend(free.map(|at| (target.clone(), at)));
+            let free = at.into_iter().filter_map(|at| bodies.sites[site].standing(target, at));
+            places.extend(free.map(|at| Place { target: target.clone(), at, site }));
             enough.resize(places.len(), beams.min(u32::from(u8::MAX)) as u8);
             begin..places.len()
         };
@@ -190,13 +199,13 @@ impl Sight {
                 let step = 360.0 / BEARINGS as f64;
                 let round =
                     (0..BEARINGS).flat_map(|b| DISTANCES.map(|d| position(d, step * b as f64)));
-                group(car, round.collect(), CARD_BEAMS)
+                group(0, car, round.collect(), CARD_BEAMS)
             }
             None => 0..0,
         };
         for rule in problem.target_rules() {
-            let range = group(&rule.target, places_of(rule), rule.beams);
-            rules.push(Rule::Target(rule.clone(), range));
+            let in_pose = |site| group(site, &rule.target, places_of(rule), rule.beams);
+            rules.push(Rule::Target(rule.clone(), bodies.numbers(rule).map(in_pose).collect()));
         }
         let ground_in = |&(problem, is_mirrored)| RequiredGround::of(problem, is_mirrored);
         let ground: Vec<_> = scenes.iter().filter_map(ground_in).collect();
@@ -205,9 +214,8 @@ impl Sight {
         let of_ground = problem.ground_required().rules.iter().enumerate();
         rules.extend(of_ground.map(|(number, rule)| Rule::Ground(rule.clone(), number)));
         rules.extend(problem.overlap_required().rules.iter().cloned().map(Rule::Overlap));
-        let bodies_move = scenes.iter().any(|(problem, _)| bodies_move(problem));
         let problem = problem.clone();
-        Some(Self { site, places, car, rules, enough, ground, overlap, bodies_move, problem })
+        Some(Self { bodies, places, car, rules, enough, ground, overlap, problem })
     }
 
     /// Mount of a LiDAR of a placement, where it has a name.
@@ -238,7 +246,7 @@ impl Sight {
         let (mut places, mut found) = (Vec::new(), SightBeams::default());
         for (rule, _) in self.rules.iter().zip(wanted).filter(|(_, is_wanted)| **is_wanted) {
             match rule {
-                Rule::Target(_, own) => places.extend(own.clone()),
+                Rule::Target(_, poses) => places.extend(poses.iter().cloned().flatten()),
                 Rule::Ground(..) if found.ground.is_empty() => found.ground = self.cells(lidar)?,
                 Rule::Overlap(_) if found.surfaces.frames.is_empty() => {
                     found.surfaces = self.surfaces(lidar)?;
@@ -251,30 +259,37 @@ impl Sight {
 
     /// The target at a place.
     pub(super) fn standing(&self, place: usize) -> PlacedTarget<'_> {
-        let (target, at) = &self.places[place];
+        let Place { target, at, .. } = &self.places[place];
         PlacedTarget { target, at: *at }
     }
 
-    /// LiDARs of a placement with nothing but the own vehicle around them.
+    /// LiDARs of a placement with nothing but the own vehicle around them, site after site of the bodies.
     ///
     /// # Errors
     /// A model that the vehicle does not have.
     pub(super) fn looking_out_of(
         &self,
         lidars: &[SensorPose],
-    ) -> Result<LookingOut<'_>, UnknownSensor> {
-        self.site.looking_out_of(lidars)
+    ) -> Result<Vec<LookingOut<'_>>, UnknownSensor> {
+        self.bodies.sites.iter().map(|site| site.looking_out_of(lidars)).collect()
     }
 
     /// Beams at some places, as far as they count; 0 at the others.
     fn beams_at(&self, lidar: &SensorPose, places: &[usize]) -> Result<Box<[u8]>, UnknownSensor> {
         let mut all = vec![0; self.places.len()];
-        let standing = places.iter().map(|&place| self.standing(place));
-        let standing: Vec<PlacedTarget<'_>> = standing.collect();
         let most = places.iter().map(|&place| self.enough[place]).max().unwrap_or(0);
-        let beams = self.site.beams(lidar, &standing, u32::from(most))?;
-        for (&place, beams) in places.iter().zip(beams) {
-            all[place] = beams.min(u32::from(self.enough[place])) as u8;
+        for (number, site) in self.bodies.sites.iter().enumerate() {
+            let here = places.iter().copied().filter(|&place| self.places[place].site == number);
+            let here: Vec<usize> = here.collect();
+            // The first site tells a model that the vehicle does not have.
+            if number > 0 && here.is_empty() {
+                continue;
+            }
+            let standing: Vec<_> = here.iter().map(|&place| self.standing(place)).collect();
+            let beams = site.beams(lidar, &standing, u32::from(most))?;
+            for (place, beams) in here.into_iter().zip(beams) {
+                all[place] = beams.min(u32::from(self.enough[place])) as u8;
+            }
         }
         Ok(all.into())
     }
@@ -355,8 +370,9 @@ mod tests {
         let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
         let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
         let (ground, child) = (GroundBelow::new(&scene), Target::named("child").unwrap());
-        let wheels = ground.wheels(problem.geometry(0).unwrap());
-        let height = |at: &[f64; 2]| ground.height(&problem, (0, &wheels), &child, *at);
+        let geometry = problem.geometry(0).unwrap();
+        let wheels = ground.wheels(geometry);
+        let height = |at: &[f64; 2]| ground.height(geometry, &wheels, &child, *at);
         places.iter().map(height).collect()
     }
 
@@ -420,7 +436,7 @@ mod tests {
             assert_eq!(sight.shares(&[&few[0], &few[1]], &wanted), expected, "{wanted:?}");
             assert_eq!(few[0].ground.is_empty(), !wanted[2]);
             let Rule::Target(_, cars) = &sight.rules[0] else { panic!("the car comes first") };
-            assert_eq!(few[0].beams[cars.clone()].iter().any(|beams| *beams > 0), wanted[0]);
+            assert_eq!(few[0].beams[cars[0].clone()].iter().any(|beams| *beams > 0), wanted[0]);
         }
     }
 
@@ -442,7 +458,7 @@ mod tests {
             let met = sight.rules_met(&each);
             // Two places more are wanted of a rule on targets.
             let places = |k: usize| match &sight.rules[k] {
-                Rule::Target(_, places) => places.len() as f64,
+                Rule::Target(_, poses) => poses[0].len() as f64,
                 _ => panic!("targets come first"),
             };
             let lacks =

@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use super::beams::TargetSite;
+use super::bodies::{BodyPoses, together};
 use super::confirm::places_of;
 use super::places::{Sight, SightBeams};
 use super::rules::Rule;
@@ -65,8 +66,8 @@ impl Sight {
         let bound = |rule: &Rule| match rule {
             _ if rule.least() <= 0.0 => None,
             _ if rule.without_any_one() && seats < 2 => Some(one_seat(rule.name())),
-            Rule::Target(rule, places) => {
-                self.target_bound(rule, places.clone(), (&most[..], &largest[..], seats))
+            Rule::Target(rule, sites) => {
+                self.target_bound(rule, sites, (&most[..], &largest[..], seats))
             }
             Rule::Ground(rule, number) => self.ground_bound(rule, *number, &all),
             Rule::Overlap(rule) if seats < 2 => Some(one_seat(&rule.name)),
@@ -109,21 +110,27 @@ impl Sight {
     fn target_bound(
         &self,
         rule: &TargetRule,
-        places: Range<usize>,
+        sites: &[Range<usize>],
         (most, largest, seats): (&[u32], &[u32], usize),
     ) -> Option<OutOfReach> {
         let enough = |place: usize, beams: u32| beams >= u32::from(self.enough[place]);
-        let count = places.len().max(1) as f64;
-        let whole = places.clone().filter(|&place| enough(place, most[place])).count() as f64;
-        let left = |&place: &usize| enough(place, most[place] - largest[place]);
-        let fragile = count - places.clone().filter(left).count() as f64;
-        let after_loss = 1.0 - fragile / (count * seats.max(1) as f64);
-        let is_loss = rule.without_any_one && after_loss < whole / count;
-        let share = if is_loss { after_loss } else { whole / count };
-        if places.is_empty() || share >= rule.share {
+        // Share of some places that all LiDARs may meet, and after a loss.
+        let bound = |places: &Range<usize>| {
+            let count = places.len().max(1) as f64;
+            let whole = places.clone().filter(|&place| enough(place, most[place])).count() as f64;
+            let left = |&place: &usize| enough(place, most[place] - largest[place]);
+            let fragile = count - places.clone().filter(left).count() as f64;
+            let after_loss = 1.0 - fragile / (count * seats.max(1) as f64);
+            if places.is_empty() { [1.0; 2] } else { [whole / count, after_loss] }
+        };
+        let bounds: Vec<[f64; 2]> = sites.iter().map(bound).collect();
+        let [whole, after_loss] = [0, 1].map(|k| together(rule, bounds.iter().map(|of| of[k])));
+        let is_loss = rule.without_any_one && after_loss < whole;
+        let share = if is_loss { after_loss } else { whole };
+        if share >= rule.share {
             return None;
         }
-        let beams = most[places.clone()].iter().copied().max().unwrap_or(0);
+        let beams = sites.iter().cloned().flatten().map(|place| most[place]).max().unwrap_or(0);
         let (name, wanted) = (&rule.name, rule.beams);
         let lost = if is_loss { ", the worst LiDAR lost," } else { "" };
         let words = if beams < wanted {
@@ -161,12 +168,20 @@ fn one_seat(name: &str) -> OutOfReach {
 pub(crate) fn check_counting(problem: &Problem, vehicle: &Vehicle) -> Result<(), ProblemError> {
     let Vehicle { require, targets, ground, require_order, .. } = vehicle;
     let index = |number: usize| require_order.get(number).copied().unwrap_or(number);
-    let site = (!targets.is_empty()).then(|| TargetSite::of(problem));
+    let bodies =
+        (!targets.is_empty()).then(|| BodyPoses::of(TargetSite::of(problem), [(problem, false)]));
     for (number, rule) in targets.iter().enumerate() {
-        let has_room = |at: [f64; 3]| site.as_ref().is_none_or(|s| s.has_room(&rule.target, at));
-        if !places_of(rule).into_iter().any(has_room) {
+        let mut sites = bodies.iter().flat_map(|bodies| bodies.each(rule));
+        let places = places_of(rule);
+        let is_free = |(site, _): (&TargetSite, usize)| {
+            places.iter().any(|&at| site.standing(&rule.target, at).is_some())
+        };
+        if !sites.any(is_free) {
             let (index, name) = (index(require.len() + number), rule.name.clone());
-            return Err(ProblemError::NoPlace { index, name });
+            return Err(match rule.on_scene {
+                true => ProblemError::NoPlaceInScene { index, name },
+                false => ProblemError::NoPlace { index, name },
+            });
         }
     }
     let least = least_metres(problem, ground)?;

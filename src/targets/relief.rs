@@ -39,7 +39,8 @@ impl Relief {
     /// The place of a problem's scene, as far as its rules on targets reach, 50 m at least; `None` where the ground is level
     /// to 0.2 m, or there is none.
     pub(crate) fn of(problem: &Problem, ground: &GroundBelow) -> Option<Self> {
-        let rules = problem.target_rules().iter().map(|rule| rule.within);
+        let rules = problem.target_rules().iter().filter(|rule| !rule.on_scene);
+        let rules = rules.map(|rule| rule.within);
         let farthest = rules.fold(SECTOR_RANGE[1], f64::max);
         let target = card_targets().last()?;
         let mut found: Option<Self> = None;
@@ -50,7 +51,7 @@ impl Relief {
                 let bearing = (place % BEARINGS) as f64 * 360.0 / BEARINGS as f64;
                 let distance = distance(place / BEARINGS, farthest);
                 let [x, y, _] = position(distance, bearing);
-                let height = ground.height(problem, (frame, &wheels), target, [x, y]);
+                let height = ground.height(geometry, &wheels, target, [x, y]);
                 let most = found.map_or(LEVEL, |found| found.height.abs());
                 // Whole centimetres: a road 0.2 m down is level to 0.2 m.
                 if let Some(height) = height.map(|height| (100.0 * height).round() / 100.0)

@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use super::beams::LookingOut;
+use super::bodies::{mean, together, worst_frame};
 use super::missing::Missing;
 use super::places::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
-use crate::score::{SEEN, SEEN_IN_FRAME_0, WorstFrame};
+use crate::score::{SEEN, WorstFrame};
 use crate::vehicle::{GroundAsked, GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
@@ -23,8 +24,8 @@ const PARTIAL: f64 = 0.1;
 
 /// A rule of the vehicle.
 pub(super) enum Rule {
-    /// On a target, with its places.
-    Target(TargetRule, Range<usize>),
+    /// On a target, with its places beside the own bodies in each of their poses, or in each scene.
+    Target(TargetRule, Vec<Range<usize>>),
     /// On the ground, with its number among these.
     Ground(GroundRule, usize),
     /// On the overlap of LiDARs.
@@ -73,12 +74,6 @@ struct Looked<'a> {
     overlaps: Vec<Shares>,
 }
 
-/// Mean of some numbers; 0 of none.
-fn mean(numbers: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = numbers.len().max(1);
-    numbers.sum::<f64>() / count as f64
-}
-
 /// A rule, and the share of its places or ground that is met.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RuleMet<'a> {
@@ -86,11 +81,12 @@ pub struct RuleMet<'a> {
     pub name: &'a str,
     /// Share that is required.
     pub least: f64,
-    /// Share of its places at which enough beams meet the target, of its ground that is seen, or the largest overlap at
-    /// which pairs connect all LiDARs; a mean over scenes. For a rule that must hold without any one LiDAR, the least share
-    /// over the LiDARs left out.
+    /// Target: share of its places at which enough beams meet it, in the worst pose of the own bodies, or on the surface
+    /// of scenes a mean.
+    /// Other rules: share of the ground that is seen, or the largest overlap at which pairs connect all LiDARs, each a
+    /// mean over scenes. For a rule that must hold without any one LiDAR, the least share over the LiDARs left out.
     pub share: f64,
-    /// The word for it: `seen`, `seen with the body as in frame 0` or `shared`.
+    /// The word for it: `seen` or `shared`.
     pub done: &'static str,
     /// LiDAR whose loss leaves least, of a rule that must hold without any one; `None` where every loss of several leaves as
     /// much.
@@ -99,7 +95,8 @@ pub struct RuleMet<'a> {
     pub intact: Option<f64>,
     /// Missing places or ground, in words; `None` where the rule is met.
     pub missing: Option<String>,
-    /// Frame in which bodies that move leave least of the ground, in the scene with the least where they move.
+    /// Frame in which bodies that move leave least: of the ground, in the scene with the least where they move, or of a
+    /// target, the first frame of that pose.
     pub worst_frame: Option<WorstFrame>,
 }
 
@@ -160,21 +157,32 @@ impl Sight {
         self.worst_ground(all, number, false).map(|(scene, bits)| scene.missing(number, bits))
     }
 
-    /// Frame in which bodies that move leave least of a rule's ground without a LiDAR, in the scene with least of it where
-    /// they move.
+    /// Share of places of a target that are met with the bodies in each of their poses, or in each scene.
+    fn by_site(&self, all: &SightBeams, poses: &[Range<usize>]) -> Vec<f64> {
+        poses.iter().map(|places| self.hard(all, places.clone())).collect()
+    }
+
+    /// Frame in which bodies that move leave least of a rule's target or ground without a LiDAR; of ground in the scene with
+    /// least of it where they move.
     fn worst_frame(
         &self,
         looked: &Looked<'_>,
         lost: Option<usize>,
         rule: &Rule,
     ) -> Option<WorstFrame> {
-        let Rule::Ground(_, number) = rule else { return None };
-        if !self.ground.iter().any(RequiredGround::moves) {
-            return None;
+        let all = || Self::sum_without(looked.each, lost);
+        match rule {
+            Rule::Target(rule, sites) if sites.len() > 1 => {
+                let frames = self.bodies.each(rule).map(|(_, frame)| frame);
+                worst_frame(rule, frames.zip(self.by_site(&all(), sites)))
+            }
+            Rule::Ground(_, number) if self.ground.iter().any(RequiredGround::moves) => {
+                let all = all();
+                let (scene, bits) = self.worst_ground(&all, *number, true)?;
+                scene.worst_frame(*number, bits)
+            }
+            _ => None,
         }
-        let all = Self::sum_without(looked.each, lost);
-        let (scene, bits) = self.worst_ground(&all, *number, true)?;
-        scene.worst_frame(*number, bits)
     }
 
     /// Overlap of pairs of LiDARs in each scene; none where no rule asks for it.
@@ -193,7 +201,7 @@ impl Sight {
     fn met_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> f64 {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
-            Rule::Target(_, places) => self.hard(&all(), places.clone()),
+            Rule::Target(rule, sites) => together(rule, self.by_site(&all(), sites).into_iter()),
             Rule::Ground(_, number) => self.ground_share(&all(), *number),
             Rule::Overlap(_) => {
                 mean(looked.overlaps.iter().map(|shares| connected_without(shares, lost)))
@@ -207,7 +215,9 @@ impl Sight {
             Rule::Overlap(rule) => {
                 mean(looked.overlaps.iter().map(|shares| part_connected(shares, rule.share)))
             }
-            Rule::Target(_, places) => self.soft(all, places.clone()),
+            Rule::Target(_, poses) => {
+                mean(poses.iter().map(|places| self.soft(all, places.clone())))
+            }
             Rule::Ground(_, number) => self.over_scenes(all, |s, bits| s.share(*number, bits).soft),
         }
     }
@@ -321,26 +331,33 @@ impl Sight {
     ) -> Result<Vec<f64>, UnknownSensor> {
         let looking = self.looking_out_of(lidars)?;
         let share = |(rule, is_wanted): (&Rule, &bool)| match rule {
-            Rule::Target(rule, places) if *is_wanted => {
-                self.share_on_targets(&looking, rule, (places.clone(), order))
+            Rule::Target(rule, sites) if *is_wanted => {
+                let of_site = |places: &Range<usize>| {
+                    self.after_losses(&looking, rule, (places.clone(), order))
+                };
+                let each: Vec<Vec<f64>> = sites.iter().map(of_site).collect();
+                let after = |lost: usize| together(rule, each.iter().map(|shares| shares[lost]));
+                (0..each.first().map_or(0, Vec::len)).map(after).fold(1.0, f64::min)
             }
             _ => 1.0,
         };
         Ok(self.rules.iter().zip(wanted).map(share).collect())
     }
 
-    fn share_on_targets(
+    /// Share of some places after the loss of each LiDAR, of a rule that must hold without any one; else of all LiDARs.
+    fn after_losses(
         &self,
-        looking: &LookingOut<'_>,
+        looking: &[LookingOut<'_>],
         rule: &TargetRule,
         (places, order): (Range<usize>, &[Vec<usize>]),
-    ) -> f64 {
+    ) -> Vec<f64> {
         let count = places.len();
         let lidars = order.first().map_or(0, Vec::len);
         // Places not met by all LiDARs, or without each one.
         let mut missed = vec![0; if rule.without_any_one { lidars.max(1) } else { 1 }];
         'places: for place in places {
             let (standing, enough) = (self.standing(place), u32::from(self.enough[place]));
+            let looking = &looking[self.places[place].site];
             let mut beams = vec![0; lidars];
             let (mut sum, mut most) = (0, 0);
             for &lidar in &order[place] {
@@ -355,8 +372,8 @@ impl Sight {
                 *missed += usize::from(sum - lost < enough);
             }
         }
-        let most = missed.into_iter().max().unwrap_or_default();
-        if count == 0 { 1.0 } else { (count - most) as f64 / count as f64 }
+        let share = |missed| if count == 0 { 1.0 } else { (count - missed) as f64 / count as f64 };
+        missed.into_iter().map(share).collect()
     }
 
     /// True for each rule that is on targets.
@@ -371,10 +388,7 @@ impl Sight {
         for rule in &self.rules {
             let (share, without) = self.least(&looked, rule);
             let (name, least) = (rule.name(), rule.least());
-            let done = match rule {
-                Rule::Target(..) if self.bodies_move => SEEN_IN_FRAME_0,
-                _ => rule.done(),
-            };
+            let done = rule.done();
             let missing =
                 (share < least).then(|| self.missing_in_words(&looked, without, rule)).flatten();
             let intact = rule.without_any_one().then(|| self.met_share(&looked, None, rule));
@@ -413,11 +427,13 @@ impl Sight {
                 let worst = scenes.min_by(|a, b| up_to(a).total_cmp(&up_to(b)));
                 worst.map(|shares| cut_off(shares, lost, rule.share))
             }
-            Rule::Target(rule, places) => {
+            Rule::Target(rule, poses) => {
                 let is_met = |place: usize| {
                     all.beams.get(place).is_some_and(|&beams| beams >= self.enough[place])
                 };
-                let places = places.clone().map(|place| (self.places[place].1, is_met(place)));
+                let shares = poses.iter().zip(self.by_site(all, poses));
+                let (worst, _) = shares.min_by(|a, b| a.1.total_cmp(&b.1))?;
+                let places = worst.clone().map(|place| (self.places[place].at, is_met(place)));
                 Missing::new(rule, places).map(|missing| format!("{missing}{}", self.beyond(rule)))
             }
             Rule::Ground(_, number) => self.ground_missing(all, *number),
@@ -427,7 +443,7 @@ impl Sight {
     /// Words on distances of a rule that lie beyond the range of every sensor; empty where none do.
     fn beyond(&self, rule: &TargetRule) -> String {
         // A range is an f32: 30.2 is not to read 30.2000008.
-        let range = (1e3 * f64::from(self.site.sensors().longest_range())).round() / 1e3;
+        let range = (1e3 * f64::from(self.bodies.sites[0].sensors().longest_range())).round() / 1e3;
         match (rule.from > range, rule.within > range) {
             (true, _) => format!("; sensors reach {range} m at most: this lies beyond their range"),
             (_, true) => format!("; sensors reach {range} m at most"),
@@ -449,8 +465,9 @@ impl Sight {
             let wanted = if least > 0.0 { (least + MARGIN).min(1.0) } else { 0.0 };
             let (share, _) = self.least(&looked, rule);
             let room = match rule {
-                Rule::Target(rule, places) if roomy && rule.share > 0.0 => {
-                    (rule.share + ROOM / places.len().max(1) as f64).min(1.0)
+                Rule::Target(rule, poses) if roomy && rule.share > 0.0 => {
+                    let places = poses.iter().map(Range::len).max().unwrap_or(0);
+                    (rule.share + ROOM / places.max(1) as f64).min(1.0)
                 }
                 _ => 0.0,
             };

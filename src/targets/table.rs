@@ -179,11 +179,12 @@ impl TargetQuestion {
         for frame in 0..problem.frame_count() {
             let hits = engine.hits(&placement.lidars, frame)?;
             let hits: Vec<_> = (0..batch.len()).map(|k| &hits[batch.beams_of(k)]).collect();
-            let wheels = problem.geometry(frame).map(|geometry| ground.wheels(geometry));
+            let geometry = problem.geometry(frame);
+            let geometry = geometry.map(|geometry| (geometry, ground.wheels(geometry)));
             let standing = self.places().map(|(target, bearing, distance)| {
                 let [x, y, _] = position(distance, bearing);
-                let wheels = wheels.as_ref()?;
-                let at = [x, y, ground.height(problem, (frame, wheels), target, [x, y])?];
+                let (geometry, wheels) = geometry.as_ref()?;
+                let at = [x, y, ground.height(geometry, wheels, target, [x, y])?];
                 Some(PlacedTarget { target, at })
             });
             let standing: Vec<Option<PlacedTarget<'_>>> = standing.collect();

@@ -1,5 +1,6 @@
 //! Beams on targets against closed forms and against brute force that shares no code with the finder and the trees.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -8,8 +9,9 @@ use super::card::position;
 use super::*;
 use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
-use crate::problem::Frame;
-use crate::scene::Target;
+use crate::problem::{Frame, Problem};
+use crate::psog::Psog;
+use crate::scene::{Scene, Target};
 use crate::vehicle::{BeamTable, SensorModel, SensorName, SensorPose, Sensors};
 
 /// Directions of a spinning sensor.
@@ -282,4 +284,86 @@ fn a_mast_between_the_bearings_of_a_card_makes_a_sector_blind() {
     let [ahead] = &card(&mast).blind[..] else { panic!("one sector is blind") };
     assert_eq!((ahead.bearings, ahead.worst), ([-15.0, 15.0], 3.75));
     assert!(ahead.lost.iter().any(|[near, far]| *near <= 30.0 && *far == 50.0), "{ahead:?}");
+}
+
+/// A vehicle that stands askew on a plane, `ego` its angles: the ground is a slope in its frame. Cars at 30 m and a bearing each
+/// must be met with 30 beams, on the slope and on level ground.
+fn askew(ego: &str, bearings: [f64; 2]) -> Arc<Problem> {
+    let rule = |bearing: f64, ground: &str| {
+        format!(
+            r#"{{ "target": "car", "from": 30, "within": 30, "bearing": [{bearing}, {bearing}], "beams": 30, "share": 1 {ground} }}"#
+        )
+    };
+    let rules = bearings.map(|at| [rule(at, r#", "ground": "scene""#), rule(at, "")].join(", "));
+    let text = format!(
+        r#"{{ "sightline": 1, "coverage": "first-hit",
+        "roi": {{ "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] }},
+        "static": [{{ "class": "road", "plane": {{ "min": [-99, -99], "max": [99, 99], "z": 0 }} }}],
+        "ego": {{ "poses": [{{ "x": 0, "y": 0, "z": 0, {ego} }}] }},
+        "vehicle": {{
+          "sensors": [{{ "name": "a", "phase": 0,
+            "lidar": {{ "channels": 21, "fov": [-10, 0], "azimuth_steps": 720, "range": 100 }} }}],
+          "mounts": [{{ "name": "top", "min": [-2, -1, 1], "max": [2, 1, 2.5], "count": [1, 2] }}],
+          "require": [{}] }} }}"#,
+        rules.join(", ")
+    );
+    let scene = Scene::from_json(&text, Path::new(""), "askew.json").unwrap();
+    let roi = scene.roi().grid().unwrap();
+    let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
+    Arc::new(Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap())
+}
+
+/// Share of each rule for a LiDAR 1.8 m up.
+fn shares(scenes: &[(&Arc<Problem>, bool)]) -> Vec<f64> {
+    let sight = Sight::of(scenes.iter().copied(), false).unwrap();
+    let seen = sight.beams(&SensorPose::at(0.0, 0.0, 1.8)).unwrap();
+    sight.rules_met(&[&seen]).iter().map(|met| met.share).collect()
+}
+
+#[test]
+fn a_target_on_a_slope_rises_out_of_the_beams_or_falls_into_them() {
+    // The nose points 0.05 rad down: the ground rises 1.5 m to 30 m ahead, and falls as much behind.
+    let problem = askew(r#""pitch": 0.05"#, [0.0, 180.0]);
+    let (site, car) =
+        (TargetSite::in_scene(&problem, false).unwrap(), Target::named("car").unwrap());
+    let lidar = SensorPose::at(0.0, 0.0, 1.8);
+    let table = problem.sensors().table(0);
+    let mut counts = Vec::new();
+    for (rises, own) in [(0.05_f64.tan(), true), (0.0, false)] {
+        let at = site.standing(&car, position(30.0, 0.0)).unwrap();
+        assert!((at[2] - 30.0 * 0.05_f64.tan()).abs() < 1e-3, "{at:?}");
+        let from = DVec3::new(30.0, 0.0, 30.0 * rises);
+        let [low, high] = car.corners.map(|corner| DVec3::from(corner) + from);
+        let (mut sure, mut unsure) = (0, 0);
+        for direction in table.directions() {
+            let along = DVec3::from(direction.map(f64::from));
+            match slabs(DVec3::new(0.0, 0.0, 1.8), along, low, high) {
+                Some(Some(_)) => sure += 1,
+                Some(None) => {}
+                None => unsure += 1,
+            }
+        }
+        if own {
+            let standing = [PlacedTarget { target: &car, at }];
+            let found = site.beams(&lidar, &standing, u32::MAX).unwrap()[0];
+            assert!((sure..=sure + unsure).contains(&found), "{found}, {sure} and {unsure}");
+        }
+        counts.push(sure);
+    }
+    assert!(counts[0] > 5 && counts[0] < 25 && counts[1] > 35, "{counts:?}");
+    // On the slope ahead, level ahead, on the slope behind, level behind.
+    assert_eq!(shares(&[(&problem, false)]), [0.0, 1.0, 1.0, 1.0]);
+}
+
+#[test]
+fn a_mirror_image_has_its_slope_on_the_other_side() {
+    let problem = askew(r#""roll": 0.07"#, [90.0, -90.0]);
+    let image = Arc::new(problem.mirrored());
+    let [plain, mirrored] = [(&problem, false), (&image, true)].map(|scene| shares(&[scene]));
+    let mut scene = [plain[0], plain[2]];
+    assert_ne!(scene[0], scene[1], "the ground rises on one side");
+    scene.reverse();
+    assert_eq!([mirrored[0], mirrored[2]], scene);
+    // The mean over scenes counts; level ground is the same in all.
+    assert_eq!(shares(&[(&problem, false), (&image, true)]), [0.5, 1.0, 0.5, 1.0]);
 }

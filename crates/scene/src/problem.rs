@@ -38,6 +38,18 @@ pub enum ProblemError {
          `within` beyond the body, or turn `bearing`"
     )]
     NoPlace { index: usize, name: String },
+    /// A target must be met on the surface of a scene, where no place is free ground.
+    #[error(
+        "require[{index}]: no place of `{name}` is free ground of the scene beside the own body; change `within` or \
+         `bearing`, or leave `ground` out for level ground"
+    )]
+    NoPlaceInScene { index: usize, name: String },
+    /// A target must be met on the surface of a scene, and there is none.
+    #[error(
+        "require[{index}].ground: `{name}` stands on the ground of a scene, and there is none; give the command a scene, \
+         or leave `ground` out for level ground"
+    )]
+    TargetWithoutScene { index: usize, name: String },
     /// Ground must be seen nearer to the own body than the middle of any cell.
     #[error(
         "require[{index}].{key}: `{name}` holds no cell of ground, so that no share of it can be seen: cells are 0.25 m \
@@ -79,6 +91,8 @@ impl ProblemError {
             self,
             Self::EmptyArea { .. }
                 | Self::NoPlace { .. }
+                | Self::NoPlaceInScene { .. }
+                | Self::TargetWithoutScene { .. }
                 | Self::NoCell { .. }
                 | Self::NoLane { .. }
         )
@@ -104,8 +118,20 @@ struct Required {
     targets: Vec<TargetRule>,
     ground: GroundRequired,
     overlap: OverlapRequired,
+    surface: Option<SceneSurface>,
     /// Position in the vehicle file of each requirement: areas, targets, ground, overlap.
     order: Vec<usize>,
+}
+
+/// Surface of a scene in its first frame, on which targets stand.
+#[derive(Debug)]
+pub struct SceneSurface {
+    /// All that is there, own bodies included.
+    pub geometry: Frame,
+    /// Number of the frame in the scene.
+    pub frame: usize,
+    /// True for ground, by triangle of the frame; the own bodies are none.
+    pub is_ground: Vec<bool>,
 }
 
 /// Rules on the overlap of LiDARs, and which triangles of a frame are the own body's.
@@ -166,6 +192,12 @@ impl Problem {
     /// Targets that must be met.
     pub fn target_rules(&self) -> &[TargetRule] {
         &self.required.targets
+    }
+
+    /// Surface of the scene in the first frame that the problem was made of, whatever frames a copy is over; `None` where no
+    /// rule on a target stands on it.
+    pub fn surface(&self) -> Option<&SceneSurface> {
+        self.required.surface.as_ref()
     }
 
     /// Ground near the vehicle that must be seen.

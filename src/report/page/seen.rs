@@ -32,7 +32,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
                  straight ahead."
             }
             @if figures.has_moving_bodies {
-                p { "Bodies of the vehicle move: range card, blind sectors and requirements on targets are for frame 0." }
+                p { "Bodies of the vehicle move: range card and blind sectors are for frame 0." }
             }
             p.small {
                 (sizes_in_words(card))

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::{
     Content, Entropy, Frame, GroundRequired, Instance, OccupiedVoxel, OverlapRequired, Problem,
-    ProblemError, Required, Task, World,
+    ProblemError, Required, SceneSurface, Task, World,
 };
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Ground, Scene};
@@ -213,12 +213,29 @@ impl Problem {
             targets: targets.clone(),
             ground: ground_required(scene)?,
             overlap: OverlapRequired { rules: overlap.clone(), own },
+            surface: surface_required(scene, &task)?,
             order: require_order.clone(),
         });
         let problem =
             Self::from(task).with_constraints(scene.constraints()).with_rules(scene.rules());
         Ok(Self { body, required, ..problem })
     }
+}
+
+/// Surface of a scene in the first frame of a task, where a rule on a target stands on it.
+///
+/// # Errors
+/// There is no scene, only level ground.
+fn surface_required(scene: &Scene, task: &Task) -> Result<Option<SceneSurface>, ProblemError> {
+    let Vehicle { targets, require, require_order, .. } = scene.vehicle();
+    let Some(first) = targets.iter().position(|rule| rule.on_scene) else { return Ok(None) };
+    let (index, name) = (require.len() + first, targets[first].name.clone());
+    let index = require_order.get(index).copied().unwrap_or(index);
+    let geometry = task.geometry(0).filter(|_| !scene.is_level_ground()).cloned();
+    let geometry = geometry.ok_or(ProblemError::TargetWithoutScene { index, name })?;
+    let mut is_ground = ground_triangles(scene);
+    is_ground.resize(scene.triangles(EgoBody::Include), false);
+    Ok(Some(SceneSurface { geometry, frame: task.number_of(0), is_ground }))
 }
 
 /// Rules of a scene's vehicle on the ground, and which triangles of its frames are ground.

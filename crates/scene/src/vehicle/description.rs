@@ -192,7 +192,7 @@ described! {
         /// Boxes that are left out.
         #[serde(default)]
         pub without: Vec<KeepOutDescription>,
-        /// Preset or file of a target. Its places lie on level ground, in scenes too.
+        /// Preset or file of a target. Its places lie on level ground, in scenes too, unless `ground` is `scene`.
         pub target: Option<String>,
         /// Nearest distance of a target, metres; 5.
         pub from: Option<f64>,
@@ -202,8 +202,8 @@ described! {
         pub bearing: Option<[f64; 2]>,
         /// Least beams on a target; 5.
         pub beams: Option<u64>,
-        /// Metres around the body in which ground must be seen.
-        pub ground: Option<f64>,
+        /// Metres around the body in which ground must be seen; `scene` of a target that stands on the surface of each scene.
+        pub ground: Option<GroundDescription>,
         /// `ahead`, `behind`, `left` or `right`.
         pub blind_zone: Option<String>,
         /// Most metres that the blind zone reaches.
@@ -270,6 +270,14 @@ pub(crate) struct VehicleDescription<B, M> {
 pub(crate) enum PhaseDescription {
     Angle(f64),
     Range([f64; 2]),
+    Word(String),
+}
+
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(untagged, expecting = "expected metres from the own body, or \"scene\" of a target")]
+pub(crate) enum GroundDescription {
+    Within(f64),
     Word(String),
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check};
 
-use super::description::RequirementDescription;
+use super::description::{GroundDescription, RequirementDescription};
 use crate::scene::Target;
 
 /// Farthest ground of a rule, metres from the outline of the own body.
@@ -83,7 +83,17 @@ pub struct GroundRule {
 impl GroundRule {
     /// Reads the rule at `at`; `None` where it is of another kind.
     pub(super) fn read(at: &Location, required: &RequirementDescription) -> Checked<Option<Self>> {
-        let asked = match (required.ground, &required.blind_zone) {
+        let within = match &required.ground {
+            // A target that stands on the surface of a scene.
+            Some(GroundDescription::Word(_)) if required.target.is_some() => return Ok(None),
+            Some(GroundDescription::Word(word)) => {
+                let wanted = "a number of metres from the own body; `scene` is of a `target`";
+                return Err(bad(&at.key("ground"), format!("`{word}`"), wanted));
+            }
+            Some(GroundDescription::Within(metres)) => Some(*metres),
+            None => None,
+        };
+        let asked = match (within, &required.blind_zone) {
             (None, None) => return Ok(None),
             (Some(_), Some(_)) => {
                 let mend = "`ground` is another rule; write two";
@@ -138,7 +148,8 @@ const MOST_BEAMS: u64 = 100;
 /// Farthest distance of a rule, metres.
 const FARTHEST: f64 = 1000.0;
 
-/// A target that must be met at a share of places on level ground around the vehicle, the own body in the way.
+/// A target that must be met at a share of places around the vehicle: on level ground, the own body in the way, or on the
+/// surface of each scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetRule {
     /// Name in reports.
@@ -151,12 +162,26 @@ pub struct TargetRule {
     pub within: f64,
     /// First and last bearing, degrees counter-clockwise from straight ahead; 360 apart for all round.
     pub bearings: [f64; 2],
+    /// True: it stands on the surface of each scene in its first frame, all that is there in the way, and the share is a
+    /// mean over scenes. False: on level ground.
+    pub on_scene: bool,
     /// Beams of all LiDARs together from which on the target is met.
     pub beams: u32,
     /// Least share of the places at which it must be met, from 0 to 1.
     pub share: f64,
     /// The share must hold without any one LiDAR, whichever is lost.
     pub without_any_one: bool,
+}
+
+/// True if a target stands on the surface of each scene.
+fn stands_on_scene(at: &Location, required: &RequirementDescription) -> Checked<bool> {
+    match &required.ground {
+        Some(GroundDescription::Word(word)) if word != "scene" => {
+            let wanted = "`scene`; leave it out for level ground";
+            Err(bad(&at.key("ground"), format!("`{word}`"), wanted))
+        }
+        ground => Ok(ground.is_some()),
+    }
 }
 
 /// Distances of a requirement in words, metres.
@@ -181,12 +206,13 @@ impl TargetRule {
         target: &str,
         dir: &Path,
     ) -> Checked<Self> {
-        const OWN: [&str; 7] =
-            ["target", "from", "within", "bearing", "beams", "share", "without_any_one"];
+        const OWN: [&str; 8] =
+            ["target", "from", "within", "bearing", "ground", "beams", "share", "without_any_one"];
         required.has_only(at, &OWN, |key| match key {
             "depth" => "it is of a `blind_zone`; a `target` has `within`",
             _ => "a `target` stands on the ground around the vehicle; leave the box out",
         })?;
+        let on_scene = stands_on_scene(at, required)?;
         let target = Target::named_at(&at.key("target"), dir, target)?;
         let mend = "say up to which distance, `\"within\": 40` for example";
         let within = required.within.ok_or_else(|| check::missing(at, "within", mend))?;
@@ -217,7 +243,8 @@ impl TargetRule {
             beams => format!(", {beams} beams"),
         };
         let around = around(required.bearing);
-        let default = format!("{} {range} m{around}{needed}", target.name);
+        let ground = if on_scene { ", on the ground of the scene" } else { "" };
+        let default = format!("{} {range} m{around}{needed}{ground}", target.name);
         let name = required.named(at, default_name(default, required.without_any_one))?;
         Ok(Self {
             name,
@@ -225,6 +252,7 @@ impl TargetRule {
             from,
             within,
             bearings: [low, high],
+            on_scene,
             beams,
             share: required.share(at)?,
             without_any_one: required.without_any_one,
