@@ -370,10 +370,7 @@ impl Job {
     fn confirm_targets(&self, all: &mut [(&Placement, &mut Scores)]) -> Result<(), JobError> {
         let (Some(site), problem) = (self.target_site()?, self.problem()?) else { return Ok(()) };
         for (placement, scores) in all {
-            let mounts = problem.rules().mount_names(placement);
-            let rig = (&placement.lidars[..], &mounts[..]);
-            confirm(site, problem.target_rules(), rig, &mut scores.required)
-                .map_err(BackendError::from)?;
+            confirm(site, &problem, placement, &mut scores.required).map_err(BackendError::from)?;
         }
         Ok(())
     }

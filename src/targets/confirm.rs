@@ -6,8 +6,9 @@ use super::beams::{PlacedTarget, TargetSite};
 use super::card::position;
 use super::missing::Missing;
 use crate::maths;
+use crate::problem::Problem;
 use crate::score::Seen;
-use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{Placement, SensorPose, TargetRule, UnknownSensor};
 
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
 const RULE_DEGREES: f64 = 7.5;
@@ -95,6 +96,16 @@ impl<'a> CloseLook<'a> {
 /// A model that the vehicle does not have.
 pub(crate) fn confirm(
     site: &TargetSite,
+    problem: &Problem,
+    placement: &Placement,
+    required: &mut [Seen],
+) -> Result<(), UnknownSensor> {
+    let mounts = problem.rules().mount_names(placement);
+    confirm_rules(site, problem.target_rules(), (&placement.lidars, &mounts), required)
+}
+
+fn confirm_rules(
+    site: &TargetSite,
     rules: &[TargetRule],
     (lidars, mounts): (&[SensorPose], &[Option<&str>]),
     required: &mut [Seen],
@@ -149,7 +160,7 @@ mod tests {
         let lost = Lost { intact: 1.0, worst: None, mount: None };
         let lost = rule.without_any_one.then_some(lost);
         let mut seen = [Seen { lost, ..Seen::of("car", 1.0) }];
-        confirm(site, &[rule], (lidars, &[]), &mut seen).unwrap();
+        confirm_rules(site, &[rule], (lidars, &[]), &mut seen).unwrap();
         let [seen] = seen;
         seen
     }
@@ -191,7 +202,7 @@ mod tests {
         // A share after the worst loss that was lower before is one of the closer look, too.
         let lost = Lost { intact: 1.0, worst: Some(1), mount: Some("roof".to_owned()) };
         let mut seen = [Seen { lost: Some(lost), ..Seen::of("car", 0.5) }];
-        confirm(&hidden, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
+        confirm_rules(&hidden, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
         assert_eq!(seen[0], both);
     }
 }
