@@ -7,6 +7,7 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | `apart` | rules on overlap that no rig on some poses meets |
 //! | `beams` | beams of a placement on targets |
 //! | `card` | the range card, and blind sectors |
 //! | `confirm` | places of a rule on targets, and a closer look at them |
@@ -17,6 +18,7 @@
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
+mod apart;
 mod beams;
 mod card;
 mod confirm;

@@ -1,5 +1,6 @@
 //! Beams on targets against closed forms and against brute force that shares no code with the finder and the trees.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -8,8 +9,9 @@ use super::card::position;
 use super::*;
 use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
-use crate::problem::Frame;
-use crate::scene::Target;
+use crate::problem::{Frame, Problem};
+use crate::psog::Psog;
+use crate::scene::{Scene, Target};
 use crate::vehicle::{BeamTable, SensorModel, SensorName, SensorPose, Sensors};
 
 /// Directions of a spinning sensor.
@@ -36,6 +38,20 @@ pub(super) fn wall(x: f32) -> TriangleSoup {
         faces: vec![[0, 1, 2], [0, 2, 3]],
         face_class: vec![0; 2],
     }
+}
+
+/// The sight of a vehicle on level ground.
+pub(super) fn posed(vehicle: &str) -> Sight {
+    let text = r#"{ "sightline": 1, "coverage": "first-hit",
+        "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
+        "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
+        "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }] }, "vehicle": VEHICLE }"#;
+    let text = text.replace("VEHICLE", vehicle);
+    let scene = Scene::from_json(&text, Path::new(""), "level.json").unwrap();
+    let roi = scene.roi().grid().unwrap();
+    let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
+    let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
+    Sight::of([(&Arc::new(problem), false)], false).unwrap()
 }
 
 /// Metres along a ray to a box by slabs, in `f64`; `None` where the ray misses it or passes closer than a tenth of a
