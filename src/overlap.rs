@@ -91,6 +91,11 @@ pub(crate) struct Surfaces {
 }
 
 impl Surfaces {
+    /// Voxels in all frames.
+    pub(crate) fn voxels(&self) -> usize {
+        self.frames.iter().map(|frame| frame.len()).sum()
+    }
+
     /// About one voxel of `every`, a power of two, chosen by its number alone: LiDARs that share voxels share those
     /// chosen, too.
     #[must_use]
@@ -230,11 +235,33 @@ impl RequiredOverlap {
         (beams / SAMPLE).clamp(1, MOST_EVERY).next_power_of_two() as u32
     }
 
+    /// Overlap of two LiDARs at most, of which a search has the surfaces. Where these are a sample, it lies five standard
+    /// deviations above theirs.
+    pub(crate) fn most_shared(&self, pair: [&[Box<[u32]>]; 2]) -> f64 {
+        let share = self.shares(&pair)[0][1];
+        if self.sample() == 1 {
+            return share;
+        }
+        // Frames may show the same voxels.
+        let voxels = |of: &[Box<[u32]>]| of.iter().map(|frame| frame.len()).sum::<usize>();
+        let fewer = voxels(pair[0]).min(voxels(pair[1]));
+        with_room(share, fewer as f64 / self.frames.len().max(1) as f64)
+    }
+
     /// Overlap of each pair of LiDARs, of which the surfaces are given.
     pub(crate) fn shares(&self, each: &[&[Box<[u32]>]]) -> Shares {
         let weights: Vec<u64> = self.frames.iter().map(|(_, weight)| *weight).collect();
         Shared::of(each, &weights).shares()
     }
+}
+
+/// Largest share of all voxels that the share of a sample allows, at five standard deviations (Wilson 1927); 1 for an empty
+/// sample.
+fn with_room(share: f64, voxels: f64) -> f64 {
+    const DEVIATIONS: f64 = 5.0;
+    let room = DEVIATIONS * DEVIATIONS / voxels.max(1e-30);
+    let spread = (share * (1.0 - share) * room + 0.25 * room * room).sqrt();
+    ((share + 0.5 * room + spread) / (1.0 + room)).clamp(share, 1.0)
 }
 
 /// Overlap without one LiDAR.
@@ -368,6 +395,26 @@ mod tests {
         );
         assert!((share(&few, &fewer) - 1.0 / 3.0).abs() < 0.02);
         assert_eq!(one.sampled(1), one);
+    }
+
+    #[test]
+    fn a_sample_bounds_the_share_of_all_voxels() {
+        let all = |from: u32, to: u32| Surfaces { frames: vec![(from..to).collect()] };
+        let (mut shares, mut rounds) = (0.0, 0);
+        for from in (0..200).map(|k| 7919 * k) {
+            for shared in [0, 60, 1500, 6000] {
+                let (one, other) =
+                    (all(from, from + 6000), all(from + 6000 - shared, from + 12_000));
+                let (one, other) = (one.sampled(16), other.sampled(16));
+                let of_sample = Shared::of(&[&one.frames, &other.frames], &[1]).shares()[0][1];
+                let bound = with_room(of_sample, one.voxels().min(other.voxels()) as f64);
+                let truth = f64::from(shared) / 6000.0;
+                assert!(bound >= truth.max(of_sample) && bound <= 1.0, "{from} {shared}: {bound}");
+                (shares, rounds) = (shares + bound - truth, rounds + 1);
+            }
+        }
+        assert!(shares / f64::from(rounds) < 0.1, "not far above it: {shares} in {rounds}");
+        assert_eq!(with_room(0.0, 0.0), 1.0);
     }
 
     /// A chain 0–1–2 beside a pair 3–4, and 5 alone.

@@ -260,19 +260,26 @@ fn requirements_are_told_in_the_order_of_the_file() {
 }
 
 #[test]
-fn one_seat_is_said_to_be_too_few_to_share_or_to_lose_a_lidar() {
+fn seats_are_said_to_be_too_few_to_share_or_to_lose_a_lidar() {
     let dir = TempDir::new().unwrap();
     let loss = json!({ "ground": 3, "share": 0.1, "without_any_one": true });
-    for (mounts, is_told) in [(1, true), (2, false)] {
-        yard(dir.path(), json!([{ "overlap": 0.1 }, loss]));
+    let both = json!({ "name": "both", "overlap": 0.1, "without_any_one": true });
+    for (mounts, on_last, hold) in [(1, 1, Some("one")), (2, 1, Some("two")), (2, 2, None)] {
+        yard(dir.path(), json!([{ "overlap": 0.1 }, loss, both]));
         let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
         let mut vehicle: Value = serde_json::from_str(&text).unwrap();
         vehicle["mounts"].as_array_mut().unwrap().truncate(mounts);
+        vehicle["mounts"][mounts - 1]["count"] = json!([0, on_last]);
         fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
         let run = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
         let told = String::from_utf8(run.stderr).unwrap();
-        for place in ["require[0].overlap", "require[1].without_any_one"] {
-            let words = format!("{place}: takes two LiDARs, and the mounts hold one; raise");
+        for (place, takes, is_told) in [
+            ("require[0].overlap", "two", hold == Some("one")),
+            ("require[1].without_any_one", "two", hold == Some("one")),
+            ("require[2].without_any_one", "three", hold.is_some()),
+        ] {
+            let hold = hold.unwrap_or("two");
+            let words = format!("{place}: takes {takes} LiDARs, and the mounts hold {hold}; raise");
             assert_eq!(told.contains(&words), is_told, "{told}");
         }
     }

@@ -299,3 +299,42 @@ fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     assert!(shares[0].0 > shares[1].0 && shares[1].0 > shares[2].0, "{shares:?}");
     assert!(shares[0].1 != shares[2].1, "the range card is one of clear air: {shares:?}");
 }
+
+#[test]
+fn a_rule_may_count_only_beams_that_return_in_clear_air() {
+    let dir = TempDir::new().unwrap();
+    let dark = json!({ "sightline": 1, "name": "dark box", "reflectance": 0.02, "source": "made here",
+        "shapes": [{ "box": { "foot": [0, 0, 0], "size": [2, 2, 2] } }] });
+    fs::write(dir.path().join("dark.json"), dark.to_string()).unwrap();
+    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
+    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
+    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    let rule = |response: bool| json!({ "target": "dark.json", "from": 10, "within": 40, "bearing": [0, 0], "share": 0.9, "response": response });
+    street(dir.path(), json!([rule(false), rule(true)]));
+    let score = ["score", "street.json", "rigs.json", "--backend", "cpu"];
+    let required = ok(dir.path(), &score)["scores"][0]["requirements"].clone();
+    let distances: Vec<String> = (0..13).map(|k| (10.0 + 2.5 * f64::from(k)).to_string()).collect();
+    let distances = distances.join(",");
+    let share = |more: &[&str]| {
+        let study = ["study", "targets", "rigs.json", "--vehicle", "cart.json", "--target"];
+        let places = ["dark.json", "--distances", &distances, "--bearings", "0"];
+        let found = ok(dir.path(), &[&study[..], &places, more].concat());
+        let rows = found["rows"].as_array().unwrap().iter();
+        rows.filter(|row| row["beams"].as_u64() >= Some(5)).count() as f64 / 13.0
+    };
+    // A sensor rated at 36 m for 10 % sees 2 % to 36·√0.2 = 16.1 m: the front of a box at 15 m, not of one at 17.5 m.
+    let expected = [1.0, 3.0 / 13.0];
+    assert_eq!([share(&[]), share(&["--response"])], expected);
+    assert_eq!([0, 1].map(|k| required[k]["found"].as_f64().unwrap()), expected, "{required}");
+    assert_eq!(required[1]["name"], "dark box from 10 to 40 m, at 0°, beams that return");
+    assert_eq!(required[1]["missing"], "missing at 17.5 to 40 m, 0°");
+    // Copies are looked at in the same way.
+    assert_eq!([0, 1].map(|k| required[k]["holds_in"].as_f64()), [Some(1.0), Some(0.0)]);
+    // Another kind of rule has no such key.
+    street(dir.path(), json!([{ "ground": 3, "share": 0.5, "response": true }]));
+    let wrong = fails(dir.path(), &score);
+    assert!(
+        wrong.contains("require[0]: `response` cannot stand here: a rule on the ground"),
+        "{wrong}"
+    );
+}

@@ -456,3 +456,39 @@ fn own_rigs_lose_each_lidar_in_turn() {
         "{told}"
     );
 }
+
+#[test]
+fn studies_look_at_a_rule_of_100_per_cent_as_closely_as_score() {
+    let dir = street();
+    // A mast 9 cm wide hides a car between two of the bearings that a search looks at.
+    let mast = |low: [f64; 3], high: [f64; 3]| json!({ "class": "vehicle", "box": { "min": low, "max": high } });
+    let vehicle = json!({ "sightline": 1, "name": "cart",
+        "body": [mast([-0.5, -0.5, 0.3], [0.5, 0.5, 1.5]), mast([0.998, 0.02, 0.3], [1.0, 0.11, 3.0])],
+        "sensors": [{ "name": "ring", "lidar": { "channels": 48, "fov": [-14.1, 0], "azimuth_steps": 1800, "range": 100 } }],
+        "mounts": [{ "name": "top", "min": [-0.1, -0.1, 2], "max": [0.1, 0.1, 2.1], "count": 1 }],
+        "require": [{ "target": "car", "from": 10, "within": 50, "share": 1 }] });
+    write(&dir, "cart.json", &vehicle);
+    write(
+        &dir,
+        "ring.json",
+        &json!({ "placements": [{ "name": "one", "lidars": [{ "x": 0, "y": 0, "z": 2 }] }] }),
+    );
+    let of = "street.json ring.json --vehicle cart.json";
+    let line = format!("score {of} --frames 2 --backend cpu --tolerance 0");
+    let required = ok(dir.path(), &words(&line))["scores"][0]["requirements"][0].clone();
+    assert_eq!(required["met"], false, "{required}");
+    let missing = required["missing"].as_str().unwrap();
+    assert!(missing.contains("1 of 192 bearings"), "{missing}");
+    for kind in ["weather", "regions", "random"] {
+        let table = study(&dir, &format!("{kind} {of} --out {kind}"));
+        let row = rows(&table).iter().find(|row| row["name"].as_str().unwrap().starts_with("one"));
+        let row = row.unwrap_or_else(|| panic!("{table}"));
+        assert_eq!(row["requirements_met"], false, "{kind}: {row}");
+        assert!(row["not_met"][0].as_str().unwrap().ends_with(missing), "{kind}: {row}");
+    }
+    let line = format!("study tolerance {of} --frames 2 --backend cpu --steps 1 --format json");
+    let run = sightline(dir.path(), &words(&line));
+    let room: Value = serde_json::from_slice(&run.stdout).unwrap();
+    let told = room["rows"][0]["missed"][0].as_str().unwrap_or_else(|| panic!("{room}"));
+    assert_eq!((run.status.code(), told.ends_with(missing)), (Some(1), true), "{room}");
+}

@@ -31,9 +31,7 @@ impl Job {
         let Some(bodies) = self.bodies_of_rules()? else { return Ok(()) };
         let problem = self.problem()?;
         for (placement, scores) in all {
-            let mounts = problem.rules().mount_names(placement);
-            let rig = (&placement.lidars[..], &mounts[..]);
-            confirm(&bodies, problem.target_rules(), rig, &mut scores.required)
+            confirm(&bodies, &problem, placement, &mut scores.required)
                 .map_err(BackendError::from)?;
         }
         Ok(())

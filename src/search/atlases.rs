@@ -141,18 +141,18 @@ impl Atlases {
     }
 
     /// Requirements that no rig meets whose poses are among those held, in words: areas, then rules on targets, ground and
-    /// overlap. `mounts` says for each mount the most sensors that it holds and the numbers of its poses. See
+    /// overlap. `mounts` says for each mount the fewest and most sensors that it holds and the numbers of its poses. See
     /// [`Sight::out_of_reach`].
-    pub(super) fn out_of_reach(&self, mounts: &[(usize, Vec<u32>)]) -> Vec<String> {
-        let used = mounts.iter().filter(|(most, _)| *most > 0);
+    pub(super) fn out_of_reach(&self, mounts: &[([usize; 2], Vec<u32>)]) -> Vec<String> {
+        let used = mounts.iter().filter(|([_, most], _)| *most > 0);
         let poses: Vec<u32> = used.flat_map(|(_, poses)| poses).copied().collect();
         let mut all = self.areas_out_of_reach(&poses);
         let Some(sight) = &self.sight else { return all };
         let held = |pose: &u32| self.targets.get(pose);
         let mounts: Vec<MountPoses<'_>> = mounts
             .iter()
-            .map(|(most, poses)| MountPoses {
-                most: *most,
+            .map(|(count, poses)| MountPoses {
+                count: *count,
                 poses: poses.iter().filter_map(held).collect(),
             })
             .collect();

@@ -36,7 +36,7 @@ pub struct TargetSite {
     body: Frame,
     /// Lower and upper corner of the body in plan, metres.
     bounds: Option<[[f64; 2]; 2]>,
-    /// Light that must return for a beam to count; `None` counts every beam.
+    /// Light that must return for a beam to count; `None` counts every beam, but on targets that say otherwise.
     receiving: Option<Receiving>,
     /// Surface on which targets stand; `None` for level ground.
     surface: Option<Arc<Surface>>,
@@ -71,9 +71,13 @@ pub struct Receiving(Through);
 /// Air on the way.
 #[derive(Debug, Clone)]
 enum Through {
+    Clear,
     Weather(Weather),
     Air(Arc<dyn Air>),
 }
+
+/// Light through clear air.
+static IN_CLEAR_AIR: Receiving = Receiving(Through::Clear);
 
 impl From<Weather> for Receiving {
     /// Light through fog, snow and rain.
@@ -86,6 +90,7 @@ impl Receiving {
     /// True if the sensor sees a surface at least half of the time, by its reflectance, cosine of incidence and metres.
     fn sees(&self, response: &Response, reflectance: f64, cosine: f64, metres: f64) -> bool {
         let passed = match &self.0 {
+            Through::Clear => 1.0,
             Through::Weather(weather) => weather.passed(metres),
             Through::Air(air) => air.passed(metres),
         };
@@ -382,7 +387,11 @@ impl Looking<'_> {
 
     /// True if enough light comes back from a hit.
     fn is_seen(&self, target: &Target, hit: &Hit, direction: Vec3) -> bool {
-        let Some(receiving) = self.receiving else { return true };
+        let receiving = match self.receiving {
+            Some(receiving) => receiving,
+            None if target.returning_only => &IN_CLEAR_AIR,
+            None => return true,
+        };
         let normal = Vec3::from(target.normals[hit.prim as usize]);
         let cosine = normal.normalize_or_zero().dot(direction).abs();
         let (reflectance, metres) = (target.reflectance, f64::from(hit.t));

@@ -7,8 +7,9 @@ use super::bodies::{BodyPoses, together, worst_frame};
 use super::card::position;
 use super::missing::Missing;
 use crate::maths;
+use crate::problem::Problem;
 use crate::score::Seen;
-use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{Placement, SensorPose, TargetRule, UnknownSensor};
 
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
 const RULE_DEGREES: f64 = 7.5;
@@ -125,6 +126,16 @@ impl<'a> InSites<'a> {
 /// A model that the vehicle does not have.
 pub(crate) fn confirm(
     bodies: &BodyPoses,
+    problem: &Problem,
+    placement: &Placement,
+    required: &mut [Seen],
+) -> Result<(), UnknownSensor> {
+    let mounts = problem.rules().mount_names(placement);
+    confirm_rules(bodies, problem.target_rules(), (&placement.lidars, &mounts), required)
+}
+
+fn confirm_rules(
+    bodies: &BodyPoses,
     rules: &[TargetRule],
     (lidars, mounts): (&[SensorPose], &[Option<&str>]),
     required: &mut [Seen],
@@ -181,7 +192,7 @@ mod tests {
         let lost = rule.without_any_one.then_some(lost);
         let mut seen = [Seen { lost, ..Seen::of("car", 1.0) }];
         let bodies = BodyPoses::of(site.clone(), []);
-        confirm(&bodies, &[rule], (lidars, &[]), &mut seen).unwrap();
+        confirm_rules(&bodies, &[rule], (lidars, &[]), &mut seen).unwrap();
         let [seen] = seen;
         seen
     }
@@ -225,7 +236,7 @@ mod tests {
             let sites = sites.map(TargetSite::clone).to_vec();
             let bodies = BodyPoses::of_sites(sites, frames);
             let mut told = [Seen::of("car", 1.0)];
-            confirm(&bodies, &[rule(false)], (&[lidar], &[]), &mut told).unwrap();
+            confirm_rules(&bodies, &[rule(false)], (&[lidar], &[]), &mut told).unwrap();
             let worst_frame = Some(WorstFrame { frame: 7, share: seen.share });
             assert_eq!(told[0], Seen { worst_frame, ..seen.clone() });
         }
@@ -233,7 +244,7 @@ mod tests {
         let lost = Lost { intact: 1.0, worst: Some(1), mount: Some("roof".to_owned()) };
         let mut seen = [Seen { lost: Some(lost), ..Seen::of("car", 0.5) }];
         let bodies = BodyPoses::of(hidden, []);
-        confirm(&bodies, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
+        confirm_rules(&bodies, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
         assert_eq!(seen[0], both);
     }
 }

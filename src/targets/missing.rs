@@ -79,7 +79,7 @@ pub(crate) fn missed_places(
     lidars: &[SensorPose],
 ) -> Result<Option<String>, UnknownSensor> {
     let target = &*rule.target;
-    let mut worst: Option<(f64, Vec<([f64; 3], bool)>)> = None;
+    let (mut most, mut worst) = (-1.0, Vec::new());
     for (site, _) in bodies.each(rule) {
         let places = places_of(rule).into_iter();
         let places: Vec<_> = places.filter_map(|at| site.standing(target, at)).collect();
@@ -87,12 +87,11 @@ pub(crate) fn missed_places(
         let met = site.met(lidars, &standing, rule.beams)?;
         let missed = met.iter().filter(|is_met| !**is_met).count() as f64;
         let missed = missed / met.len().max(1) as f64;
-        if worst.as_ref().is_none_or(|(most, _)| missed > *most) {
-            worst = Some((missed, places.into_iter().zip(met).collect()));
+        if missed > most {
+            (most, worst) = (missed, places.into_iter().zip(met).collect());
         }
     }
-    let places = worst.map(|(_, places)| places).unwrap_or_default();
-    Ok(Missing::new(rule, places).map(|missing| missing.to_string()))
+    Ok(Missing::new(rule, worst).map(|missing| missing.to_string()))
 }
 
 /// A number with a decimal where it has one.

@@ -7,6 +7,7 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | `apart` | rules on overlap that no rig on some poses meets |
 //! | `beams` | beams of a placement on targets |
 //! | `bodies` | the own bodies in every pose that they take, and scenes, for rules |
 //! | `card` | the range card, and blind sectors |
@@ -18,6 +19,7 @@
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
+mod apart;
 mod beams;
 mod bodies;
 mod card;

@@ -15,10 +15,18 @@ use crate::vehicle::{GroundAsked, GroundRule, TargetRule, Vehicle};
 
 /// Poses of the sensors that may stand on a mount.
 pub(crate) struct MountPoses<'a> {
-    /// Most sensors that it holds.
-    pub most: usize,
+    /// Fewest and most sensors that it holds.
+    pub count: [usize; 2],
     /// Beams of a sensor of any allowed model at each pose.
     pub poses: Vec<&'a SightBeams>,
+}
+
+impl MountPoses<'_> {
+    /// Most beams of a pose at a place.
+    fn best_at(&self, place: usize) -> u32 {
+        let beams = self.poses.iter().filter_map(|pose| pose.beams.get(place).copied());
+        beams.max().map_or(0, u32::from)
+    }
 }
 
 /// A requirement that no rig on some poses meets.
@@ -26,64 +34,60 @@ pub(crate) struct MountPoses<'a> {
 pub(crate) struct OutOfReach {
     /// Sentence without its full stop: name, bound, requirement, how to mend it.
     pub words: String,
-    /// Most beams at any of its places, with every mount full; `None` for ground.
+    /// Most beams at any of its places, with every mount full; `None` for ground and overlap.
     pub beams: Option<u32>,
-    /// Largest share of its places at which enough beams are possible, or of its ground that is seen.
+    /// Largest share of its places at which enough beams are possible, of its ground that is seen, or largest overlap.
     pub share: f64,
     /// True if it follows from beams of poses, not from the number of LiDARs alone.
     pub is_measured: bool,
 }
 
+/// Fewest LiDARs that can meet a rule.
+fn fewest(rule: &Rule) -> usize {
+    1 + usize::from(rule.without_any_one()) + usize::from(matches!(rule, Rule::Overlap(_)))
+}
+
 impl Sight {
-    /// Rules on targets and on the ground that no rig on these poses meets.
+    /// Rules on targets, ground and overlap that no rig on these poses meets.
     ///
     /// At each place the bound takes the most beams of any pose of a mount, times the sensors that the mount holds.
     /// Ground counts that any pose sees. Distances, prices and poses that do not go together are passed over, so that
-    /// every rig on the poses has at most as much. A rule that must hold without any one LiDAR has no more: see
-    /// [`Self::target_bound`]; with one seat in all, nothing is left.
+    /// every rig on the poses has at most as much. Where a rule must hold without any one LiDAR, the bound
+    /// has one LiDAR less, on the mount that misses it most.
     pub(crate) fn out_of_reach(&self, mounts: &[MountPoses<'_>]) -> Vec<OutOfReach> {
-        let most: Vec<u32> = (0..self.places.len())
-            .map(|place| {
-                let beams = |mount: &MountPoses<'_>| {
-                    let each = mount.poses.iter().filter_map(|pose| pose.beams.get(place));
-                    each.copied().max().map_or(0, u32::from) * mount.most as u32
-                };
-                mounts.iter().map(beams).sum()
-            })
-            .collect();
-        let mut all = SightBeams::default();
-        let used = mounts.iter().filter(|mount| mount.most > 0);
-        used.flat_map(|mount| &mount.poses).for_each(|pose| all.add(pose));
-        let seats: usize = mounts.iter().map(|mount| mount.most).sum();
-        let largest: Vec<u32> = (0..self.places.len())
-            .map(|place| {
-                let used = mounts.iter().filter(|mount| mount.most > 0);
-                let poses = used.flat_map(|mount| &mount.poses);
-                let beams = poses.filter_map(|pose| pose.beams.get(place).copied()).max();
-                beams.map_or(0, u32::from)
-            })
-            .collect();
+        let used: Vec<_> = mounts.iter().filter(|mount| mount.count[1] > 0).collect();
+        let seats: usize = used.iter().map(|mount| mount.count[1]).sum();
         let bound = |rule: &Rule| match rule {
             _ if rule.least() <= 0.0 => None,
-            _ if rule.without_any_one() && seats < 2 => Some(one_seat(rule.name())),
-            Rule::Target(rule, sites) => {
-                self.target_bound(rule, sites, (&most[..], &largest[..], seats))
+            _ if fewest(rule) > seats.max(1) => {
+                Some(too_few_seats(rule.name(), seats, fewest(rule)))
             }
-            Rule::Ground(rule, number) => self.ground_bound(rule, *number, &all),
-            Rule::Overlap(rule) if seats < 2 => Some(one_seat(&rule.name)),
-            Rule::Overlap(_) => None,
+            Rule::Target(rule, sites) => self.target_bound(rule, sites, &used),
+            Rule::Ground(rule, number) => self.ground_bound(rule, *number, &used),
+            Rule::Overlap(rule) => self.overlap_bound(rule, &used),
         };
         self.rules.iter().filter_map(bound).collect()
     }
 
     /// The bound on a rule on the ground, for the ground that all poses see together; `None` if it may be met.
+    ///
+    /// A mount that holds one LiDAR has none once that is lost.
     fn ground_bound(
         &self,
         rule: &GroundRule,
         number: usize,
-        all: &SightBeams,
+        used: &[&MountPoses<'_>],
     ) -> Option<OutOfReach> {
-        let share = self.ground_share(all, number);
+        let left = |lost: Option<usize>| {
+            let mut all = SightBeams::default();
+            let left = used.iter().enumerate().filter(|(mount, _)| Some(*mount) != lost);
+            left.flat_map(|(_, mount)| &mount.poses).for_each(|pose| all.add(pose));
+            (self.ground_share(&all, number), lost, all)
+        };
+        let single = |mount: &usize| rule.without_any_one && used[*mount].count[1] == 1;
+        let losses = (0..used.len()).filter(single).map(|mount| left(Some(mount)));
+        let (share, lost, all) =
+            losses.fold(left(None), |least, of| if of.0 < least.0 { of } else { least });
         if share >= rule.share {
             return None;
         }
@@ -91,10 +95,11 @@ impl Sight {
             GroundAsked::Within(_) => "lower `share`",
             GroundAsked::BlindZone(..) => "raise `depth`, lower `share`",
         };
-        let lacks = self.ground_missing(all, number).unwrap_or_default();
+        let lacks = self.ground_missing(&all, number).unwrap_or_default();
+        let but = if lost.is_some() { " but the worst to lose" } else { "" };
         let words = format!(
-            "{}: even a LiDAR at every pose of each mount leaves it {:.1} % seen, {:.1} % required, {lacks}; {mend}, add or \
-             widen mounts, or take other sensors",
+            "{}: even a LiDAR at every pose of each mount{but} leaves it {:.1} % seen, {:.1} % required, {lacks}; {mend}, add \
+             or widen mounts, or take other sensors",
             rule.name,
             percent_down(share),
             percent_up(rule.share)
@@ -102,37 +107,44 @@ impl Sight {
         Some(OutOfReach { words, beams: None, share, is_measured: true })
     }
 
-    /// The bound on a rule on a target, by the most beams at each place and the most of a single LiDAR there; `None` if it
-    /// may be met.
+    /// The bound on a rule on a target, by the most beams at each place; `None` if it may be met.
     ///
-    /// Where a rule must hold without any one LiDAR, a place that lacks beams without the largest share of them fails for at
-    /// least one loss. Some loss then fails at as many of these places as there are, divided by the seats.
+    /// Where a rule must hold without any one LiDAR, one of each mount is lost in turn: every rig then has at most the beams of
+    /// the others at their best poses, whether the mount was full or empty.
     fn target_bound(
         &self,
         rule: &TargetRule,
         sites: &[Range<usize>],
-        (most, largest, seats): (&[u32], &[u32], usize),
+        used: &[&MountPoses<'_>],
     ) -> Option<OutOfReach> {
-        let enough = |place: usize, beams: u32| beams >= u32::from(self.enough[place]);
-        // Share of some places that all LiDARs may meet, and after a loss.
+        let mut beams = 0;
+        // Share of some places that all LiDARs may meet, then without one of each mount.
         let bound = |places: &Range<usize>| {
-            let count = places.len().max(1) as f64;
-            let whole = places.clone().filter(|&place| enough(place, most[place])).count() as f64;
-            let left = |&place: &usize| enough(place, most[place] - largest[place]);
-            let fragile = count - places.clone().filter(left).count() as f64;
-            let after_loss = 1.0 - fragile / (count * seats.max(1) as f64);
-            if places.is_empty() { [1.0; 2] } else { [whole / count, after_loss] }
+            let mut met = vec![0; used.len() + 1];
+            for place in places.clone() {
+                let best: Vec<u32> = used.iter().map(|mount| mount.best_at(place)).collect();
+                let most = best.iter().zip(used).map(|(best, mount)| best * mount.count[1] as u32);
+                let most: u32 = most.sum();
+                beams = most.max(beams);
+                let is_met = |lost: u32| usize::from(most - lost >= u32::from(self.enough[place]));
+                let lost = std::iter::once(0).chain(best);
+                met.iter_mut().zip(lost).for_each(|(met, lost)| *met += is_met(lost));
+            }
+            let share =
+                |met: usize| if places.is_empty() { 1.0 } else { met as f64 / places.len() as f64 };
+            met.into_iter().map(share).collect::<Vec<f64>>()
         };
-        let bounds: Vec<[f64; 2]> = sites.iter().map(bound).collect();
-        let [whole, after_loss] = [0, 1].map(|k| together(rule, bounds.iter().map(|of| of[k])));
-        let is_loss = rule.without_any_one && after_loss < whole;
-        let share = if is_loss { after_loss } else { whole };
+        let bounds: Vec<Vec<f64>> = sites.iter().map(bound).collect();
+        let share_of = |lost: usize| together(rule, bounds.iter().map(|of| of[lost]));
+        let whole = share_of(0);
+        let after_loss = (1..=used.len()).map(share_of).min_by(f64::total_cmp);
+        let after_loss = after_loss.filter(|left| rule.without_any_one && *left < whole);
+        let share = after_loss.unwrap_or(whole);
         if share >= rule.share {
             return None;
         }
-        let beams = sites.iter().cloned().flatten().map(|place| most[place]).max().unwrap_or(0);
         let (name, wanted) = (&rule.name, rule.beams);
-        let lost = if is_loss { ", the worst LiDAR lost," } else { "" };
+        let lost = if after_loss.is_some() { ", the worst LiDAR lost," } else { "" };
         let words = if beams < wanted {
             format!(
                 "{name}: even the best pose of each mount meets it with at most {beams} of {wanted} beams; lower \
@@ -151,10 +163,12 @@ impl Sight {
     }
 }
 
-/// The bound on a rule that takes two LiDARs where the mounts hold one.
-fn one_seat(name: &str) -> OutOfReach {
+/// The bound on a rule that takes more LiDARs than the mounts hold.
+fn too_few_seats(name: &str, seats: usize, fewest: usize) -> OutOfReach {
+    let hold = ["no LiDAR", "one LiDAR", "two LiDARs"][seats.min(2)];
+    let takes = if fewest == 2 { "two" } else { "three" };
     let words = format!(
-        "{name}: the mounts hold one LiDAR, and this takes two; raise `count` of a mount, add a mount, or leave the \
+        "{name}: the mounts hold {hold}, and this takes {takes}; raise `count` of a mount, add a mount, or leave the \
          requirement out"
     );
     OutOfReach { words, beams: None, share: 0.0, is_measured: false }
@@ -207,31 +221,12 @@ pub(crate) fn check_counting(problem: &Problem, vehicle: &Vehicle) -> Result<(),
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-    use std::sync::Arc;
-
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::problem::Problem;
-    use crate::psog::Psog;
-    use crate::scene::Scene;
+    use crate::targets::tests::posed;
     use crate::vehicle::SensorPose;
-
-    /// The sight of a vehicle on level ground.
-    fn posed(vehicle: &str) -> Sight {
-        let text = r#"{ "sightline": 1, "coverage": "first-hit",
-            "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
-            "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
-            "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }] }, "vehicle": VEHICLE }"#;
-        let text = text.replace("VEHICLE", vehicle);
-        let scene = Scene::from_json(&text, Path::new(""), "level.json").unwrap();
-        let roi = scene.roi().grid().unwrap();
-        let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
-        let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
-        Sight::of([(&Arc::new(problem), false)], false).unwrap()
-    }
 
     /// The sight of a vehicle that must meet a tyre at one distance, ahead and to the left, with `beams` beams at half of
     /// the places.
@@ -258,7 +253,7 @@ mod tests {
         let pose = |x: f64, y: f64| SensorPose { x, y, z: 1.7, ..SensorPose::default() };
         let poses = [pose(-0.8, -0.4), pose(0.8, -0.4), pose(-0.8, 0.4), pose(0.8, 0.4)];
         let seen = poses.map(|pose| sight.beams(&pose).unwrap());
-        let mount = |most: usize| MountPoses { most, poses: seen.iter().collect() };
+        let mount = |most: usize| MountPoses { count: [0, most], poses: seen.iter().collect() };
         let bound = sight.out_of_reach(&[mount(2)]);
         let [ring, left] = &bound[..] else { panic!("ground to 10 m is in reach: {bound:?}") };
         let start = ": even a LiDAR at every pose of each mount leaves it ";
@@ -285,9 +280,41 @@ mod tests {
     }
 
     #[test]
+    fn no_rig_keeps_more_ground_after_a_loss_than_the_other_mounts_see() {
+        let sight = posed(
+            r#"{
+              "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 1.8, 1.2] } }],
+              "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-60, 0], "azimuth_steps": 72, "range": 30 } }],
+              "mounts": [{ "name": "top", "min": [-1, -0.5, 1.6], "max": [1, 0.5, 1.8], "count": [0, 2] }],
+              "require": [{ "ground": 3, "share": 1, "without_any_one": true }, { "ground": 3, "share": 1 }] }"#,
+        );
+        let pose = |x: f64, y: f64| SensorPose { x, y, z: 1.7, ..SensorPose::default() };
+        let seen = |poses: [SensorPose; 2]| poses.map(|pose| sight.beams(&pose).unwrap());
+        let front = seen([pose(0.9, -0.4), pose(0.9, 0.4)]);
+        let rear = seen([pose(-0.9, 0.2), pose(-0.5, 0.4)]);
+        let bound = |seats: usize| {
+            let mounts = [&front, &rear]
+                .map(|of| MountPoses { count: [0, seats], poses: of.iter().collect() });
+            let [lost, whole] = &sight.out_of_reach(&mounts)[..] else { panic!("two rules") };
+            (lost.clone(), whole.share)
+        };
+        let share = |each: &[&SightBeams], rule: usize| sight.rules_met(each)[rule].share;
+        let (lost, whole) = bound(1);
+        let alone = [&front, &rear].map(|of| share(&[&of[0], &of[1]], 1));
+        assert_eq!(lost.share, alone[0].min(alone[1]));
+        assert!(lost.share < whole && lost.words.contains(" but the worst to lose leaves it "));
+        for (a, b) in (0..4).map(|k| (&front[k / 2], &rear[k % 2])) {
+            assert!(share(&[a, b], 0) <= lost.share && share(&[a, b], 1) <= whole);
+        }
+        // Two on a mount may stand at one pose, so that no loss takes anything.
+        let (lost, whole) = bound(2);
+        assert!(lost.share == whole && !lost.words.contains("but the worst"), "{lost:?}");
+    }
+
+    #[test]
     fn no_rig_keeps_more_after_a_loss_than_the_bound() {
         let mut rng = ChaCha8Rng::seed_from_u64(12);
-        let (mut in_reach, mut beyond) = (0, 0);
+        let (mut in_reach, mut beyond, mut tight) = (0, 0, 0);
         for round in 0..300_u16 {
             let wanted = 2 + (round % 3) as u8;
             let sight = posed(&format!(
@@ -304,8 +331,8 @@ mod tests {
             let (first, second): (Vec<_>, Vec<_>) =
                 ((0..3).map(|_| pose()).collect(), (0..2).map(|_| pose()).collect());
             let mounts = [
-                MountPoses { most: 2, poses: first.iter().collect() },
-                MountPoses { most: 1, poses: second.iter().collect() },
+                MountPoses { count: [0, 2], poses: first.iter().collect() },
+                MountPoses { count: [0, 1], poses: second.iter().collect() },
             ];
             let share = |k: usize| {
                 let rig = [&first[k % 3], &first[k / 3 % 3], &second[k / 9]];
@@ -316,19 +343,19 @@ mod tests {
                 [] => in_reach += 1,
                 [one] => {
                     assert!(best <= one.share && best < 1.0, "{best} {one:?}");
-                    beyond += 1;
+                    (beyond, tight) = (beyond + 1, tight + usize::from(best == one.share));
                 }
                 _ => panic!("one rule"),
             }
             // One seat leaves nothing.
-            let alone = [MountPoses { most: 1, poses: first.iter().collect() }];
+            let alone = [MountPoses { count: [0, 1], poses: first.iter().collect() }];
             let words = &sight.out_of_reach(&alone)[0].words;
             assert!(
                 words.contains("any one LiDAR lost: the mounts hold one LiDAR, and"),
                 "{words}"
             );
         }
-        assert!(in_reach > 10 && beyond > 10, "{in_reach} {beyond}");
+        assert!(in_reach > 10 && 2 * tight > beyond && beyond > 10, "{in_reach} {beyond} {tight}");
     }
 
     #[test]
@@ -347,8 +374,8 @@ mod tests {
             let (first, second): (Vec<_>, Vec<_>) =
                 ((0..3).map(|_| pose()).collect(), (0..2).map(|_| pose()).collect());
             let mounts = [
-                MountPoses { most: 2, poses: first.iter().collect() },
-                MountPoses { most: 1, poses: second.iter().collect() },
+                MountPoses { count: [0, 2], poses: first.iter().collect() },
+                MountPoses { count: [0, 1], poses: second.iter().collect() },
             ];
             let bound = sight.out_of_reach(&mounts);
             // Every rig: any two poses of the first mount, one of the second.

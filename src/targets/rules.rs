@@ -266,7 +266,7 @@ impl Sight {
     /// distance. Lanes of a blind zone end where several cells are seen, so that a LiDAR may add more to it beside others.
     pub(crate) fn bounded_rules(&self) -> impl Iterator<Item = (usize, &str, f64)> {
         let rules = self.rules.iter().enumerate().filter(|(_, rule)| match rule {
-            Rule::Target(_, places) => !places.is_empty(),
+            Rule::Target(_, sites) => sites.iter().any(|places| !places.is_empty()),
             Rule::Ground(rule, _) => matches!(rule.asked, GroundAsked::Within(_)),
             Rule::Overlap(_) => false,
         });
@@ -281,7 +281,10 @@ impl Sight {
     pub(crate) fn share_at_most(&self, rule: usize, all: &SightBeams) -> f64 {
         match &self.rules[rule] {
             // A loss leaves less than all see.
-            Rule::Target(_, places) => self.soft(all, places.clone()),
+            // The mean over poses of the bodies is not below the worst of them.
+            Rule::Target(_, sites) => mean(sites.iter().map(|places| {
+                if places.is_empty() { 1.0 } else { self.soft(all, places.clone()) }
+            })),
             Rule::Ground(_, number) => self.ground_share(all, *number),
             Rule::Overlap(_) => 1.0,
         }

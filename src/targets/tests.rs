@@ -40,6 +40,20 @@ pub(super) fn wall(x: f32) -> TriangleSoup {
     }
 }
 
+/// The sight of a vehicle on level ground.
+pub(super) fn posed(vehicle: &str) -> Sight {
+    let text = r#"{ "sightline": 1, "coverage": "first-hit",
+        "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
+        "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
+        "ego": { "poses": [{ "x": 0, "y": 0, "z": 0 }] }, "vehicle": VEHICLE }"#;
+    let text = text.replace("VEHICLE", vehicle);
+    let scene = Scene::from_json(&text, Path::new(""), "level.json").unwrap();
+    let roi = scene.roi().grid().unwrap();
+    let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
+    let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
+    Sight::of([(&Arc::new(problem), false)], false).unwrap()
+}
+
 /// Metres along a ray to a box by slabs, in `f64`; `None` where the ray misses it or passes closer than a tenth of a
 /// millimetre to an edge, in which case no one can tell.
 fn slabs(from: DVec3, along: DVec3, low: DVec3, high: DVec3) -> Option<Option<f64>> {

@@ -35,7 +35,7 @@ impl Drawing {
             "<< /Type /Catalog /Pages 2 0 R >>".to_owned(),
             "<< /Type /Pages /Kids [3 0 R] /Count 1 >>".to_owned(),
             format!(
-                "<< /Type /PdfPage /Parent 2 0 R /MediaBox [0 0 {width} {height}] /Contents 4 0 R /Resources << /Font \
+                "<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width} {height}] /Contents 4 0 R /Resources << /Font \
                  << /F0 5 0 R /F1 6 0 R >> /ExtGState << {states}>> >> >>"
             ),
             format!("<< /Length {length} >>\nstream\n{}\nendstream", page.content),

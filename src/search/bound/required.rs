@@ -87,15 +87,15 @@ impl<'a> Required<'a> {
             all.filter(move |&pose| places.kind(pose) == kind && places.fits(pose, &[]))
         };
         let kinds = places.lidars_by_kind().iter().enumerate();
-        let kinds: Vec<(usize, Vec<u32>)> =
-            kinds.map(|(kind, &lidars)| (lidars, poses(kind).collect())).collect();
+        let kinds: Vec<([usize; 2], Vec<u32>)> =
+            kinds.map(|(kind, &lidars)| ([lidars; 2], poses(kind).collect())).collect();
         let unseen = self.atlas.out_of_reach(&kinds);
         if !unseen.is_empty() {
             return Some(unseen.join("; "));
         }
         let too_few = self.bounded.iter().find(|rule| {
             let kinds = kinds.iter().map(|(left, poses)| Candidates {
-                left: *left,
+                left: left[1],
                 poses: poses.iter().map(|&pose| (pose, 0.0)).collect(),
             });
             !self.cut_by(&[rule], &mut Node::root(vec![], 0.0, kinds.collect()))

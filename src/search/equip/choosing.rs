@@ -190,7 +190,7 @@ fn out_of_reach(
     let on =
         |mount: usize| (0..poses.len()).filter(move |&pose| kinds[poses.kind(pose)].0 == mount);
     let mounts = vehicle.mounts.iter().enumerate();
-    let mounts = mounts.map(|(k, mount)| (mount.count[1], on(k).collect()));
+    let mounts = mounts.map(|(k, mount)| (mount.count, on(k).collect()));
     grid.atlas.out_of_reach(&mounts.collect::<Vec<_>>())
 }
 

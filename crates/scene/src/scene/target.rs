@@ -46,6 +46,9 @@ pub struct Target {
     pub shapes: Value,
     /// Share of the light that its surface reflects, above 0 and at most 1.
     pub reflectance: f64,
+    /// True if only beams of which the sensor sees enough light count, in clear air too: a rule asks for it, no file.
+    #[serde(skip)]
+    pub returning_only: bool,
     /// Source of its dimensions and reflectance; `None` where the file does not say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
@@ -67,10 +70,10 @@ pub struct Target {
 }
 
 impl PartialEq for Target {
-    /// Equal names, sizes, shapes and reflectances.
+    /// Equal names, sizes, shapes and reflectances, and the same beams count.
     fn eq(&self, other: &Self) -> bool {
-        (&self.name, self.size, &self.shapes, self.reflectance)
-            == (&other.name, other.size, &other.shapes, other.reflectance)
+        (&self.name, self.size, &self.shapes, self.reflectance, self.returning_only)
+            == (&other.name, other.size, &other.shapes, other.reflectance, other.returning_only)
     }
 }
 
@@ -231,6 +234,7 @@ impl Target {
             size: [0, 1, 2].map(|k| to_micrometres(high[k] - low[k])),
             shapes: written["shapes"].clone(),
             reflectance,
+            returning_only: false,
             source,
             corners: [moved(low), moved(high)],
             tree,

@@ -202,6 +202,9 @@ described! {
         pub bearing: Option<[f64; 2]>,
         /// Least beams on a target; 5.
         pub beams: Option<u64>,
+        /// True: only beams that return from the target count, in clear air too.
+        #[serde(default)]
+        pub response: bool,
         /// Metres around the body in which ground must be seen; `scene` of a target that stands on the surface of each scene.
         pub ground: Option<GroundDescription>,
         /// `ahead`, `behind`, `left` or `right`.
@@ -339,6 +342,7 @@ impl RequirementDescription {
             ("within", self.within.is_some()),
             ("bearing", self.bearing.is_some()),
             ("beams", self.beams.is_some()),
+            ("response", self.response),
             ("without_any_one", self.without_any_one),
             ("ground", self.ground.is_some()),
             ("blind_zone", self.blind_zone.is_some()),

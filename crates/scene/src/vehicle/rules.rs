@@ -145,6 +145,13 @@ const FROM: f64 = 5.0;
 /// Beams from which on a target is met where a rule does not say.
 const BEAMS: u64 = 5;
 const MOST_BEAMS: u64 = 100;
+/// Keys of a rule, besides `name`.
+const KEYS: [&str; 9] = [
+    "target", "from", "within", "bearing", "ground", "beams", "response", "share",
+    "without_any_one",
+];
+/// Part of the name of a rule that counts only beams that return.
+const RETURNING: &str = ", beams that return";
 /// Farthest distance of a rule, metres.
 const FARTHEST: f64 = 1000.0;
 
@@ -206,14 +213,13 @@ impl TargetRule {
         target: &str,
         dir: &Path,
     ) -> Checked<Self> {
-        const OWN: [&str; 8] =
-            ["target", "from", "within", "bearing", "ground", "beams", "share", "without_any_one"];
-        required.has_only(at, &OWN, |key| match key {
+        required.has_only(at, &KEYS, |key| match key {
             "depth" => "it is of a `blind_zone`; a `target` has `within`",
             _ => "a `target` stands on the ground around the vehicle; leave the box out",
         })?;
         let on_scene = stands_on_scene(at, required)?;
-        let target = Target::named_at(&at.key("target"), dir, target)?;
+        let mut target = Target::named_at(&at.key("target"), dir, target)?;
+        target.returning_only = required.response;
         let mend = "say up to which distance, `\"within\": 40` for example";
         let within = required.within.ok_or_else(|| check::missing(at, "within", mend))?;
         let from = required.from.unwrap_or(FROM.min(within.max(0.0)));
@@ -244,7 +250,8 @@ impl TargetRule {
         };
         let around = around(required.bearing);
         let ground = if on_scene { ", on the ground of the scene" } else { "" };
-        let default = format!("{} {range} m{around}{needed}{ground}", target.name);
+        let returning = if required.response { RETURNING } else { "" };
+        let default = format!("{} {range} m{around}{needed}{returning}{ground}", target.name);
         let name = required.named(at, default_name(default, required.without_any_one))?;
         Ok(Self {
             name,

@@ -92,9 +92,8 @@ impl Vehicle {
         files.extend(required.files);
         notes.extend(required.notes);
         notes.extend(out_of_reach(&at.key("require"), &positions[1], &targets, &sensors));
-        if mounts.iter().map(|mount| mount.count[1]).sum::<usize>() < 2 {
-            notes.extend(needing_two(&at.key("require"), &vehicle.require));
-        }
+        let seats = mounts.iter().map(|mount| mount.count[1]).sum();
+        notes.extend(needing_more(&at.key("require"), &vehicle.require, seats));
         let other_sensors = at.key("other_sensors");
         let other_sensors =
             OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;
@@ -300,18 +299,21 @@ fn out_of_reach(
     beyond.map(doubt).collect()
 }
 
-/// Doubts about requirements that take two LiDARs, where the mounts hold one.
-fn needing_two(at: &Location, require: &[RequirementDescription]) -> Vec<Note> {
+/// Doubts about requirements that take two or three LiDARs, where the mounts hold fewer.
+fn needing_more(at: &Location, require: &[RequirementDescription], seats: usize) -> Vec<Note> {
     let doubt = |(position, required): (usize, &RequirementDescription)| {
-        let key = match (required.without_any_one, required.overlap) {
-            (true, _) => "without_any_one",
-            (false, Some(_)) => "overlap",
+        let (key, fewest, takes) = match (required.without_any_one, required.overlap) {
+            (true, Some(_)) => ("without_any_one", 3, "three"),
+            (true, None) => ("without_any_one", 2, "two"),
+            (false, Some(_)) => ("overlap", 2, "two"),
             (false, None) => return None,
         };
-        Some(Note::doubt(format!(
-            "{}: takes two LiDARs, and the mounts hold one; raise `count` of a mount, add a mount, or leave it out",
+        let hold = if seats < 2 { "one" } else { "two" };
+        let note = format!(
+            "{}: takes {takes} LiDARs, and the mounts hold {hold}; raise `count` of a mount, add a mount, or leave it out",
             at.item(position).key(key)
-        )))
+        );
+        (seats < fewest).then(|| Note::doubt(note))
     };
     require.iter().enumerate().filter_map(doubt).collect()
 }
