@@ -60,7 +60,8 @@ pub fn optimize(
         Start::New(new) => {
             let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
             note_repeated(&scenes, computing.watcher);
-            (None, new.begun()?, None, new.settings()?)
+            let (begun, settings) = new.checked()?;
+            (None, begun, None, settings)
         }
     };
     let length = request.max_seconds.map(Duration::from_secs_f64);

@@ -73,7 +73,7 @@ fn opened(
         FrontStart::New(new, objectives) => {
             let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
             note_repeated(&scenes, watcher);
-            let (begun, settings) = (new.begun()?, new.settings()?);
+            let (begun, settings) = new.checked()?;
             let (objectives, state) = (objectives.clone(), FrontState::default());
             Ok((None, SavedFront { begun, objectives, settings, state }))
         }

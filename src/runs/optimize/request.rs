@@ -5,14 +5,15 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::files::holds_run;
-use crate::job::{JobFiles, JobState};
+use crate::files::{check_new_folder, holds_run};
+use crate::job::{Job, JobError, JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::{from_here, word};
-use crate::runs::inputs::{Given, RESULT, note_unpriced, rig_path};
+use crate::runs::inputs::{Given, RESULT, can_be_read, note_unpriced, rig_path};
 use crate::runs::{Computing, RunError, Watcher};
-use crate::search::{FrameChoice, Settings};
+use crate::scene::Scene;
+use crate::search::{FrameChoice, SearchError, Settings};
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{MountRules, Vehicle, read_placements};
 
@@ -98,7 +99,8 @@ impl Begun {
     }
 }
 
-/// Refuses the folder of a run, and a file of placements, in the place of a scene.
+/// Refuses the folder of a run, and a file of placements, in the place of a scene; and a scene after the first that cannot
+/// be read.
 fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
     for path in files.scenes() {
         let file = path.display();
@@ -112,18 +114,40 @@ fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
         };
         return Err(RunError::Usage(format!("{file}: {fault}")));
     }
+    for path in files.more_scenes.iter().filter(|path| can_be_read(path).is_err()) {
+        files.read_scene(path)?;
+    }
     Ok(())
 }
 
+/// Refuses a budget below the cheapest rig of a vehicle file. Other faults of that file are told where its scene is read.
+fn check_budget(files: &JobFiles) -> Result<(), RunError> {
+    // A pipe is read once.
+    let file = files.vehicle.as_deref().filter(|file| files.budget.is_some() && file.is_file());
+    let Some(Ok(ground)) = file.map(Scene::level_ground) else { return Ok(()) };
+    match Job::new(ground).budget(files.budget).check_room() {
+        Err(error @ JobError::Search(SearchError::Budget { .. })) => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
 impl NewRun {
+    /// Files and options that the checkpoint keeps, and the settings, once all is checked that takes no scene.
+    pub(super) fn checked(&self) -> Result<(Begun, Settings), RunError> {
+        let checked = (self.begun()?, self.settings()?);
+        self.out.as_deref().map_or(Ok(()), check_new_folder)?;
+        Ok(checked)
+    }
+
     /// Files and options that the checkpoint keeps.
-    pub(super) fn begun(&self) -> Result<Begun, RunError> {
+    fn begun(&self) -> Result<Begun, RunError> {
         let absolute = |path: &PathBuf| whole_path(path).map_err(RunError::io(path));
         let files = &self.files;
         if files.scene.as_os_str().is_empty() {
             return Err(RunError::Usage("give a scene to search in".into()));
         }
         check_scenes(files)?;
+        check_budget(files)?;
         let files = JobFiles {
             scene: absolute(&files.scene)?,
             more_scenes: files.more_scenes.iter().map(absolute).collect::<Result<_, _>>()?,
@@ -154,7 +178,7 @@ impl NewRun {
     }
 
     /// The settings with the objective and the placements of the request.
-    pub(super) fn settings(&self) -> Result<Settings, RunError> {
+    fn settings(&self) -> Result<Settings, RunError> {
         let mut settings = self.settings.clone();
         if let Some(text) = &self.objective {
             settings.objective = text.parse()?;
