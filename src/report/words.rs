@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::RunRecord;
 use super::blind::{Blind, blind_in_words, unseen_in_words};
 use super::text::value_in_words;
+use super::warnings::kinds_beside;
 use crate::csv::rounded;
 use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
 use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored};
@@ -235,9 +236,12 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
     let rival = Scored::yardstick(baselines)?;
     let theirs = rival.objective?;
     let name = &rival.placement.name;
-    let clean = match honest().count() == baselines.len() {
-        true => "",
-        false => " without a warning or a broken rule",
+    let warned = kinds_beside(rival, best, "as here");
+    let clean = match (honest().count() == baselines.len(), warned.is_empty()) {
+        (true, true) => String::new(),
+        (true, false) => format!(" ({warned})"),
+        (false, true) => " without a warning or a broken rule".to_owned(),
+        (false, false) => format!(" that keeps every rule and requirement ({warned})"),
     };
     let shown = match baselines.len() {
         1 if name == PLAIN => format!("`{PLAIN}`, the same sensors placed without a search"),

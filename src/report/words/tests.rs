@@ -196,6 +196,11 @@ fn baselines_with_a_guard_or_a_broken_rule_are_no_yardstick() {
     assert!(alone.contains(why), "{alone}");
     assert!(!alone.contains("differences from baselines"), "{alone}");
     assert_eq!(broken_in_words(&baselines), ["roof rack: too near"]);
+    let mut on_paper = planted("Center", -2.0, 500.0);
+    on_paper.scores.required = vec![Seen::of("child", 1.0)];
+    on_paper.scores.requirements_hold_in = Some(0.9);
+    let words = verdict(Some(&found), &[on_paper], "m_sog_scaled");
+    assert!(words.contains(" than Center, the only baseline (on paper only), by "), "{words}");
 }
 
 #[test]
