@@ -376,25 +376,32 @@ fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String
     }
 }
 
+/// Things that decide before the value: a move that makes more copies meet the requirements may cost value.
+fn before_value_in_words(best: &Scored) -> &'static str {
+    match (best.scores.required.is_empty(), best.scores.requirements_hold_in) {
+        (true, _) => "guards",
+        (false, None) => "requirements, then guards",
+        (false, Some(_)) => "requirements, then copies that meet them, then guards",
+    }
+}
+
 /// Objective that each search method reached, and which method gave the result.
 pub(crate) fn methods_in_words(run: &RunRecord) -> String {
     let won = run.methods.iter().find(|method| method.won);
     let is_beaten = run.methods.iter().any(|m| won.is_some_and(|won| m.objective > won.objective));
     let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
     let then = if is_penalized { ", and unseen cars take a penalty off the objective" } else { "" };
+    let first = run.best.as_ref().map_or("guards", before_value_in_words);
     let each = run.methods.iter().map(|m| {
         let value = m.objective.map_or("nothing".into(), |m| value_in_words(&run.objective, m));
         let met = match m.requirements {
             [_, 0] => String::new(),
             [met, of] => format!(" with {met} of {of} requirements met"),
         };
-        let won = match (m.won, is_beaten, m.requirements[1]) {
-            (true, true, required) => {
-                let first = if required > 0 { "requirements, then guards" } else { "guards" };
-                format!(" (the result: {first} come first{then})")
-            }
-            (true, false, _) => " (the result)".to_owned(),
-            (false, ..) => String::new(),
+        let won = match (m.won, is_beaten) {
+            (true, true) => format!(" (the result: {first} come first{then})"),
+            (true, false) => " (the result)".to_owned(),
+            (false, _) => String::new(),
         };
         format!("{} reached {value}{met}, {} poses cast{won}", m.method, m.poses_cast)
     });

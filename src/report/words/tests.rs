@@ -333,6 +333,17 @@ fn a_result_that_no_climb_reached_is_told_with_its_origin() {
 }
 
 #[test]
+fn copies_that_meet_requirements_decide_before_the_value() {
+    let mut best = planted("found", -1.0, 500.0);
+    assert_eq!(before_value_in_words(&best), "guards");
+    best.scores.required = vec![Seen::of("child", 0.95)];
+    assert_eq!(before_value_in_words(&best), "requirements, then guards");
+    best.scores.requirements_hold_in = Some(0.9);
+    let words = "requirements, then copies that meet them, then guards";
+    assert_eq!(before_value_in_words(&best), words);
+}
+
+#[test]
 fn the_first_sentence_has_the_price_where_there_is_one() {
     let settings = json!({ "budget": 12_000.0, "equipped": { "cost": 9200.0 } });
     let price = price_in_words(&settings);
