@@ -1,13 +1,11 @@
 //! One error for callers that use several modules.
 
 use crate::chart::ChartError;
-use crate::datasets::DatasetError;
-use crate::export::ExportError;
 use crate::files::FileError;
 use crate::job::JobError;
 use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
-use crate::rig::RigError;
+use crate::rig::FormatError;
 use crate::score::ObjectiveError;
 use crate::study::StudyError;
 use crate::vehicle::{PlacementFileError, PoseGridError};
@@ -22,10 +20,8 @@ use crate::worlds::WorldError;
 #[allow(missing_docs, reason = "the types tell the modules")]
 pub enum Error {
     Placements(#[from] PlacementFileError),
-    Rig(#[from] RigError),
     PoseGrid(#[from] PoseGridError),
-    Dataset(#[from] DatasetError),
-    Export(#[from] ExportError),
+    Format(#[from] FormatError),
     Problem(#[from] ProblemError),
     Job(JobError),
     File(#[from] FileError),

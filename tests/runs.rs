@@ -8,16 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde_json::{Value, json};
 use sightline::EngineChoice;
-use sightline::export::{Layout, Splits};
-use sightline::job::JobFiles;
-use sightline::rig::{ImportSettings, Mounting};
-use sightline::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
-use sightline::runs::rig::{ExportRequest, compare_files, export_file, import_files};
+use sightline::export::Layout;
+use sightline::rig::ImportSettings;
+use sightline::runs::optimize::{OptimizeRequest, optimize};
+use sightline::runs::rig::{ExportRequest, Mounted, compare_files, export_file, import_files};
 use sightline::runs::scan::{ScanRequest, scan};
 use sightline::runs::score::{ScoreRequest, score};
 use sightline::runs::{Bar, Computing, Silent, TableFormat, Watcher};
-use sightline::scan::Scanning;
-use sightline::search::Settings;
 use tempfile::TempDir;
 
 use crate::cli::room;
@@ -106,15 +103,14 @@ fn scores_go_to_any_writer_and_the_engine_is_named_to_the_watcher() {
 fn a_search_that_was_stopped_goes_on_to_the_same_bytes() {
     let dir = TempDir::new().unwrap();
     let [scene, _] = given(&dir);
-    let new = |folder: &str| {
-        let settings = Settings { evaluations: 40, ..Settings::default() };
-        let files = JobFiles::new(std::slice::from_ref(&scene), None);
-        let out = Some(dir.path().join(folder));
-        Start::New(Box::new(NewRun { files, out, settings, ..NewRun::default() }))
+    let new = |folder: &str| OptimizeRequest {
+        scenes: vec![scene.clone()],
+        out: Some(dir.path().join(folder)),
+        evaluations: Some(40),
+        seed: 1,
+        ..OptimizeRequest::default()
     };
-    let run = |start: Start, watcher: &dyn Watcher| {
-        let request =
-            OptimizeRequest { start, max_seconds: None, frames: None, gltf: None, figures: None };
+    let run = |request: OptimizeRequest, watcher: &dyn Watcher| {
         optimize(&request, &on_cpu(watcher)).unwrap().expect("no sensors to choose")
     };
     let whole = run(new("whole"), &Silent);
@@ -123,7 +119,8 @@ fn a_search_that_was_stopped_goes_on_to_the_same_bytes() {
     let stopped = run(new("stopped"), &patience);
     assert!(patience.told().contains("go on with --resume"), "{}", patience.told());
     assert_ne!(stopped.record.stopped, whole.record.stopped);
-    run(Start::Resume(stopped.folder.clone()), &Silent);
+    let resume = Some(stopped.folder.clone());
+    run(OptimizeRequest { resume, ..OptimizeRequest::default() }, &Silent);
     // These hold times, of which no two runs have the same.
     let but = ["times.json", "result.json", "report.html", "run.json"];
     let [whole, stopped] = [&whole.folder, &stopped.folder].map(|folder| files(folder, &but));
@@ -139,15 +136,17 @@ fn scans_that_were_stopped_go_on_to_the_same_bytes() {
     let [scene, placements] = given(&dir);
     let request = |out: &str| ScanRequest {
         scenes: vec![scene.clone()],
-        placements: vec![format!("{}:two", placements.display())],
+        placement: vec![format!("{}:two", placements.display())],
         out: dir.path().join(out),
         layout: Layout::Npz,
-        scanning: Scanning { seed: 3, ..Scanning::default() },
+        ideal: false,
+        condition: Vec::new(),
+        seed: 3,
         frames: None,
-        splits: Splits::default(),
-        keyframe_every: 1,
-        camera_stubs: false,
-        each_lidar: true,
+        splits: None,
+        keyframe_every: None,
+        with_camera_stubs: false,
+        merged_only: false,
         map: Vec::new(),
         gltf: None,
     };
@@ -176,11 +175,10 @@ fn a_rig_that_is_written_and_read_again_is_the_same() {
         placement: placement.clone(),
         format: "urdf".parse().unwrap(),
         out: Some(urdf.clone()),
-        frames: Vec::new(),
-        sensors: BTreeMap::new(),
+        frame: Vec::new(),
         scene: None,
         vehicle: None,
-        mounting: Mounting::default(),
+        mounted: Mounted::default(),
     };
     assert_eq!(export_file(&request, &Silent).unwrap(), None);
     let read = ImportSettings::default();

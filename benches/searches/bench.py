@@ -12,7 +12,7 @@ from typing import Any
 from . import ours, peers, table
 from .figure import drawn
 from .problems import FIELDS, Problem, space_of
-from .records import BestKnown, Store, commit, write
+from .records import Absent, BestKnown, Store, commit, write
 from .scoring import Budget, Scenes, confirmed
 
 OWN = ("ours", "swaps")
@@ -20,17 +20,21 @@ OWN = ("ours", "swaps")
 SHARES = (0.125, 0.25, 0.5, 1.0)
 
 
+class LeftOut(Exception):
+    """A method that a problem does not take; holds a sentence."""
+
+
 class Bench:
     """Arguments, finished runs, and scenes that are built when a peer first needs them."""
 
     def __init__(self, args: Namespace) -> None:
         self.args = args
-        self.store = Store(args.out)
+        self.store = Store(args.out, args.kept)
         self.best = BestKnown(args.best_known)
         self.at = commit()
         self.scenes: dict[tuple[str, int | None], Scenes] = {}
         self.notes: list[str] = []
-        for method in [method for method in args.methods if method in peers.PEERS]:
+        for method in [method for method in args.methods if method in peers.PEERS and not args.kept]:
             note = peers.lacking(method)
             if note:
                 self.note(note)
@@ -83,22 +87,22 @@ class Bench:
             return [round(share * self.args.work) for share in SHARES]
         return [run["work"] for run in runs]
 
-    def searched(self, problem: Problem, method: str, seed: int, runs: list[dict[str, Any]]) -> dict[str, Any] | None:
+    def searched(self, problem: Problem, method: str, seed: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
         """A run of a peer over poses of the equipment that ours found, kept, or the one that is there.
 
-        None where a peer needs a baseline to start from and none fits.
+        LeftOut where a peer needs a baseline to start from and none fits.
         """
         mine, marks = runs[self.compared()], self.marks(runs)
         frames = self.args.peer_frames or -(-mine["search_frames"] // len(problem.scenes))
         settings = {"marks": marks, "frames": frames, "equipment": [mine["mounts"], equipment(mine)]}
-        space, first = space_of(problem, mine["lidars"], mine["mounts"]), None
-        if method in peers.STARTED:
-            first = space.shares([[lidar.get(name, 0.0) for name in FIELDS] for lidar in mine["baseline"] or []])
-            if first is None:
-                self.note(f"{peers.TITLES[method]} is left out on {problem.title}: no baseline fits its mounts.")
-                return None
 
         def run() -> dict[str, Any]:
+            space, first = space_of(problem, mine["lidars"], mine["mounts"]), None
+            if method in peers.STARTED:
+                first = space.shares([[lidar.get(name, 0.0) for name in FIELDS] for lidar in mine["baseline"] or []])
+                if first is None:
+                    raise LeftOut(f"{peers.TITLES[method]} is left out on {problem.title}: "
+                                  "no baseline fits its mounts.")
             few, whole = self.built(problem, frames), self.built(problem, None)
             budget = Budget(space, few, mine["required"], max(marks))
             peers.searched(method, budget.costs, space.variables, seed, budget.most, first)
@@ -120,25 +124,86 @@ class Bench:
         return known.index(self.args.compare) if self.args.compare in known else len(known) - 1
 
     def measured(self, problem: Problem) -> dict[str, dict[int, Any]]:
-        """All runs of a problem, by method and seed; of `ours` a list of runs, by evaluations."""
+        """All runs of a problem, by method and seed; of `ours` a list of runs, by evaluations.
+
+        Runs that --kept does not find are left out, and a seed where one of `ours` is.
+        """
         found: dict[str, dict[int, Any]] = {"ours": {}}
-        for seed in range(1, self.args.seeds + 1):
-            runs = [self.optimized(problem, f"ours-{count}", seed, ["--evaluations", str(count)])
-                    for count in self.args.evaluations]
+        others = [method for method in self.args.methods if method != "ours"]
+        if problem.plain and others:
+            self.note(f"Left out on {problem.title}: {', '.join(others)}; `optimize` alone runs variants, since peers "
+                      "know neither its option nor its rules.")
+            others = []
+        for seed in self.seeds:
+            try:
+                runs = [self.optimized(problem, f"ours-{count}", seed, ["--evaluations", str(count)])
+                        for count in self.args.evaluations]
+            except Absent:
+                continue
             found["ours"][seed] = runs
-            for method in self.args.methods:
-                if method == "swaps":
-                    try:
-                        run = self.optimized(problem, method, seed, ["--method", "swaps"])
-                    except ours.Refused as refused:
-                        self.note(f"swaps is left out on {problem.title}: {str(refused).splitlines()[-1]}")
-                    else:
-                        found.setdefault(method, {})[seed] = run
-                elif method in peers.PEERS:
-                    rival = self.searched(problem, method, seed, runs)
-                    if rival is not None:
-                        found.setdefault(method, {})[seed] = rival
+            for method in others:
+                try:
+                    run = self.optimized(problem, method, seed, ["--method", "swaps"]) if method == "swaps" \
+                        else self.searched(problem, method, seed, runs)
+                except Absent:
+                    continue
+                except LeftOut as left_out:
+                    self.note(str(left_out))
+                except ours.Refused as refused:
+                    self.note(f"{method} is left out on {problem.title}: {str(refused).splitlines()[-1]}")
+                else:
+                    found.setdefault(method, {})[seed] = run
+        if self.args.kept:
+            there = ", ".join(f"{method} {len(found.get(method, {}))}" for method in ("ours", *others))
+            self.note(f"{problem.title}, seeds that are there: {there}")
         return found
+
+    @property
+    def seeds(self) -> range:
+        """Seeds of the runs."""
+        return range(1, self.args.seeds + 1)
+
+    def more(self, problem: Problem) -> list[str]:
+        """Rows of the table of evaluations: each number of them against the next smaller, over seeds that have both."""
+        rows, counts = [], self.args.evaluations
+        for pair in zip(counts, counts[1:]):
+            told = [shlex.join(["--evaluations", str(count), *self.args.options]) for count in pair]
+            runs = {seed: [self.store.known(problem.key, f"ours-{count}", seed, {"options": options})
+                           for count, options in zip(pair, told)] for seed in self.seeds}
+            values = {seed: (both[0]["value"], both[1]["value"]) for seed, both in runs.items() if all(both)}
+            if values:
+                rows.append(table.more_row(problem.title, *pair, values))
+        return rows
+
+    def beside(self, variant: Problem, runs: dict[int, list[dict[str, Any]]]) -> list[str]:
+        """The row of a variant in the table of variants; none where no run is there."""
+        values = {}
+        for seed, by_count in runs.items():
+            try:
+                rival = self.adapted(variant, seed)
+            except Absent:
+                continue
+            values[seed] = (by_count[self.compared()]["value"], rival)
+        if not values:
+            return []
+        return [table.variant_row(variant.title, variant.plain.title, variant.fair, values)]
+
+    def adapted(self, variant: Problem, seed: int) -> float | None:
+        """Value for the variant of what the plain relative's search found, brought under the variant's rules."""
+        count = self.args.evaluations[self.compared()]
+        plain = self.optimized(variant.plain, f"ours-{count}", seed, ["--evaluations", str(count)])
+        rivals = variant.rivals(plain["lidars"])
+
+        def run() -> dict[str, Any]:
+            found = ours.scored(variant, rivals, self.args.options, self.args.program, self.args.out)
+            words = shlex.join(["sightline", "optimize", *variant.shown, *self.args.options])
+            command = f"{plain['command']}, {variant.fair}, as a baseline of {words}"
+            return {**found, "command": command, "commit": self.at}
+
+        settings = {"options": shlex.join(self.args.options), "placements": rivals}
+        record = self.store.done(variant.key, f"plain-{count}", seed, settings, run)
+        self.offer(variant, record, record["value"], record["lidars"])
+        return record["value"]
 
     def written(self, problem: Problem, found: dict[str, dict[int, Any]]) -> str:
         """Draws the figure of a problem; its part of the table."""
@@ -177,13 +242,22 @@ class Bench:
 
     def run(self, problems: list[Problem]) -> str:
         """Measures problem by problem and writes table.md after each."""
-        parts, text = [], ""
+        parts, more, beside, text = [], [], [], ""
         seeds = f"seeds 1 to {self.args.seeds}" if self.args.seeds > 1 else "seed 1"
+        seeds += ", those of which all runs of ours are there" if self.args.kept else ""
         for problem in problems:
-            parts.append(self.written(problem, self.measured(problem)))
+            found = self.measured(problem)
+            if found["ours"]:
+                parts.append(self.written(problem, found))
+            more += self.more(problem)
+            beside += self.beside(problem, found["ours"]) if problem.plain else []
             self.scenes.clear()
             notes = [f"- {note}\n" for note in self.notes]
-            text = "\n".join([table.INTRODUCTION.format(seeds=seeds), *parts, *notes])
+            tables = [table.MORE + "\n".join(more) + "\n"] if more else []
+            if beside:
+                count = self.args.evaluations[self.compared()]
+                tables.append(table.VARIANTS.format(count=count) + "\n".join(beside) + "\n")
+            text = "\n".join([table.INTRODUCTION.format(seeds=seeds), *parts, *tables, *notes])
             write(self.args.out / "table.md", text)
         return text
 

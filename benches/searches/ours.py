@@ -10,7 +10,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from .problems import Problem
+from .problems import Lidars, Problem
 
 
 def children() -> float:
@@ -55,34 +55,32 @@ def work_of(result: dict[str, Any]) -> int:
     return result["search_frames"] * sum(method["poses_cast"] for method in result["methods"])
 
 
-def best_baseline(baselines: list[dict[str, Any]]) -> list[dict[str, Any]] | None:
-    """LiDARs of the best baseline that keeps everything."""
+def value_of(scored: dict[str, Any]) -> float | None:
+    """Objective of a placement as result.json has it; None where anything is broken or unmet."""
+    unmet = [row for row in scored["scores"].get("requirements", []) if not row["met"]]
+    return None if unmet or scored["violations"] or doubts(scored["scores"]["guards"]) else scored["objective"]
 
-    def honest(scored: dict[str, Any]) -> bool:
-        unmet = [row for row in scored["scores"].get("requirements", []) if not row["met"]]
-        return not (unmet or scored["violations"] or doubts(scored["scores"]["guards"]))
 
-    kept = [scored for scored in baselines if honest(scored) and scored["objective"] is not None]
-    best = max(kept, key=lambda scored: scored["objective"], default=None)
-    return None if best is None else best["placement"]["lidars"]
+def best_of(baselines: list[dict[str, Any]]) -> tuple[float | None, Lidars | None]:
+    """Value and LiDARs of the best baseline that keeps everything."""
+    kept = [(value, row["placement"]["lidars"]) for row in baselines if (value := value_of(row)) is not None]
+    return max(kept, key=lambda row: row[0], default=(None, None))
 
 
 def record_of(result: dict[str, Any]) -> dict[str, Any]:
     """The part of result.json that is kept. `value` is None where anything is broken or unmet."""
     best = result["best"]
     required = best["scores"].get("requirements", [])
-    unmet = [row["name"] for row in required if not row["met"]]
-    broken = best["violations"] + doubts(best["scores"]["guards"])
     return {
-        "value": None if unmet or broken else best["objective"],
+        "value": value_of(best),
         "objective": best["objective"],
-        "unmet": unmet,
-        "broken": broken,
+        "unmet": [row["name"] for row in required if not row["met"]],
+        "broken": best["violations"] + doubts(best["scores"]["guards"]),
         "holds_in": best["scores"].get("requirements_hold_in"),
         "required": {row["name"]: row["required"] for row in required},
         "lidars": best["placement"]["lidars"],
         "mounts": result.get("mounts"),
-        "baseline": best_baseline(result["baselines"]),
+        "baseline": best_of(result["baselines"])[1],
         "work": work_of(result),
         "poses_cast": sum(method["poses_cast"] for method in result["methods"]),
         "search_frames": result["search_frames"],
@@ -101,8 +99,6 @@ def optimized(problem: Problem, seed: int, options: list[str], program: Path, ou
     text = called(program, ["optimize", *problem.arguments, *told, *rest], (0, 1))
     seconds = children() - before
     result = json.loads(text)
-    if result.get("phases"):
-        at_common_draw(problem, result["best"], folder / "placements.json", program)
     shutil.rmtree(folder, ignore_errors=True)
     command = shlex.join(["sightline", "optimize", *problem.shown, *told])
     if problem.made:
@@ -110,14 +106,20 @@ def optimized(problem: Problem, seed: int, options: list[str], program: Path, ou
     return {**record_of(result), "cpu_seconds": seconds, "command": command}
 
 
-def at_common_draw(problem: Problem, best: dict[str, Any], file: Path, program: Path) -> None:
-    """Scores anew a result with free phases, by the draw 0 that all placements of this benchmark are scored by.
+def scored(problem: Problem, placements: list[Lidars], options: list[str], program: Path, out: Path) -> dict[str, Any]:
+    """The best of placements that keeps the rules of a problem, over all frames; value None where none does.
 
-    `optimize` draws phases by its seed, and has chosen a placement that does well by that draw.
+    They are the baselines of a run of one evaluation, since `score` knows neither rules nor mirrored scenes.
     """
-    vehicle = ["--vehicle", str(problem.vehicle)] if problem.vehicle else []
-    rest = ["--tolerance", "0", "--backend", "cpu", "--quiet", "--format", "json"]
-    text = called(program, ["score", *map(str, problem.scenes), str(file), *vehicle, *rest], (0, 1))
-    holds_in = best["scores"].get("requirements_hold_in")
-    best["scores"] = {**json.loads(text)["scores"][0], "requirements_hold_in": holds_in}
-    best["objective"] = best["scores"]["near_gain"]
+    folder = out / "runs" / f"{problem.key}-plain"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    named = [{"name": str(index), "lidars": lidars} for index, lidars in enumerate(placements)]
+    (folder / "placements.json").write_text(json.dumps({"placements": named}))
+    told = ["--baselines", str(folder / "placements.json"), "--evaluations", "1", "--method", "cma", "--frames", "1",
+            "--tolerance", "0", *options,
+            "--out", str(folder / "run"), "--backend", "cpu", "--quiet", "--format", "json"]
+    result = json.loads(called(program, ["optimize", *problem.arguments, *told], (0, 1)))
+    shutil.rmtree(folder, ignore_errors=True)
+    value, lidars = best_of(result["baselines"])
+    return {"value": value, "lidars": lidars}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -15,6 +16,7 @@ FIELDS = ("x", "y", "z", "roll", "pitch", "yaw")
 MIRRORED = (1, 3, 5)
 #: Rules that the map does not know; a problem with one is refused.
 UNKNOWN_RULES = ("keep_out", "equal_height", "mesh")
+Lidars = list[dict[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,12 +32,20 @@ class Problem:
     #: Text of the vehicle file, if it is not there.
     vehicle_made: str = ""
     title: str = ""
+    #: Placements that are injected; a file of the repository.
+    start: Path | None = None
+    #: Plain relative of a variant, without its option; in words, how the relative's placement is compared.
+    plain: Problem | None = None
+    fair: str = ""
+    #: Placements that keep the rules of the variant, made of the one found for `plain`.
+    rivals: Callable[[Lidars], list[Lidars]] = lambda lidars: [lidars]
 
     @property
     def arguments(self) -> list[str]:
         """Arguments of `sightline optimize` for this problem."""
         vehicle = ["--vehicle", str(self.vehicle)] if self.vehicle else []
-        return [*map(str, self.scenes), *vehicle, *self.options]
+        start = ["--inject", str(self.start)] if self.start else []
+        return [*map(str, self.scenes), *vehicle, *start, *self.options]
 
     @property
     def shown(self) -> list[str]:
@@ -44,7 +54,8 @@ class Problem:
                   for path in self.scenes]
         vehicle = ["--vehicle", self.vehicle.name if self.vehicle_made else str(self.vehicle.relative_to(ROOT))] \
             if self.vehicle else []
-        return [*map(str, inside), *vehicle, *self.options]
+        start = ["--inject", str(self.start.relative_to(ROOT))] if self.start else []
+        return [*map(str, inside), *vehicle, *start, *self.options]
 
 
 def problems(out: Path) -> dict[str, Problem]:

@@ -21,11 +21,15 @@ def write(path: Path, text: str) -> None:
     beside.replace(path)
 
 
-class Store:
-    """Finished runs of a folder, by problem, method and seed."""
+class Absent(Exception):
+    """A run that is not there, in a store that makes none; holds the name of its file."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder / "results"
+
+class Store:
+    """Finished runs of a folder, by problem, method and seed; with `kept` those that are there, and no others."""
+
+    def __init__(self, folder: Path, kept: bool = False) -> None:
+        self.folder, self.kept = folder / "results", kept
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def path(self, problem: str, method: str, seed: int) -> Path:
@@ -42,19 +46,26 @@ class Store:
         except ValueError as error:
             raise SystemExit(f"{path}: is no JSON ({error}); delete it and start again") from None
 
+    def known(self, problem: str, method: str, seed: int, settings: dict[str, Any]) -> dict[str, Any] | None:
+        """A finished run, if there is one. SystemExit where it had other settings."""
+        known = self.get(problem, method, seed)
+        if known is not None and known["settings"] != settings:
+            raise SystemExit(
+                f"{self.path(problem, method, seed)}: was run with {known['settings']}, now wanted is "
+                f"{settings}; give another --out, or delete the file"
+            )
+        return known
+
     def done(self, problem: str, method: str, seed: int, settings: dict[str, Any], run: Any) -> dict[str, Any]:
-        """The finished run that is there, else that of `run()`, which is kept.
+        """The finished run that is there, else that of `run()`, which is kept; Absent where runs are not made.
 
         SystemExit where the one that is there had other settings.
         """
-        known = self.get(problem, method, seed)
+        known = self.known(problem, method, seed, settings)
         if known is not None:
-            if known["settings"] != settings:
-                raise SystemExit(
-                    f"{self.path(problem, method, seed)}: was run with {known['settings']}, now wanted is "
-                    f"{settings}; give another --out, or delete the file"
-                )
             return known
+        if self.kept:
+            raise Absent(self.path(problem, method, seed).name)
         record = {"problem": problem, "method": method, "seed": seed, "settings": settings, **run()}
         write(self.path(problem, method, seed), json.dumps(record, indent=1) + "\n")
         return record

@@ -40,10 +40,10 @@ def margin(ours: float | None, peer: float | None) -> float:
     return 100.0 * (ours - peer) / abs(peer)
 
 
-def percent(value: float, signed: bool = False) -> str:
-    """A percentage to read."""
+def percent(value: float, signed: bool = False, sides: tuple[str, str] = ("ours", "theirs")) -> str:
+    """A percentage to read; where it is infinite, which of two sides meets all."""
     if math.isinf(value):
-        return "only ours meets all" if value > 0.0 else "only theirs meets all"
+        return f"only {sides[0 if value > 0.0 else 1]} meets all"
     return f"{value:+.2f}" if signed else f"{value:.2f}"
 
 
@@ -83,6 +83,25 @@ def peer_row(name: str, ours: dict[int, float | None], peer: dict[int, float | N
     return f"| {' | '.join(cells)} |"
 
 
+def more_row(title: str, fewer: int, more: int, pairs: dict[int, tuple[float | None, float | None]]) -> str:
+    """A row of the table of evaluations: values by seed of runs of fewer and of more."""
+    margins = {seed: margin(b, a) for seed, (a, b) in pairs.items()}
+    lost = [str(seed) for seed, by in margins.items() if by < 0.0]
+    sides = (str(more), str(fewer))
+    ends = [percent(by, True, sides) for by in (quantile(list(margins.values()), 0.5), min(margins.values()))]
+    seeds = f"{len(lost)} of {len(margins)}" + (f": {', '.join(lost)}" if lost else "")
+    return f"| {' | '.join([title, f'{more} against {fewer}', *ends, seeds])} |"
+
+
+def variant_row(title: str, relative: str, fair: str, pairs: dict[int, tuple[float | None, float | None]]) -> str:
+    """A row of the table of variants: values by seed of the variant, and of its relative's placement."""
+    medians = [gain(quantile([number(pair[side]) for pair in pairs.values()], 0.5)) for side in (0, 1)]
+    margins, sides = [margin(*pair) for pair in pairs.values()], ("the variant", "its relative")
+    ends = [percent(by, True, sides) for by in (quantile(margins, 0.5), min(margins))]
+    behind = f"{sum(by < 0.0 for by in margins)} of {len(margins)}"
+    return f"| {' | '.join([title, medians[0], f'{relative}, {fair}', medians[1], *ends, behind])} |"
+
+
 OWN_HEAD = """| search | median | worst | spread, % | from the best known, % | all met | CPU s |
 |---|--:|--:|--:|--:|--:|--:|"""
 PEER_HEAD = """| peer | its median | margin of ours, median, % | worst seed, % | ours ahead | cast × frames | CPU s |
@@ -99,6 +118,21 @@ def section(key: str, title: str, best: float | None, own: list[str], compared: 
     return "\n".join(lines)
 
 
+MORE = """## More evaluations against fewer
+
+The value of a run less that of one with fewer evaluations and the same seed, in per cent of the latter.
+
+| problem | evaluations | median, % | worst seed, % | seeds that lost |
+|---|---|--:|--:|---|
+"""
+VARIANTS = """## Variants beside their plain relatives
+
+{count} evaluations. The relative's placement is the result of `optimize` without the option, with as many evaluations and
+the same seed. It is brought under the rules of the variant and scored for its question, which the variant searched for.
+
+| variant | its median | relative's placement | median of that | difference, median, % | worst seed, % | seeds behind |
+|---|--:|---|--:|--:|--:|--:|
+"""
 INTRODUCTION = """# Benchmark of searches
 
 Near gain in per cent, over all frames; {seeds}. *unmet*: a requirement, guard or rule is not kept. Spread is the best

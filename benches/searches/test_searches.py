@@ -17,13 +17,14 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benches.searches import ours, peers, table  # noqa: E402
-from benches.searches.bench import Bench, lidars  # noqa: E402
+from benches.searches.bench import Bench, LeftOut, lidars  # noqa: E402
 from benches.searches.__main__ import main, parsed  # noqa: E402
 from benches.searches.front import Place, Scored, equipped, volume  # noqa: E402
 from benches.searches.figure import drawn, steps  # noqa: E402
 from benches.searches.problems import Mount, Space, mount_of, partners, problems, space_of  # noqa: E402
-from benches.searches.records import BestKnown, Store  # noqa: E402
+from benches.searches.records import Absent, BestKnown, Store  # noqa: E402
 from benches.searches.scoring import Budget, Spent, confirmed, cost  # noqa: E402
+from benches.searches.variants import START, level, or_start, paired, variants  # noqa: E402
 
 BOX = Mount((-1, -2, 1, -0.1, 0, 0), (1, 2, 1, 0.3, 0, 0))
 PROGRAM = Path(os.environ.get("SIGHTLINE", problems(Path())["uc"].scenes[0].parents[1] / "target/release/sightline"))
@@ -156,6 +157,126 @@ def test_a_method_that_the_program_refuses_is_left_out_with_its_words(tmp_path, 
     found = bench.measured(problems(tmp_path)["van"])
     assert list(found) == ["ours"]
     assert bench.notes == ["swaps is left out on van on a street: sightline: too many poses"]
+
+
+def result_of(value):
+    """A record of a run, as far as the benchmark reads it."""
+    return {"value": value, "work": 100, "cpu_seconds": 1.0, "lidars": [], "mounts": None, "baseline": None,
+            "search_frames": 4, "required": {}, "command": "optimize", "commit": "c"}
+
+
+def kept(tmp_path, values, *told):
+    """A benchmark with --kept of runs of uc whose values are by evaluations and seed."""
+    store = Store(tmp_path)
+    for (count, seed), value in values.items():
+        store.done("uc", f"ours-{count}", seed, {"options": f"--evaluations {count}"}, lambda v=value: result_of(v))
+    args = parsed(["--kept", "--seeds", "4", "--evaluations", "45,90", "--out", str(tmp_path), *told])
+    args.best_known = tmp_path / "best.json"
+    return Bench(args)
+
+
+def test_more_evaluations_are_held_against_fewer_seed_by_seed(tmp_path):
+    row = table.more_row("uc", 45, 90, {1: (0.30, 0.33), 2: (0.40, 0.39), 3: (0.30, 0.30)})
+    assert row == "| uc | 90 against 45 | +0.00 | -2.50 | 1 of 3: 2 |"
+    assert "| only 90 meets all | only 45 meets all | 1 of 3: 2 |" in \
+        table.more_row("uc", 45, 90, {1: (None, 0.3), 2: (0.4, None), 3: (None, 0.3)})
+    values = {(45, 1): 0.30, (90, 1): 0.33, (45, 2): 0.40, (90, 2): 0.39, (45, 3): 0.50}
+    bench = kept(tmp_path, values)
+    uc = problems(tmp_path)["uc"]
+    assert bench.more(uc) == ["| urban-crossing | 90 against 45 | +3.75 | -2.50 | 1 of 2: 2 |"], "seed 3 has no 90"
+    assert bench.more(problems(tmp_path)["hw"]) == []
+    bench.args.options = ["--symmetric"]
+    with pytest.raises(SystemExit, match="another --out"):
+        bench.more(uc)
+
+
+def test_kept_runs_give_table_and_figure_and_nothing_is_run(tmp_path, monkeypatch, capsys):
+    kept(tmp_path, {(45, 1): 0.30, (90, 1): 0.33, (45, 2): 0.40})
+    monkeypatch.setattr(ours, "called", lambda *of: pytest.fail("runs the program"))
+    monkeypatch.setattr(peers, "lacking", lambda *of: pytest.fail("looks for a peer"))
+    told = ["--kept", "--problems", "uc,hw,uc-fog", "--methods", "ours,swaps,random", "--seeds", "2", "--evaluations",
+            "45,90", "--best-known", str(tmp_path / "best.json"), "--program", "/nowhere"]
+    assert main([*told, "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert printed == (tmp_path / "table.md").read_text()
+    assert "| `optimize`, 90 evaluations | 33.000 | 33.000 | 0.00 |" in printed and "90 against 45" in printed
+    assert "## highway" not in printed and "highway, seeds that are there: ours 0, swaps 0, random 0" in printed
+    assert "urban-crossing, seeds that are there: ours 1, swaps 0, random 0" in printed
+    assert "Left out on urban-crossing in fog: swaps, random; `optimize` alone" in printed
+    assert (tmp_path / "uc.svg").exists() == (importlib.util.find_spec("matplotlib") is not None)
+    assert main([*told, "--out", str(tmp_path / "none")]) == 2
+    assert "holds no results" in capsys.readouterr().err
+    with pytest.raises(Absent, match="uc.random.1.json"):
+        Store(tmp_path, kept=True).done("uc", "random", 1, {}, lambda: pytest.fail("runs"))
+
+
+def test_a_peer_that_finds_no_start_is_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(peers, "lacking", lambda method: None)
+    args = parsed(["--methods", "pycma-start", "--out", str(tmp_path)])
+    args.best_known = tmp_path / "best.json"
+    bench, uc = Bench(args), problems(tmp_path)["uc"]
+    with pytest.raises(LeftOut, match="from the best baseline is left out on urban-crossing: no baseline fits"):
+        bench.searched(uc, "pycma-start", 1, [result_of(0.3)] * 4)
+
+
+RIG = [{"x": 0.1 * k, "y": 0.2 * k, "z": 2.4, "roll": 0.1, "pitch": 0.0, "yaw": 0.3} for k in range(1, 5)]
+
+
+def test_rivals_of_variants_keep_the_rule_of_the_variant():
+    assert [lidar["roll"] for lidar in level(RIG)[0]] == [0.0] * 4 and level(RIG)[0][1]["y"] == 0.4
+    halves = paired(RIG)
+    assert len(halves) == 6 and halves[0][:2] == RIG[:2]
+    assert halves[0][2] == {"x": 0.1, "y": -0.2, "z": 2.4, "roll": -0.1, "pitch": 0.0, "yaw": -0.3}
+    assert all(partners(half) == [None, None, 0, 1] for half in halves)
+    both = or_start(RIG)
+    assert both[0] == RIG and len(both) == 2 and len(both[1]) == 4
+
+
+def test_every_variant_names_its_plain_relative_and_what_is_fair(tmp_path):
+    known = problems(tmp_path)
+    assert parsed(["--problems", "hw,variants"]).problems == ["hw", *variants(known)]
+    assert set(parsed([]).problems) == set(known), "variants are run where they are named"
+    for key, variant in variants(known).items():
+        assert variant.key == key and variant.plain is known[variant.plain.key]
+        assert variant.title and variant.fair and variant.arguments != variant.plain.arguments
+        assert all(len(rival) == 4 for rival in variant.rivals(RIG)), key
+    start = variants(known)["uc-inject"]
+    assert start.shown[1:] == ["--inject", "benches/searches/start.json"] and str(START) in start.arguments
+
+
+def test_rows_of_variants_say_who_is_behind():
+    row = table.variant_row("v", "uc", "as it is", {1: (0.33, 0.30), 2: (0.39, 0.40), 3: (0.32, 0.32)})
+    assert row == "| v | 33.000 | uc, as it is | 32.000 | +0.00 | -2.50 | 1 of 3 |"
+    row = table.variant_row("v", "uc", "as it is", {1: (0.33, None)})
+    assert row.endswith("| unmet | only the variant meets all | only the variant meets all | 0 of 1 |")
+    assert table.percent(-math.inf) == "only theirs meets all"
+
+
+def test_a_variant_stands_beside_what_its_relative_found(tmp_path, monkeypatch):
+    args = parsed(["--seeds", "2", "--evaluations", "9,20", "--compare", "20", "--out", str(tmp_path)])
+    args.best_known = tmp_path / "best.json"
+    bench = Bench(args)
+    monkeypatch.setattr(ours, "made", lambda *of: None)
+    ran = []
+
+    def optimized(problem, seed, options, *of):
+        ran.append((problem.key, seed, *options))
+        return {**result_of(0.30 if problem.plain else 0.40), "lidars": RIG}
+
+    def scored(problem, placements, *of):
+        assert (problem.key, placements) == ("uc-fix", level(RIG))
+        return {"value": 0.32, "lidars": placements[0]}
+
+    monkeypatch.setattr(ours, "optimized", optimized)
+    monkeypatch.setattr(ours, "scored", scored)
+    text = bench.run([variants(problems(tmp_path))["uc-fix"]])
+    row = "| urban-crossing with roll fixed at 0 | 30.000 | urban-crossing, with every roll at 0 | 32.000 | -6.25 | -6.25 | 2 of 2 |"
+    assert row in text and "20 evaluations. The relative's placement" in text
+    assert [run for run in ran if run[0] == "uc"] == [("uc", seed, "--evaluations", "20") for seed in (1, 2)]
+    best = json.loads(args.best_known.read_text())["uc-fix"]
+    assert best["value"] == 0.32 and best["command"].endswith(
+        "with every roll at 0, as a baseline of sightline optimize scenes/urban-crossing.json --fix roll=0")
+    assert (tmp_path / "results/uc-fix.plain-20.2.json").exists()
 
 
 @pytest.mark.parametrize(("code", "kind"), [(2, ours.Refused), (101, SystemExit)])
@@ -300,7 +421,7 @@ def test_a_result_counts_only_if_it_keeps_everything():
     assert ours.record_of({**result, "fidelity": None})["work"] == 28
     fine = {"placement": {"lidars": [1]}, "scores": {"guards": []}, "objective": 0.2, "violations": []}
     broken = {**fine, "placement": {"lidars": [2]}, "objective": 0.9, "violations": ["too close"]}
-    assert ours.best_baseline([fine, broken, best]) == [1] and ours.best_baseline([broken]) is None
+    assert ours.best_of([broken, fine, best]) == (0.2, [1]) and ours.best_of([broken]) == (None, None)
 
 
 @pytest.mark.parametrize("method", peers.PEERS)
@@ -357,6 +478,19 @@ def test_the_program_allows_the_space_and_no_more(tmp_path):
     assert [found[str(k)] for k in range(8)] == [[]] * 8
     assert space.missing(close) == pytest.approx(0.01) and "too close" in found["8"][0]
     assert found["9"] and found["9"] != found["0"], "a millimetre off the patch"
+
+
+@pytest.mark.skipif(not PROGRAM.exists(), reason="needs cargo build --release or SIGHTLINE=PROGRAM")
+@pytest.mark.parametrize("key", ["uc-symmetric", "uc-fix", "uc-inject"])
+def test_the_program_scores_rivals_by_the_rules_of_the_variant(tmp_path, key):
+    variant, rig = variants(problems(tmp_path))[key], or_start([])[1]
+    rivals = variant.rivals(rig)
+    found = ours.scored(variant, [rig, *rivals], [], PROGRAM, tmp_path)
+    assert 0.25 < found["value"] < 0.45
+    assert [[lidar[name] for name in ("x", "y", "z", "roll")] for lidar in found["lidars"]] in \
+        [[[lidar[name] for name in ("x", "y", "z", "roll")] for lidar in rival] for rival in rivals]
+    if key != "uc-inject":
+        assert ours.scored(variant, [rig], [], PROGRAM, tmp_path) == {"value": None, "lidars": None}
 
 
 @pytest.mark.skipif(importlib.util.find_spec("sightline") is None or not PROGRAM.exists(),

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use sightline::Psog;
 use sightline::datasets::{
-    BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, PsogOptions, build_psog,
+    BoxTrack, FormatError, LabelledScan, LabelledSequence, PointLabel, PsogOptions, build_psog,
 };
 use sightline::geom::Pose;
 use sightline::internals::{EntropyKind, FileError, to_nats, write_whole};
@@ -337,21 +337,21 @@ impl LabelledSequence for Recording<'_> {
         None
     }
 
-    fn ego_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+    fn ego_from_sensor(&self, frame: u32) -> Result<Pose, FormatError> {
         // Builders look here once for each frame that votes, in order.
         self.watch.reach("frames", frame as usize, self.frames.len());
         Ok(Pose::IDENTITY)
     }
 
-    fn world_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+    fn world_from_sensor(&self, frame: u32) -> Result<Pose, FormatError> {
         Ok(self.frames[frame as usize].1)
     }
 
-    fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
+    fn tracks(&self) -> Result<Vec<BoxTrack>, FormatError> {
         Ok(Vec::new())
     }
 
-    fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
+    fn read(&self, frame: u32) -> Result<LabelledScan, FormatError> {
         Ok(self.frames[frame as usize].0.clone())
     }
 }

@@ -1,15 +1,14 @@
 //! Options that several commands share.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde_json::json;
 
-use super::output::{Talk, Terminal};
-use crate::datasets::CarlaTags;
+use super::output::{Exit, Talk, Terminal};
 use crate::engine::{EngineChoice, EngineKind};
-use crate::runs::parse::number_as;
-use crate::runs::psog::CarlaScans;
-use crate::runs::{Computing, RunError};
+use crate::runs::{Computing, RunError, TableFormat};
 use crate::vehicle::SensorChoice;
 
 /// Options of every command that computes scores.
@@ -81,6 +80,43 @@ impl<R: Args, F: ValueEnum + Default + Send + Sync + 'static> Asked<R, F> {
     }
 }
 
+/// A command that computes, and whose request says how to print.
+#[derive(Args)]
+pub(super) struct Computed<R: Args> {
+    #[command(flatten)]
+    pub request: R,
+    #[command(flatten)]
+    pub named: UnnamedModelArgs,
+    #[command(flatten)]
+    pub compute: Compute,
+}
+
+impl<R: Args> Computed<R> {
+    /// Engine, vehicle, models and watcher of the command.
+    pub(super) fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
+        self.named.computing(&self.compute, terminal)
+    }
+}
+
+impl<R: Args> Asked<R, TableFormat> {
+    /// Prints the answer of `ask`, all of it as JSON, its table as CSV, or as `text` has it.
+    pub(super) fn answer<A: Serialize>(
+        &self,
+        ask: fn(&R, &Computing<'_>) -> Result<A, RunError>,
+        table: fn(&A) -> String,
+        text: fn(&A) -> String,
+    ) -> Result<(Exit, A), RunError> {
+        let terminal = self.compute.start()?;
+        let found = ask(&self.request, &self.computing(&terminal))?;
+        match self.format {
+            TableFormat::Json => outln!("{}", json!(found))?,
+            TableFormat::Csv => out!("{}", table(&found))?,
+            TableFormat::Text => out!("{}", text(&found))?,
+        }
+        Ok((terminal.exit(), found))
+    }
+}
+
 /// Value of `--backend`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum BackendChoice {
@@ -100,17 +136,6 @@ pub(super) enum Format {
     Text,
     /// For programs.
     Json,
-}
-
-/// Longest time that a search may be given, in seconds.
-const MOST_SECONDS: f64 = 1e9;
-
-/// `--max-seconds`.
-pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.0..=MOST_SECONDS).contains(&seconds) => Ok(seconds),
-        _ => Err(format!("give 0 to {MOST_SECONDS} seconds, as 30")),
-    }
 }
 
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.
@@ -133,21 +158,12 @@ fn parse_size(text: &str) -> Result<u64, String> {
 }
 
 impl Compute {
-    /// The engine asked for.
-    pub(super) fn engine(&self) -> EngineChoice {
-        let kind = self.backend.kind();
-        let (adapter, inexact) = (self.adapter.clone(), self.inexact);
-        EngineChoice { kind, adapter, memory: self.memory, inexact }
-    }
-
     /// Engine, vehicle and models, with the terminal as watcher.
     pub(super) fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
-        Computing {
-            engine: self.engine(),
-            vehicle: self.vehicle.clone(),
-            sensors: Vec::new(),
-            watcher: terminal,
-        }
+        let (kind, adapter) = (self.backend.kind(), self.adapter.clone());
+        let engine = EngineChoice { kind, adapter, memory: self.memory, inexact: self.inexact };
+        let (vehicle, sensors) = (self.vehicle.clone(), Vec::new());
+        Computing { engine, vehicle, sensors, watcher: terminal }
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.
@@ -206,49 +222,6 @@ pub(super) fn start_default_threads() -> Result<(), RunError> {
             "RAYON_NUM_THREADS={wanted}: is more than is useful here; give at most {}, or leave it out",
             most_threads()
         ))),
-    }
-}
-
-/// Where labelled scans lie, beside the folder of a command's own option.
-#[derive(clap::Args)]
-pub(super) struct DatasetArgs {
-    /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
-    #[arg(long, value_name = "VERSION", requires = "nuscenes")]
-    pub version: Option<String>,
-    /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
-    #[arg(long, value_name = "FILE", requires = "carla")]
-    pub poses: Option<PathBuf>,
-    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later [default: the one in
-    /// which the road lies flat below the LiDAR]
-    #[arg(long, value_enum, value_name = "VERSION", requires = "carla")]
-    pub carla_tags: Option<Tags>,
-    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
-    /// of this program says, else above the labelled road within 10 m; 1.73 for KITTI where the road lies so]
-    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = number_as("1.73"))]
-    pub lidar_height: Option<f64>,
-}
-
-/// Value of `--carla-tags`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum Tags {
-    /// 0 to 22.
-    #[value(name = "0.9.10")]
-    Until0913,
-    /// 0 to 28.
-    #[value(name = "0.9.14")]
-    Since0914,
-}
-
-impl DatasetArgs {
-    /// The scans of CARLA in a folder.
-    pub(super) fn carla(&self, folder: &Path) -> CarlaScans {
-        let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
-        let tags = self.carla_tags.map(|tags| match tags {
-            Tags::Until0913 => CarlaTags::Until0913,
-            Tags::Since0914 => CarlaTags::Since0914,
-        });
-        let (folder, poses) = (folder.to_owned(), poses.clone());
-        CarlaScans { folder, poses, tags, lidar_height: self.lidar_height }
     }
 }
 

@@ -8,7 +8,6 @@ use crate::study::Kind;
 
 /// A kind of study in help.
 struct KindHelp {
-    name: &'static str,
     /// Its question in a line of `study -h`.
     line: &'static str,
     /// Arguments of an example, behind the kind.
@@ -17,75 +16,64 @@ struct KindHelp {
     own: &'static [&'static str],
 }
 
+/// Help of each of [`Kind::ALL`].
 const KINDS: [KindHelp; 12] = [
     KindHelp {
-        name: "lidars",
         line: "How many LiDARs: the best rig of each number",
         example: "scenes/highway.json --vehicle scenes/vehicles/car.json",
         own: &["budget"],
     },
     KindHelp {
-        name: "cost",
         line: "Gain of a vehicle's sensors for their price",
         example: "scenes/highway.json --vehicle scenes/vehicles/car.json --budget 12000",
         own: &["budget"],
     },
     KindHelp {
-        name: "channels",
         line: "16 to 128 channels, and sensors of files",
         example: "scenes/highway.json --sensor-file vlp_32c.json",
         own: &["sensors"],
     },
     KindHelp {
-        name: "voxels",
         line: "Own rigs ranked at the four voxel sizes of the paper",
         example: "scenes/highway.json scenes/placements.json",
         own: &[],
     },
     KindHelp {
-        name: "random",
         line: "Random placements against own rigs and an optimized one",
         example: "scenes/highway.json scenes/placements.json --random 200",
         own: &["random"],
     },
     KindHelp {
-        name: "tasks",
         line: "One placement for segmentation and detection",
         example: "scenes/highway.json",
         own: &[],
     },
     KindHelp {
-        name: "height",
         line: "All LiDARs at one height, against free heights",
         example: "scenes/highway.json",
         own: &[],
     },
     KindHelp {
-        name: "regions",
         line: "Near, middle, far; front, side, rear; boxes; classes",
         example: "scenes/residential.json mine.json --box crossing:10,-5,0,30,5,2",
         own: &["regions"],
     },
     KindHelp {
-        name: "loss",
         line: "Each LiDAR lost in turn: what fails, where it is blind",
         example: "scenes/highway.json scenes/placements.json",
         own: &[],
     },
     KindHelp {
-        name: "weather",
         line: "Own rigs in clear air, fog, snow, rain",
         example: "scenes/highway.json mine.json --condition fog:mor=50",
         own: &["condition"],
     },
     KindHelp {
-        name: "transfer",
         line: "A placement optimized on one scene, scored on others",
         example: "scenes/highway.json scenes/residential.json",
         own: &[],
     },
     KindHelp {
-        name: "published",
         line: "The paper's placements against its published results",
         example: "scenes/highway.json --voxel 0.2",
         own: &["voxel"],
@@ -94,7 +82,8 @@ const KINDS: [KindHelp; 12] = [
 
 /// Lines of all kinds, as wide as those of commands.
 pub(super) fn lines() -> String {
-    KINDS.iter().map(|kind| format!("  {:<11} {}\n", kind.name, kind.line)).collect()
+    let all = Kind::ALL.iter().zip(&KINDS);
+    all.map(|((_, name, _), kind)| format!("  {name:<11} {}\n", kind.line)).collect()
 }
 
 /// Files that a kind takes: their name, and a sentence.
@@ -113,8 +102,9 @@ fn files_of(kind: Kind) -> (&'static str, &'static str) {
 pub(super) fn with_kind(program: Command, arguments: &[OsString]) -> Command {
     let word = |at: usize| arguments.get(at).and_then(|word| word.to_str());
     let named = word(2).filter(|_| word(1) == Some("study"));
-    let Some(kind) = KINDS.iter().find(|kind| named == Some(kind.name)) else { return program };
-    let Some((of, _, answer)) = Kind::ALL.iter().find(|(_, name, _)| *name == kind.name) else {
+    let mut all = Kind::ALL.iter().zip(&KINDS);
+    let Some(((of, name, answer), kind)) = all.find(|((_, name, _), _)| named == Some(*name))
+    else {
         return program;
     };
     let (files, sentence) = files_of(*of);
@@ -123,18 +113,15 @@ pub(super) fn with_kind(program: Command, arguments: &[OsString]) -> Command {
         let rest = rest.split_once("\n\n").map_or("", |(_, rest)| rest).to_owned();
         study
             .about(*answer)
-            .override_usage(format!("sightline study {} [OPTIONS] <{files}>...", kind.name))
-            .after_help(format!(
-                "Example:\n  sightline study {} {}\n\n{rest}",
-                kind.name, kind.example
-            ))
+            .override_usage(format!("sightline study {name} [OPTIONS] <{files}>..."))
+            .after_help(format!("Example:\n  sightline study {name} {}\n\n{rest}", kind.example))
             // `mut_arg` would move the kind behind the scenes.
             .mut_args(|arg| match arg.get_id().as_str() {
                 "kind" => arg.hide(true),
                 "scenes" => arg.value_name(files).help(sentence).long_help(sentence),
                 id if kind.own.contains(&id) => {
                     let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
-                    let own = format!(", for `{}`", kind.name);
+                    let own = format!(", for `{name}`");
                     arg.help(help.replace(&own, "")).hide_short_help(false)
                 }
                 _ => arg,
@@ -150,10 +137,9 @@ mod tests {
 
     #[test]
     fn every_kind_has_its_line_and_its_own_help() {
-        assert_eq!(KINDS.each_ref().map(|kind| kind.name), Kind::ALL.map(|(_, name, _)| name));
         let study = program();
         let study = study.find_subcommand("study").unwrap();
-        for KindHelp { name, example, own, .. } in &KINDS {
+        for ((of, name, _), KindHelp { example, own, .. }) in Kind::ALL.iter().zip(&KINDS) {
             for flag in ["-h", "--help"] {
                 let words = ["sightline", "study", name, flag].map(OsString::from);
                 let Err(Refused::Help(help)) = parse(&words) else { panic!("{name}: no help") };
@@ -166,8 +152,7 @@ mod tests {
                 );
                 assert!(!help.contains("possible values: lidars"), "{help}");
                 assert!(!help.contains(&format!(", for `{name}`")), "{help}");
-                let rigs =
-                    Kind::ALL.iter().any(|(of, known, _)| known == name && of.takes_placements());
+                let rigs = of.takes_placements();
                 assert_eq!(help.contains("<SCENE… [PLACEMENTS]>..."), rigs, "{help}");
                 assert_eq!(help.contains("looked at together"), *name == "transfer", "{help}");
                 for id in *own {

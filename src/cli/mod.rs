@@ -51,12 +51,31 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Search for the best placement and write a run folder
+    #[command(
+        after_help = "Examples:
+  sightline optimize scenes/urban-crossing.json
+  sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
+  sightline optimize scenes/highway.json scenes/residential.json --mirror
+  sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
+  sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
+  sightline optimize scenes/urban-crossing.json --vehicle scenes/vehicles/car.json --front price,near_gain
+  sightline optimize --resume runs/highway",
+        mut_args(optimize::of_new_run)
+    )]
     Optimize(Box<optimize::OptimizeArgs>),
     /// Score a batch of placements
     ///
     /// Ends with exit code 1 where the vehicle has requirements and no placement of the file meets all of them.
+    #[command(after_help = "Examples:
+  sightline score scenes/highway.json scenes/placements.json
+  sightline score scenes/highway.json million.jsonl --format json --out scores.json
+  sightline score scenes/highway.json scenes/residential.json mine.json")]
     Score(score::ScoreArgs),
     /// Write a page about a placement: 3-D view, scores, baselines
+    #[command(after_help = "Examples:
+  sightline view scenes/highway.json mine.json:roof --out view.html
+  sightline view scenes/highway.json scenes/residential.json mine.json:roof \
+    --baselines mine.json:bumper --out view.html")]
     View(score::ViewArgs),
     /// Write every beam's hit
     #[command(after_help = "Examples:

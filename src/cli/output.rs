@@ -1,4 +1,4 @@
-//! Lines on stdout and stderr, answers that are tables, and exit codes.
+//! Lines on stdout and stderr, and exit codes.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -8,15 +8,13 @@ use std::sync::{Arc, Mutex, Once, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use serde::Serialize;
-use serde_json::json;
 use terminal_size::{Width, terminal_size_of};
 
 use super::lines::{for_terminal, with_short_middle, with_short_numbers, wrapped};
 use crate::Note;
 use crate::files::{FileError, remove_temporaries};
 use crate::report::text::visible;
-use crate::runs::{Bar, RunError, Silent, TableFormat, Watcher};
+use crate::runs::{Bar, RunError, Silent, Watcher};
 
 /// Like `print!`, with an [`RunError`] instead of a panic where stdout cannot be written.
 macro_rules! out {
@@ -118,20 +116,6 @@ impl Exit {
             Self::BadInput => 2,
             Self::Interrupted => 130,
         }
-    }
-}
-
-/// Prints an answer: all of it as JSON, its table as CSV, or as `text` prints it.
-pub(super) fn answer(
-    format: TableFormat,
-    found: &impl Serialize,
-    table: impl FnOnce() -> String,
-    text: impl FnOnce() -> String,
-) -> Result<(), RunError> {
-    match format {
-        TableFormat::Json => outln!("{}", json!(found)),
-        TableFormat::Csv => out!("{}", table()),
-        TableFormat::Text => out!("{}", text()),
     }
 }
 

@@ -5,14 +5,14 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::args::{DatasetArgs, Format};
+use super::args::Format;
 use super::output::{Exit, Talk, Terminal};
 use crate::Note;
 use crate::files::write_whole;
 use crate::psog::{BuildReport, Psog, PsogInfo, read_psog};
 use crate::report::sensor::{SensorFacts, sensor_svg, sensor_text};
 use crate::report::text::psog_text;
-use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, PsogInput, Scans, build, merge};
+use crate::runs::psog::{BuildRequest, build, merge};
 use crate::runs::{RunError, Watcher};
 use crate::vehicle::sensor_file;
 
@@ -34,45 +34,8 @@ pub(super) enum PsogCommand {
   sightline psog build --nuscenes nuscenes --scenes scene-0061,scene-0103 --out nuscenes.psog.npz
   sightline psog build --carla scans --poses poses.csv --carla-tags 0.9.14 --out carla.psog.npz")]
 pub(super) struct BuildArgs {
-    /// Scene file whose geometry is scanned
-    #[arg(required_unless_present_any = ["kitti", "nuscenes", "carla"],
-          conflicts_with_all = ["kitti", "nuscenes", "carla", "lidar_height"])]
-    scene: Option<PathBuf>,
-    /// Vehicle file, in place of the scene's; a scene without `lidar` or `vehicle` needs one
-    #[arg(long, value_name = "FILE", requires = "scene")]
-    vehicle: Option<PathBuf>,
-    /// Folder of labelled frames in the SemanticKITTI layout: velodyne/, labels/, poses.txt, calib.txt
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["nuscenes", "carla"])]
-    kitti: Option<PathBuf>,
-    /// Folder of a set in the layout of nuScenes with lidarseg: v1.0-…/, samples/, lidarseg/
-    #[arg(long, value_name = "DIR", conflicts_with = "carla")]
-    nuscenes: Option<PathBuf>,
-    /// Scenes of the set [default: all]
-    #[arg(long, value_name = "NAME", value_delimiter = ',', requires = "nuscenes")]
-    scenes: Vec<String>,
-    /// Folder of scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
-    #[arg(long, value_name = "DIR", requires = "poses")]
-    carla: Option<PathBuf>,
     #[command(flatten)]
-    datasets: DatasetArgs,
-    /// Merge only the frames this many numbers before and after into each frame [default: all]
-    #[arg(long, value_name = "N", conflicts_with = "scene")]
-    window: Option<u32>,
-    /// Lower corner of the region of interest, in metres
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true,
-          conflicts_with = "scene", default_values_t = PAPER_REGION[0])]
-    roi_min: Vec<f64>,
-    /// Upper corner of the region of interest, in metres
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true,
-          conflicts_with = "scene", default_values_t = PAPER_REGION[1])]
-    roi_max: Vec<f64>,
-    /// Voxel size, in metres [the paper's for segmentation]
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], conflicts_with = "scene",
-          default_values_t = PAPER_VOXEL)]
-    voxel: Vec<f64>,
-    /// File to write
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    request: BuildRequest,
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -106,33 +69,13 @@ pub(super) struct MergeArgs {
 pub(super) fn run(command: &PsogCommand) -> Result<Exit, RunError> {
     match command {
         PsogCommand::Build(args) => {
-            let (psog, report) = build(&source(args), &args.out, &Terminal::new(args.talk))?;
+            let (psog, report) = build(&args.request, &Terminal::new(args.talk))?;
             print(&psog, Some(&report), args.format)?;
         }
         PsogCommand::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
         PsogCommand::Merge(args) => merge(&args.psogs, &args.out)?,
     }
     Ok(Exit::Done)
-}
-
-/// The three values of an option that clap takes three of.
-fn triple(values: &[f64]) -> [f64; 3] {
-    [values[0], values[1], values[2]]
-}
-
-fn source(args: &BuildArgs) -> PsogInput {
-    let sets = &args.datasets;
-    let set = match (&args.scene, &args.kitti, &args.nuscenes, &args.carla) {
-        (Some(scene), ..) => return PsogInput::Scene(scene.clone(), args.vehicle.clone()),
-        (_, Some(folder), ..) => DataSet::Kitti(folder.clone(), sets.lidar_height),
-        (_, _, Some(folder), _) => {
-            DataSet::Nuscenes(folder.clone(), sets.version.clone(), args.scenes.clone())
-        }
-        (.., Some(folder)) => DataSet::Carla(sets.carla(folder)),
-        _ => unreachable!("clap requires one of them"),
-    };
-    let region = [&args.roi_min, &args.roi_max].map(|corner| triple(corner));
-    PsogInput::Scans(Scans { set, window: args.window, region, voxel: triple(&args.voxel) })
 }
 
 fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<(), RunError> {

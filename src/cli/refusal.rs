@@ -82,6 +82,14 @@ pub(super) fn sentence(error: &clap::Error, program: &Command, arguments: &[OsSt
     with_help(&told, &names)
 }
 
+/// A text that clap keeps of the mistake.
+fn text(error: &clap::Error, kind: ContextKind) -> Option<&str> {
+    match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text),
+        _ => None,
+    }
+}
+
 /// Values that users of other programs write: the option, the values, and the own one in words.
 const KNOWN_ELSEWHERE: [(&str, &[&str], &str); 3] = [
     (
@@ -95,11 +103,8 @@ const KNOWN_ELSEWHERE: [(&str, &[&str], &str); 3] = [
 
 /// Refusal of a value of [`KNOWN_ELSEWHERE`], with the own one in place of a similar word.
 fn known_elsewhere(error: &clap::Error) -> Option<String> {
-    let text = |kind| match error.get(kind) {
-        Some(ContextValue::String(text)) => Some(text.as_str()),
-        _ => None,
-    };
-    let (option, value) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
+    let (option, value) =
+        (text(error, ContextKind::InvalidArg)?, text(error, ContextKind::InvalidValue)?);
     let is_it = |of: &&(&str, &[&str], &str)| option.starts_with(of.0) && of.1.contains(&value);
     let (.., hint) = KNOWN_ELSEWHERE.iter().find(is_it)?;
     let told = told(error);
@@ -168,7 +173,7 @@ fn unknown_option(
     if error.kind() != ErrorKind::UnknownArgument {
         return None;
     }
-    let Some(ContextValue::String(given)) = error.get(ContextKind::InvalidArg) else { return None };
+    let given = text(error, ContextKind::InvalidArg)?;
     let name = given.strip_prefix("--")?.split('=').next()?;
     let owners = owners(program, name, "");
     let near = nearest(name, command.get_arguments().filter_map(clap::Arg::get_long));
@@ -190,10 +195,8 @@ fn unknown_option(
 
 /// A file more than the command takes; `None` where it takes none, or many.
 fn one_too_many(error: &clap::Error, command: &Command, its_name: &str) -> Option<String> {
-    let given = match (error.kind(), error.get(ContextKind::InvalidArg)) {
-        (ErrorKind::UnknownArgument, Some(ContextValue::String(given))) => given,
-        _ => return None,
-    };
+    let is_unknown = error.kind() == ErrorKind::UnknownArgument;
+    let given = text(error, ContextKind::InvalidArg).filter(|_| is_unknown)?;
     let name = |arg: &clap::Arg| match arg.get_value_names() {
         Some([name, ..]) => format!("one {name}"),
         _ => format!("one {}", arg.get_id().as_str().to_uppercase()),
@@ -212,9 +215,8 @@ fn unknown_command(error: &clap::Error, program: &Command, command: &Command) ->
     if error.kind() != ErrorKind::InvalidSubcommand || !std::ptr::eq(command, program) {
         return None;
     }
-    let given = error.get(ContextKind::InvalidSubcommand)?;
-    let ContextValue::String(given) = given else { return None };
-    let is_kind = Kind::ALL.iter().any(|(_, name, _)| name == given);
+    let given = text(error, ContextKind::InvalidSubcommand)?;
+    let is_kind = Kind::ALL.iter().any(|(_, name, _)| *name == given);
     let study = is_kind.then(|| format!("study {given}"));
     let owners = program.get_subcommands().filter(|above| above.find_subcommand(given).is_some());
     let owners = owners.map(|above| format!("{} {given}", above.get_name()));
@@ -226,14 +228,10 @@ fn unknown_command(error: &clap::Error, program: &Command, command: &Command) ->
 
 /// Refusal of an unknown kind of study, with the names of all kinds.
 fn unknown_study(error: &clap::Error, command: &Command) -> Option<String> {
-    let named = |kind| match error.get(kind) {
-        Some(ContextValue::String(text)) => Some(text.as_str()),
-        _ => None,
-    };
     let is_kind = error.kind() == ErrorKind::InvalidValue
         && command.get_name() == "study"
-        && named(ContextKind::InvalidArg) == Some("<KIND>");
-    let given = named(ContextKind::InvalidValue).filter(|_| is_kind)?;
+        && text(error, ContextKind::InvalidArg) == Some("<KIND>");
+    let given = text(error, ContextKind::InvalidValue).filter(|_| is_kind)?;
     let own = command.get_subcommands().map(Command::get_name).filter(|name| *name != "help");
     let all: Vec<&str> = Kind::ALL.iter().map(|(_, name, _)| *name).chain(own).collect();
     let near = nearest(given, all.iter().copied());

@@ -1,6 +1,5 @@
 //! `rig`: rigs in the formats of other programs, read, written and compared.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde_json::json;
@@ -9,9 +8,9 @@ use super::args::{Asked, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::json::shortened;
 use crate::report::comparison::{comparison_csv, comparison_text};
-use crate::rig::{ImportSettings, Mounting, RigFormat};
+use crate::rig::{ImportSettings, RigFormat};
 use crate::runs::handover::{HandoverRequest, handover};
-use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
+use crate::runs::rig::{ExportRequest, Mounted, compare_files, export_file, import_files};
 use crate::runs::{RunError, TableFormat};
 use crate::score::percent_up;
 
@@ -34,20 +33,6 @@ each sensor model for Isaac Sim. README.txt in it says the conventions.")]
     Handover(Box<Asked<HandoverRequest>>),
 }
 
-/// Offsets from the frames of a file to optical centres in the ego frame.
-#[derive(clap::Args)]
-struct Mounted {
-    /// Position of base_link in the ego frame, in metres [default: 0,0,0]
-    #[arg(long, value_name = "X[,Y,Z]", value_parser = crate::runs::parse::base_link, allow_hyphen_values = true)]
-    base_link: Option<[f64; 3]>,
-    /// Optical centre above the foot of a sensor or frame [known: VLP-16, VLS-128]
-    #[arg(long, value_name = "NAME=METRES", value_parser = height)]
-    optical_height: Vec<(String, f64)>,
-    /// Sensor in a frame, as lidar_0=VLP-16
-    #[arg(long, value_name = "FRAME=MODEL", value_parser = sensor)]
-    sensor: Vec<(String, String)>,
-}
-
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline rig export mine.json:roof --format urdf --out roof.urdf
@@ -55,26 +40,8 @@ struct Mounted {
   sightline rig export placements.json --format carla-objects --scene scenes/highway.json
   sightline rig export placements.json:optimized --format urdf --vehicle scenes/vehicles/car.json")]
 pub(super) struct ExportArgs {
-    /// File of placements, with :NAME of one where it has several
-    #[arg(value_name = "PLACEMENTS[:NAME]")]
-    placement: String,
-    /// Format: autoware, urdf, sdf, ros2-launch, carla, carla-objects, json
-    #[arg(long, value_name = "FORMAT", value_parser = RigFormat::written)]
-    format: RigFormat,
-    /// File to write, for autoware a folder [default: standard output]
-    #[arg(long, value_name = "FILE_OR_DIR")]
-    out: Option<PathBuf>,
-    /// Name of a LiDAR's frame, one for each LiDAR [default: lidar_0, lidar_1, …]
-    #[arg(long, value_name = "NAME")]
-    frame: Vec<String>,
-    /// Scene whose sensors the LiDARs are: CARLA and Gazebo get the beams of each
-    #[arg(long, value_name = "SCENE", conflicts_with = "vehicle")]
-    scene: Option<PathBuf>,
-    /// Vehicle file whose sensors the LiDARs are
-    #[arg(long, value_name = "FILE")]
-    vehicle: Option<PathBuf>,
     #[command(flatten)]
-    mounted: Mounted,
+    request: ExportRequest,
     #[command(flatten)]
     talk: Talk,
 }
@@ -143,58 +110,8 @@ pub(super) fn run(command: &RigCommand) -> Result<Exit, RunError> {
     Ok(Exit::Done)
 }
 
-/// Two sides of an equals sign.
-fn sides(text: &str) -> Option<(&str, &str)> {
-    text.rsplit_once('=').filter(|(name, value)| !name.is_empty() && !value.is_empty())
-}
-
-fn height(text: &str) -> Result<(String, f64), String> {
-    let parsed = sides(text).and_then(|(name, value)| Some((name.to_owned(), value.parse().ok()?)));
-    let small = parsed.filter(|(_, height): &(String, f64)| height.abs() <= 10.0);
-    small.ok_or_else(|| "give NAME=METRES, as in VLP-16=0.0377".to_owned())
-}
-
-fn sensor(text: &str) -> Result<(String, String), String> {
-    let parsed = sides(text).map(|(frame, name)| (frame.to_owned(), name.to_owned()));
-    parsed.ok_or_else(|| "give FRAME=MODEL, as in lidar_0=VLP-16".to_owned())
-}
-
-impl Mounted {
-    fn mounting(&self) -> Result<Mounting, RunError> {
-        Ok(Mounting {
-            base_link: self.base_link.unwrap_or_default(),
-            optical_heights: by_name("--optical-height", &self.optical_height)?,
-        })
-    }
-
-    fn sensors(&self) -> Result<BTreeMap<String, String>, RunError> {
-        by_name("--sensor", &self.sensor)
-    }
-}
-
-/// Values of an option by name, each name once.
-fn by_name<V: Clone>(option: &str, given: &[(String, V)]) -> Result<BTreeMap<String, V>, RunError> {
-    let mut all = BTreeMap::new();
-    for (name, value) in given {
-        if all.insert(name.clone(), value.clone()).is_some() {
-            return Err(RunError::Usage(format!("{option} {name}: comes twice; give it once")));
-        }
-    }
-    Ok(all)
-}
-
 fn run_export(args: &ExportArgs) -> Result<(), RunError> {
-    let request = ExportRequest {
-        placement: args.placement.clone(),
-        format: args.format,
-        out: args.out.clone(),
-        frames: args.frame.clone(),
-        sensors: args.mounted.sensors()?,
-        scene: args.scene.clone(),
-        vehicle: args.vehicle.clone(),
-        mounting: args.mounted.mounting()?,
-    };
-    let text = export_file(&request, &Terminal::new(args.talk))?;
+    let text = export_file(&args.request, &Terminal::new(args.talk))?;
     text.map_or(Ok(()), |text| out!("{text}"))
 }
 

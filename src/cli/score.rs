@@ -1,6 +1,6 @@
 //! `score` and `view`: scores of placements, and a page about one of them.
 
-use super::args::{Compute, UnnamedModelArgs};
+use super::args::Computed;
 use super::output::{Exit, stdout, unless_closed};
 use crate::job::Tolerance;
 use crate::report::words::word;
@@ -8,48 +8,24 @@ use crate::runs::cast::{ViewRequest, view};
 use crate::runs::score::{ScoreRequest, score};
 use crate::runs::{RunError, Watcher};
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline score scenes/highway.json scenes/placements.json
-  sightline score scenes/highway.json million.jsonl --format json --out scores.json
-  sightline score scenes/highway.json scenes/residential.json mine.json")]
-pub(super) struct ScoreArgs {
-    #[command(flatten)]
-    request: ScoreRequest,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
+pub(super) type ScoreArgs = Computed<ScoreRequest>;
 
 pub(super) fn run(args: &ScoreArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
-    let computing = args.named.computing(&args.compute, &terminal);
+    let computing = args.computing(&terminal);
     let mut is_met = true;
     let scored = score(&args.request, &computing, &mut stdout());
     unless_closed(scored.map(|met| is_met = met))?;
     Ok(if terminal.goes_on() && !is_met { Exit::CheckFailed } else { terminal.exit() })
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline view scenes/highway.json mine.json:roof --out view.html
-  sightline view scenes/highway.json scenes/residential.json mine.json:roof \
-    --baselines mine.json:bumper --out view.html")]
-pub(super) struct ViewArgs {
-    #[command(flatten)]
-    request: ViewRequest,
-    #[command(flatten)]
-    named: UnnamedModelArgs,
-    #[command(flatten)]
-    compute: Compute,
-}
+pub(super) type ViewArgs = Computed<ViewRequest>;
 
 pub(super) fn run_view(args: &ViewArgs) -> Result<Exit, RunError> {
     let terminal = args.compute.start()?;
     let (command, tolerance) = (command(args), tolerance(args));
     let request = ViewRequest { command, tolerance, ..args.request.clone() };
-    let is_met = view(&request, &args.named.computing(&args.compute, &terminal))?;
+    let is_met = view(&request, &args.computing(&terminal))?;
     Ok(if is_met { Exit::Done } else { Exit::CheckFailed })
 }
 

@@ -217,7 +217,8 @@ impl RequiredGround {
                 leave = if is_outside { -1.0 } else { leave };
                 continue;
             }
-            let [a, b] = [low[axis] / along[axis], high[axis] / along[axis]];
+            let inverse = 1.0 / along[axis];
+            let [a, b] = [low[axis] * inverse, high[axis] * inverse];
             (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
         }
         if leave < enter { 0.0 } else { leave as f32 }

@@ -53,9 +53,6 @@ pub struct NearFieldRequest {
 /// Near fields in one scene; an interrupted answer holds the first ones.
 #[derive(Debug, Serialize)]
 pub struct NearFields {
-    /// Sentence on the files written, where there are some.
-    #[serde(skip)]
-    pub wrote: Option<String>,
     /// Name of the scene.
     pub scene: String,
     /// Frames averaged over.
@@ -110,20 +107,18 @@ pub fn near_fields(
         bar.advance(1);
     }
     drop(bar);
-    let mut wrote = None;
     if watcher.goes_on() {
         let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
         let outline = site.footprint();
         let figure = |one: &(&Placement, &NearField)| {
             (format!("near-field-{}", one.0.name), near_field_svg(outline, &[*one]))
         };
-        wrote = drawings
-            .write(drawn.iter().map(figure).collect(), || Some(near_field_svg(outline, &drawn)))?;
+        let figures = drawn.iter().map(figure).collect();
+        drawings.write(figures, || Some(near_field_svg(outline, &drawn)), watcher)?;
     } else {
         watcher.note_interrupted(drawings.file.or(drawings.folder));
     }
     Ok(NearFields {
-        wrote,
         scene: scene.name().to_owned(),
         frames: evaluator.problem().frame_count(),
         conditions: in_words(&request.conditions.condition),
@@ -208,9 +203,6 @@ pub struct TargetsFound {
     /// Scenes and frames behind the numbers, in words.
     #[serde(skip)]
     pub over: String,
-    /// Sentence on the files written, where there are some.
-    #[serde(skip)]
-    pub wrote: Option<String>,
     /// Targets with their dimensions and where these are from.
     pub targets: Vec<Target>,
     /// Least beams on a target for a frame to count.
@@ -267,10 +259,9 @@ pub fn targets(
     if question.distances.is_empty() {
         question.distances = usual_distances(reached.range.unwrap_or_default());
     }
-    let mut wrote = None;
     if watcher.goes_on() {
         let figures = targets_figures(&question, &table);
-        wrote = drawings.write(figures, || Some(targets_svg(&question, &table)))?;
+        drawings.write(figures, || Some(targets_svg(&question, &table)), watcher)?;
     } else {
         watcher.note_interrupted(drawings.file.or(drawings.folder));
     }
@@ -278,7 +269,7 @@ pub fn targets(
     let conditions = in_words(&request.conditions.condition);
     let over = outputs::over(&scenes);
     let reach = reached.range;
-    Ok(TargetsFound { over, wrote, targets, beams, of_frames, conditions, reach, table })
+    Ok(TargetsFound { over, targets, beams, of_frames, conditions, reach, table })
 }
 
 /// Table of placements of a file on level ground.

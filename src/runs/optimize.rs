@@ -11,7 +11,6 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::inputs::note_repeated;
 use super::opening::LoadTimes;
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::export::GltfView;
@@ -28,8 +27,11 @@ use crate::vehicle::Placement;
 use request::{Begun, RunCheckpoint, command, in_full, note_choice, tolerance_command};
 
 pub use finished::{Finished, finished};
-pub use front::{FrontStart, Fronted, front, holds_front};
-pub use request::{NewRun, OptimizeRequest, Start};
+pub use front::{Fronted, front, holds_front};
+pub use request::{Fidelity, OptimizeRequest};
+
+/// Command that a run's folder names.
+const COMMAND: &str = "optimize";
 
 /// Record and folder of a finished search.
 #[derive(Debug)]
@@ -50,35 +52,28 @@ pub fn optimize(
 ) -> Result<Option<Optimized>, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
-    let (folder, begun, mut going_on, mut settings) = match &request.start {
-        Start::Resume(path) => {
+    let (folder, begun, mut going_on, mut settings) = match &request.resume {
+        Some(path) => {
             check_no_front(path)?;
             let (folder, RunCheckpoint { begun, state }) =
-                RunDir::<RunCheckpoint>::resume("optimize", path)?;
+                RunDir::<RunCheckpoint>::resume(COMMAND, path)?;
             (Some(folder), begun, Some(state), Settings::default())
         }
-        Start::New(new) => {
-            let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
-            note_repeated(&scenes, computing.watcher);
-            let (begun, settings) = new.checked()?;
+        None => {
+            let (begun, settings) = request.checked(computing)?;
             (None, begun, None, settings)
         }
     };
     let length = request.max_seconds.map(Duration::from_secs_f64);
     let time = length.map(|length| TimeLimit { start, length });
-    let loaded = opening::job_within(&begun.files, time, computing);
-    let mut loaded = loaded.map_err(|error| match &request.start {
-        Start::New(new) => new.as_given(error),
-        Start::Resume(_) => error,
-    })?;
-    loaded.suite(computing)?;
+    let loaded = request.open(&begun.files, time, computing)?;
     let inputs = loaded.inputs()?;
     for scene in loaded.job.scenes() {
         opening::note_frames(scene.scene(), request.frames, computing.watcher);
     }
     check_before(request, computing)?;
-    if let Start::New(new) = &request.start {
-        new.look(&mut settings, &*loaded.job.problem()?, computing)?;
+    if going_on.is_none() {
+        request.look(&mut settings, &*loaded.job.problem()?, computing)?;
     }
     let (is_given, baselines) = (begun.baselines.is_some(), settings.baselines.clone());
     let files = &begun.files;
@@ -92,17 +87,9 @@ pub fn optimize(
         check_value(&begun, &job)?;
     }
     computing.watcher.listen(GRACE);
-    let folder = match (folder, &request.start) {
-        (None, Start::New(new)) => {
-            // Before the search, so that a folder that cannot be written is found out now.
-            RunDir::create("optimize", new.out.as_deref(), &begun.folder(), inputs.clone())?
-        }
-        (folder, _) => folder.expect("a run that goes on has a folder"),
-    };
-    folder.check(&inputs)?;
-    outputs::check_figures_apart(request.figures.as_deref(), folder.path())?;
-    let is_new = matches!(request.start, Start::New(_));
-    let (earlier, times) = (earlier_times::<Spent>(folder.path(), is_new), loaded.times);
+    let folder = request.folder((COMMAND, folder), &begun, inputs)?;
+    let earlier = earlier_times::<Spent>(folder.path(), request.resume.is_none());
+    let times = loaded.times;
     let mut run = begin(&job, going_on.take(), &folder, computing.watcher)?;
     earlier.kept.iter().for_each(|kept| run.keep(kept.clone()));
     let mut sitting =
@@ -114,8 +101,8 @@ pub fn optimize(
 /// Checks device and outputs, which need no work.
 fn check_before(request: &OptimizeRequest, computing: &Computing<'_>) -> Result<(), RunError> {
     computing.engine.check_adapter().map_err(JobError::from)?;
-    outputs::check_gltf(request.gltf.as_deref())?;
-    outputs::check_figures(request.figures.as_deref())?;
+    outputs::check_gltf(request.gltf.gltf.as_deref())?;
+    outputs::check_figures(request.figures.figures.as_deref())?;
     Ok(())
 }
 
@@ -262,7 +249,7 @@ impl RunSession<'_> {
         let Some(best) = &record.best else { return Ok(()) };
         let (scene, placements) = (&**self.job.scene(), std::slice::from_ref(&best.placement));
         let view = GltfView { scene, frame: 0, placements, points: &[] };
-        outputs::write_gltf(self.request.gltf.as_deref(), self.computing.watcher, &view)
+        outputs::write_gltf(self.request.gltf.gltf.as_deref(), self.computing.watcher, &view)
     }
 }
 
@@ -409,7 +396,7 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     let tolerance = tolerance_command(&sitting.begun, folder.path());
     folder.write_text("report.html", &report_html(&record, &drawings, &tolerance))?;
     record.command = whole;
-    let wanted = sitting.request.figures.as_deref();
+    let wanted = sitting.request.figures.figures.as_deref();
     outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;
     Ok(record)
 }

@@ -71,12 +71,13 @@ impl<'a> Drawings<'a> {
         check_figures(self.folder).map(drop)
     }
 
-    /// Writes the figures, and the drawing where there is one; returns the sentence that names them.
+    /// Writes the figures, and the drawing where there is one, and notes their names.
     pub(crate) fn write(
         self,
         figures: Vec<Figure>,
         drawing: impl FnOnce() -> Option<String>,
-    ) -> Result<Option<String>, RunError> {
+        watcher: &dyn Watcher,
+    ) -> Result<(), RunError> {
         let wrote = wrote(self.folder, figures.len(), self.file);
         // First, since the file may lie in their folder.
         write_figures(self.folder, figures)?;
@@ -85,7 +86,8 @@ impl<'a> Drawings<'a> {
         {
             write_text(file, &svg)?;
         }
-        Ok(wrote)
+        wrote.iter().for_each(|wrote| watcher.note(wrote));
+        Ok(())
     }
 }
 

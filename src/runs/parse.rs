@@ -5,9 +5,11 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
+use crate::datasets::CarlaTags;
 use crate::job::MOST_ABOUT;
+use crate::search::Method;
 use crate::study::{Kind, Subregion};
-use crate::vehicle::FARTHEST_ON_VEHICLE;
+use crate::vehicle::{FARTHEST_ON_VEHICLE, SensorPose, Spacing};
 
 /// A whole number, as of a seed.
 pub(crate) fn whole<T: FromStr>(text: &str) -> Result<T, String> {
@@ -101,4 +103,74 @@ pub(crate) fn tilt_about(text: &str) -> Result<[f64; 2], String> {
     let metres = |text: &str| text.trim().parse::<f64>().ok().filter(|m| m.abs() <= MOST_ABOUT);
     let found = text.split_once(',').and_then(|(x, y)| Some([metres(x)?, metres(y)?]));
     found.ok_or(format!("give x,y in metres within ±{MOST_ABOUT}, as 1.5,0"))
+}
+
+/// Longest time that a search may be given, in seconds.
+const MOST_SECONDS: f64 = 1e9;
+
+/// A time limit in seconds.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=MOST_SECONDS).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("give 0 to {MOST_SECONDS} seconds, as 30")),
+    }
+}
+
+/// A method of searching.
+pub(crate) fn method(text: &str) -> Result<Method, String> {
+    match text {
+        "both" => Ok(Method::Both),
+        "cma" => Ok(Method::Cma),
+        "swaps" => Ok(Method::Swaps),
+        _ => Err("write both, cma or swaps".into()),
+    }
+}
+
+/// A pose field and its value.
+pub(crate) fn fixed(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').map(|(field, value)| (field.trim(), value.trim().parse()));
+    match parts {
+        Some((field, Ok(value))) if SensorPose::FIELDS.contains(&field) => {
+            Ok((field.to_owned(), value))
+        }
+        _ => Err(format!("write one of {} and a number, as z=2.5", SensorPose::FIELDS.join(", "))),
+    }
+}
+
+/// A spacing: metres, and radians where they differ, as `0.1` or `0.2,0.1`.
+pub(crate) fn spacing(text: &str) -> Result<Spacing, String> {
+    let (metres, radians) = text.split_once(',').unwrap_or((text, text));
+    let number = |text: &str| match text.trim().parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err(format!("`{text}` is no spacing; write metres and radians, as 0.1 or 0.2,0.1")),
+    };
+    Ok(Spacing { metres: number(metres)?, radians: number(radians)? })
+}
+
+/// Two sides of an equals sign.
+fn sides(text: &str) -> Option<(&str, &str)> {
+    text.rsplit_once('=').filter(|(name, value)| !name.is_empty() && !value.is_empty())
+}
+
+/// A name, and metres of at most 10 above or below its foot.
+pub(crate) fn optical_height(text: &str) -> Result<(String, f64), String> {
+    let parsed = sides(text).and_then(|(name, value)| Some((name.to_owned(), value.parse().ok()?)));
+    let small = parsed.filter(|(_, height): &(String, f64)| height.abs() <= 10.0);
+    small.ok_or_else(|| "give NAME=METRES, as in VLP-16=0.0377".to_owned())
+}
+
+/// A frame and the model of its sensor.
+pub(crate) fn sensor_in_frame(text: &str) -> Result<(String, String), String> {
+    let parsed = sides(text).map(|(frame, name)| (frame.to_owned(), name.to_owned()));
+    parsed.ok_or_else(|| "give FRAME=MODEL, as in lidar_0=VLP-16".to_owned())
+}
+
+/// Versions of CARLA by the first one of each, with the tags that their points have.
+pub(crate) fn carla_tags() -> impl TypedValueParser<Value = CarlaTags> {
+    let values = [("0.9.10", "0 to 22"), ("0.9.14", "0 to 28")];
+    let values = values.map(|(name, tags)| PossibleValue::new(name).help(tags));
+    PossibleValuesParser::new(values).map(|name| match &*name {
+        "0.9.10" => CarlaTags::Until0913,
+        _ => CarlaTags::Since0914,
+    })
 }

@@ -17,101 +17,108 @@ pub const PAPER_REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]
 /// Voxel of the paper's segmentation task, in metres.
 pub const PAPER_VOXEL: [f64; 3] = [0.1; 3];
 
-/// Data that a P-SOG is built from.
+/// A P-SOG to be built from a scene's geometry, or from labelled frames.
 #[derive(Debug, Clone)]
-pub enum PsogInput {
-    /// The geometry of a scene file, and the vehicle file that takes the place of its vehicle.
-    Scene(PathBuf, Option<PathBuf>),
-    /// Labelled scans.
-    Scans(Scans),
-}
-
-/// Labelled scans, and the grid that their P-SOG is to have.
-#[derive(Debug, Clone)]
-pub struct Scans {
-    /// Data set that holds them.
-    pub set: DataSet,
-    /// Frames merged into each one, before and after it; all if none.
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct BuildRequest {
+    /// Scene file whose geometry is scanned
+    #[cfg_attr(feature = "cli", arg(required_unless_present_any = ["kitti", "nuscenes", "carla"], conflicts_with_all = ["kitti", "nuscenes", "carla", "lidar_height"]))]
+    pub scene: Option<PathBuf>,
+    /// Vehicle file, in place of the scene's; a scene without `lidar` or `vehicle` needs one
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "scene"))]
+    pub vehicle: Option<PathBuf>,
+    /// Folder of labelled frames in the SemanticKITTI layout: velodyne/, labels/, poses.txt, calib.txt
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR", conflicts_with_all = ["nuscenes", "carla"]))]
+    pub kitti: Option<PathBuf>,
+    /// Folder of a set in the layout of nuScenes with lidarseg: v1.0-…/, samples/, lidarseg/
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR", conflicts_with = "carla"))]
+    pub nuscenes: Option<PathBuf>,
+    /// Scenes of the set [default: all]
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "NAME", value_delimiter = ',', requires = "nuscenes")
+    )]
+    pub scenes: Vec<String>,
+    /// Folder of scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR", requires = "poses"))]
+    pub carla: Option<PathBuf>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub datasets: DatasetArgs,
+    /// Merge only the frames this many numbers before and after into each frame [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", conflicts_with = "scene"))]
     pub window: Option<u32>,
-    /// Lower and upper corner of the region, metres.
-    pub region: [[f64; 3]; 2],
-    /// Edges of a voxel, metres.
-    pub voxel: [f64; 3],
+    /// Lower corner of the region of interest, in metres
+    #[cfg_attr(feature = "cli", arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true, conflicts_with = "scene", default_values_t = PAPER_REGION[0]))]
+    pub roi_min: Vec<f64>,
+    /// Upper corner of the region of interest, in metres
+    #[cfg_attr(feature = "cli", arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true, conflicts_with = "scene", default_values_t = PAPER_REGION[1]))]
+    pub roi_max: Vec<f64>,
+    /// Voxel size, in metres [the paper's for segmentation]
+    #[cfg_attr(feature = "cli", arg(long, num_args = 3, value_names = ["X", "Y", "Z"], conflicts_with = "scene", default_values_t = PAPER_VOXEL))]
+    pub voxel: Vec<f64>,
+    /// File to write
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub out: PathBuf,
 }
 
-/// Labelled scans of a public data set.
-#[derive(Debug, Clone)]
-pub enum DataSet {
-    /// A sequence of SemanticKITTI, and its LiDAR's height above the ground in metres where the sequence does not
-    /// say it and it is no car of KITTI.
-    Kitti(PathBuf, Option<f64>),
-    /// A set of nuScenes with lidarseg, the version of its tables, and its scenes; all if none.
-    Nuscenes(PathBuf, Option<String>, Vec<String>),
-    /// Scans of CARLA.
-    Carla(CarlaScans),
-}
-
-impl DataSet {
-    /// Announces the files whose names are known before they are read.
-    fn will_read(&self) {
-        match self {
-            Self::Kitti(folder, _) => {
-                ["poses.txt", "calib.txt"].iter().for_each(|name| will_read(&folder.join(name)));
-            }
-            Self::Nuscenes(..) => {}
-            Self::Carla(scans) => will_read(&scans.poses),
-        }
-    }
-}
-
-/// Scans of CARLA's semantic LiDAR.
-#[derive(Debug, Clone)]
-pub struct CarlaScans {
-    /// Folder.
-    pub folder: PathBuf,
-    /// CSV of the LiDAR's transforms.
-    pub poses: PathBuf,
-    /// Version whose tags the points have; the one that the road fits if none.
-    pub tags: Option<CarlaTags>,
-    /// Height of the LiDAR above the ground in metres; above the road of the first scan if none.
+/// Where labelled scans lie, beside the folder of a command's own option.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct DatasetArgs {
+    /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "VERSION", requires = "nuscenes"))]
+    pub version: Option<String>,
+    /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "carla"))]
+    pub poses: Option<PathBuf>,
+    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later [default: the one in
+    /// which the road lies flat below the LiDAR]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "VERSION", requires = "carla", value_parser = super::parse::carla_tags()))]
+    pub carla_tags: Option<CarlaTags>,
+    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
+    /// of this program says, else above the labelled road within 10 m; 1.73 for KITTI where the road lies so]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = super::parse::number_as("1.73")))]
     pub lidar_height: Option<f64>,
 }
 
-impl CarlaScans {
-    /// Opens the scans, and notes the height of their LiDAR.
-    pub(super) fn open(&self, watcher: &dyn Watcher) -> Result<CarlaSequence, RunError> {
-        let sequence =
-            CarlaSequence::open(&self.folder, &self.poses, self.tags, self.lidar_height)?;
+impl DatasetArgs {
+    /// Opens the scans of CARLA in a folder, and notes the height of their LiDAR.
+    pub(super) fn carla(
+        &self,
+        folder: &Path,
+        watcher: &dyn Watcher,
+    ) -> Result<CarlaSequence, RunError> {
+        let poses = self.poses.as_deref();
+        let poses = poses.ok_or_else(|| RunError::Usage("--carla: give --poses, too".into()))?;
+        let sequence = CarlaSequence::open(folder, poses, self.carla_tags, self.lidar_height)?;
         tell_notes(&sequence, watcher)?;
         watcher.detail(&format!(
             "{}: the LiDAR stands {:.2} m above the ground",
-            self.folder.display(),
+            folder.display(),
             sequence.lidar_height()
         ));
         Ok(sequence)
     }
 }
 
-/// Builds a P-SOG and writes it to `out`.
+/// Builds a P-SOG and writes it.
 ///
 /// # Errors
 /// Files that cannot be read or written, a scene without geometry, a region that makes no grid.
 pub fn build(
-    source: &PsogInput,
-    out: &Path,
+    request: &BuildRequest,
     watcher: &dyn Watcher,
 ) -> Result<(Psog, BuildReport), RunError> {
     let _session = Session::begin();
-    match source {
-        PsogInput::Scene(scene, vehicle) => {
-            std::iter::once(scene).chain(vehicle).for_each(|file| will_read(file));
-        }
-        PsogInput::Scans(scans) => scans.set.will_read(),
+    let BuildRequest { scene, vehicle, out, .. } = request;
+    scene.iter().chain(vehicle).chain(&request.datasets.poses).for_each(|file| will_read(file));
+    if let Some(folder) = &request.kitti {
+        ["poses.txt", "calib.txt"].iter().for_each(|name| will_read(&folder.join(name)));
     }
     outputs::check_file(out, "npz")?;
-    let (psog, report) = match source {
-        PsogInput::Scene(scene, vehicle) => of_scene(scene, vehicle.as_deref(), watcher)?,
-        PsogInput::Scans(scans) => of_scans(scans, watcher)?,
+    let (psog, report) = match scene {
+        Some(scene) => of_scene(scene, vehicle.as_deref(), watcher)?,
+        None => of_scans(request, watcher)?,
     };
     write(out, &psog)?;
     Ok((psog, report))
@@ -144,22 +151,32 @@ fn of_scene(
         .map_err(|error| opening::stopped(error, &place, None, watcher))
 }
 
-fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), RunError> {
-    let [min, max] = scans.region;
-    let roi = Roi::from_bounds(min, max, scans.voxel).map_err(PsogError::from)?;
-    let options = PsogOptions { window: scans.window, ..PsogOptions::new(roi) };
-    let built = match &scans.set {
-        DataSet::Kitti(folder, height) => {
-            let sequence = KittiSequence::open_at(folder, *height)?;
+/// The three numbers of an option.
+fn triple(values: &[f64]) -> Result<[f64; 3], RunError> {
+    values.try_into().map_err(|_| RunError::Usage(format!("{values:?}: give three numbers")))
+}
+
+fn of_scans(
+    request: &BuildRequest,
+    watcher: &dyn Watcher,
+) -> Result<(Psog, BuildReport), RunError> {
+    let (min, max) = (triple(&request.roi_min)?, triple(&request.roi_max)?);
+    let roi = Roi::from_bounds(min, max, triple(&request.voxel)?).map_err(PsogError::from)?;
+    let options = PsogOptions { window: request.window, ..PsogOptions::new(roi) };
+    let sets = &request.datasets;
+    let built = match (&request.kitti, &request.nuscenes, &request.carla) {
+        (Some(folder), ..) => {
+            let sequence = KittiSequence::open_at(folder, sets.lidar_height)?;
             tell_notes(&sequence, watcher)?;
             build_psog(&[sequence], &options)?
         }
-        DataSet::Nuscenes(folder, version, names) => {
-            let scenes = read_nuscenes(folder, version.as_deref(), names)?;
+        (_, Some(folder), _) => {
+            let scenes = read_nuscenes(folder, sets.version.as_deref(), &request.scenes)?;
             scenes.iter().try_for_each(|scene| tell_notes(scene, watcher))?;
             build_psog(&scenes, &options)?
         }
-        DataSet::Carla(scans) => build_psog(&[scans.open(watcher)?], &options)?,
+        (.., Some(folder)) => build_psog(&[sets.carla(folder, watcher)?], &options)?,
+        _ => return Err(RunError::Usage("give a scene, or labelled frames".to_owned())),
     };
     note_ground(&built.0, watcher);
     Ok(built)

@@ -7,8 +7,8 @@ use super::inputs::{file_and_name, rig_file};
 use super::{RunError, Watcher, outputs};
 use crate::files::{Session, safe_name, shared_folder, writable_file, writable_folder};
 use crate::rig::{
-    Comparison, Exported, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting, NamedText,
-    Rig, RigError, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
+    Comparison, Exported, FormatError, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting,
+    NamedText, Rig, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
     placement_doubts, read_rig, rig_json,
 };
 use crate::scene::Scene;
@@ -20,25 +20,77 @@ const MOST_INPUT: u64 = 16 << 20;
 /// Frames left out that a note lists.
 const MOST_LISTED: usize = 12;
 
+/// Offsets from the frames of a file to optical centres in the ego frame.
+#[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Mounted {
+    /// Position of base_link in the ego frame, in metres [default: 0,0,0]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X[,Y,Z]", value_parser = super::parse::base_link, allow_hyphen_values = true))]
+    pub base_link: Option<[f64; 3]>,
+    /// Optical centre above the foot of a sensor or frame [known: VLP-16, VLS-128]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME=METRES", value_parser = super::parse::optical_height))]
+    pub optical_height: Vec<(String, f64)>,
+    /// Sensor in a frame, as lidar_0=VLP-16
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FRAME=MODEL", value_parser = super::parse::sensor_in_frame))]
+    pub sensor: Vec<(String, String)>,
+}
+
+impl Mounted {
+    /// The offsets, each name once.
+    ///
+    /// # Errors
+    /// A name that comes twice.
+    pub fn mounting(&self) -> Result<Mounting, RunError> {
+        Ok(Mounting {
+            base_link: self.base_link.unwrap_or_default(),
+            optical_heights: by_name("--optical-height", &self.optical_height)?,
+        })
+    }
+
+    /// Models by frame.
+    ///
+    /// # Errors
+    /// A frame that comes twice.
+    pub fn sensors(&self) -> Result<BTreeMap<String, String>, RunError> {
+        by_name("--sensor", &self.sensor)
+    }
+}
+
+/// Values of an option by name, each name once.
+fn by_name<V: Clone>(option: &str, given: &[(String, V)]) -> Result<BTreeMap<String, V>, RunError> {
+    let mut all = BTreeMap::new();
+    for (name, value) in given {
+        if all.insert(name.clone(), value.clone()).is_some() {
+            return Err(RunError::Usage(format!("{option} {name}: comes twice; give it once")));
+        }
+    }
+    Ok(all)
+}
+
 /// A placement that is to be written in the format of another program.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ExportRequest {
-    /// File of placements, with the name of one of them behind a colon where there are several.
+    /// File of placements, with :NAME of one where it has several
+    #[cfg_attr(feature = "cli", arg(value_name = "PLACEMENTS[:NAME]"))]
     pub placement: String,
-    /// Format to write.
+    /// Format: autoware, urdf, sdf, ros2-launch, carla, carla-objects, json
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FORMAT", value_parser = RigFormat::written))]
     pub format: RigFormat,
-    /// File or folder to write; none returns the text.
+    /// File to write, for autoware a folder [default: standard output]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE_OR_DIR"))]
     pub out: Option<PathBuf>,
-    /// Name of each LiDAR's frame; their own if empty.
-    pub frames: Vec<String>,
-    /// Sensor by frame, in place of those that LiDARs name.
-    pub sensors: BTreeMap<String, String>,
-    /// Scene whose sensors the LiDARs are.
+    /// Name of a LiDAR's frame, one for each LiDAR [default: lidar_0, lidar_1, …]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME"))]
+    pub frame: Vec<String>,
+    /// Scene whose sensors the LiDARs are: CARLA and Gazebo get the beams of each
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SCENE", conflicts_with = "vehicle"))]
     pub scene: Option<PathBuf>,
-    /// Vehicle file in place of the scene's own vehicle.
+    /// Vehicle file whose sensors the LiDARs are
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     pub vehicle: Option<PathBuf>,
-    /// Offsets between frames and optical centres.
-    pub mounting: Mounting,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub mounted: Mounted,
 }
 
 /// Writes a placement in the format of another program; returns its text where no file is given.
@@ -50,6 +102,7 @@ pub fn export_file(
     watcher: &dyn Watcher,
 ) -> Result<Option<String>, RunError> {
     let _session = Session::begin();
+    let (sensors, mounting) = (request.mounted.sensors()?, request.mounted.mounting()?);
     let placement = rig_file(&request.placement)?;
     let (file, name) = file_and_name(&placement);
     let file = Path::new(file);
@@ -64,19 +117,22 @@ pub fn export_file(
     if let Some(vehicle) = &vehicle {
         rig.name_by_mounts(vehicle);
     }
-    if !request.frames.is_empty() {
-        let (given, lidars) = (request.frames.len(), rig.lidars.len());
+    if !request.frame.is_empty() {
+        let (given, lidars) = (request.frame.len(), rig.lidars.len());
         if given != lidars {
-            return Err(RigError::FrameCount { given, lidars }.into());
+            return Err(FormatError::Refused(format!(
+                "{given} names are given for {lidars} LiDARs; give one --frame for each"
+            ))
+            .into());
         }
-        for (lidar, frame) in rig.lidars.iter_mut().zip(&request.frames) {
+        for (lidar, frame) in rig.lidars.iter_mut().zip(&request.frame) {
             lidar.frame.clone_from(frame);
         }
     }
-    put_models(&mut rig, &request.sensors, file)?;
-    check_heights(&rig, &request.mounting, file)?;
+    put_models(&mut rig, &sensors, file)?;
+    check_heights(&rig, &mounting, file)?;
     let models = vehicle.as_ref().map(Models::from).unwrap_or_default();
-    let exported = export(&rig, request.format, &request.mounting, &models)?;
+    let exported = export(&rig, request.format, &mounting, &models)?;
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
     match &request.out {
         Some(out) => write_files(&exported, out).map(|()| None),
@@ -114,7 +170,7 @@ fn put_models(
             }
             None => {
                 let file = file.display().to_string();
-                return Err(RigError::UnknownFrame { file, frame, known }.into());
+                return Err(FormatError::UnknownFrame { file, frame, known }.into());
             }
         }
     }
@@ -128,7 +184,7 @@ fn check_heights(rig: &Rig, mounting: &Mounting, file: &Path) -> Result<(), RunE
     let sensors: BTreeSet<String> =
         rig.lidars.iter().filter_map(|lidar| lidar.sensor.clone()).collect();
     let (file, frame) = (file.display().to_string(), frame.to_owned());
-    Err(RigError::UnknownFrame { file, frame, known: frames.chain(sensors).collect() }.into())
+    Err(FormatError::UnknownFrame { file, frame, known: frames.chain(sensors).collect() }.into())
 }
 
 /// The vehicle that a rig stands on: that of the vehicle file, else of the scene; `None` where neither is named.
@@ -205,12 +261,13 @@ pub fn import_files(
 /// A rig's text from standard input.
 fn standard_input() -> Result<RigSource, RunError> {
     let file = "standard input".to_owned();
-    let text = stream_text(std::io::stdin().lock(), &file, MOST_INPUT).map_err(RigError::from)?;
+    let text =
+        stream_text(std::io::stdin().lock(), &file, MOST_INPUT).map_err(FormatError::from)?;
     Ok(RigSource { file, text })
 }
 
 /// Reads a file or folder of any format; a name behind a colon picks one of several placements.
-fn named_rig(text: &str, settings: &ImportSettings) -> Result<ImportedRig, RigError> {
+fn named_rig(text: &str, settings: &ImportSettings) -> Result<ImportedRig, FormatError> {
     let (file, name) = file_and_name(text);
     let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
     import(&[file.into()], &settings)

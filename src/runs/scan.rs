@@ -14,7 +14,7 @@ use crate::export::{
     Dataset, DatasetSettings, GltfView, Input, Layout, SceneFacts, Splits, record,
 };
 use crate::files::{FileNames, Session};
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, in_words};
 use crate::scan::{ScanError, Scanner, Scanning, Stage};
 use crate::scene::Scene;
 use crate::vehicle::Placement;
@@ -58,13 +58,14 @@ pub fn scan(
     computing: &Computing<'_>,
 ) -> Result<Option<Vec<Scanned>>, RunError> {
     let _session = Session::begin();
-    let watcher = computing.watcher;
+    let (watcher, scanning) = (computing.watcher, request.scanning());
+    request.check()?;
     if let Some(what) = repeated(&request.scenes) {
         return Err(RunError::Usage(format!(
             "{what}, and a data set has each scene once; leave it out"
         )));
     }
-    let placements = placements(&request.placements)?;
+    let placements = placements(&request.placement)?;
     let (files_given, mut placements): (Vec<&Path>, Vec<Placement>) =
         placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
@@ -77,7 +78,7 @@ pub fn scan(
             let computing = Computing { watcher, ..computing.clone() };
             let given = Given::new(file, &scene.sensors()?, &scene.rules(), &computing);
             given.all([&mut *placement])?;
-            Scanner::check(scene, placement, &request.scanning)?;
+            Scanner::check(scene, placement, &scanning)?;
         }
     }
     request.check_gltf(&scenes, &placements)?;
@@ -202,8 +203,8 @@ impl<'a> ScanState<'a> {
             if missing[k] == 0 {
                 continue;
             }
-            let (stage, scanning) = (self.stage(k, again)?, &self.request.scanning);
-            let mut scanner = Scanner::on(stage, scene, plan.placement, scanning)?;
+            let (stage, scanning) = (self.stage(k, again)?, self.request.scanning());
+            let mut scanner = Scanner::on(stage, scene, plan.placement, &scanning)?;
             let notes = scanner.cast_on(&self.computing.engine)?;
             if !std::mem::replace(&mut self.told, true) {
                 notes.iter().for_each(|note| watcher.note(note));
@@ -226,34 +227,83 @@ impl<'a> ScanState<'a> {
 
 /// Scans to be written.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ScanRequest {
-    /// Scene files with geometry.
+    /// Scene files; they must have geometry
+    #[cfg_attr(feature = "cli", arg(value_name = "SCENE", required = true))]
     pub scenes: Vec<PathBuf>,
-    /// Files of placements, perhaps with a name behind a colon; several placements get a folder each.
-    pub placements: Vec<String>,
-    /// Folder to write.
+    /// File of placements, or one of them as FILE:NAME; several give a folder each
+    #[cfg_attr(feature = "cli", arg(long, required = true, value_name = "PLACEMENTS"))]
+    pub placement: Vec<String>,
+    /// Folder to write
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub out: PathBuf,
-    /// Format.
+    /// Format: npz, semantickitti or nuscenes
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME", default_value = "npz"))]
     pub layout: Layout,
-    /// Ideal beams or real ones, seed, weather and faults.
-    pub scanning: Scanning,
-    /// First frames of each scene alone; all if none.
+    /// Geometry alone: every beam returns at once, without error, from what it meets
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub ideal: bool,
+    /// Weather or a fault, as fog:mor=50 or snow:rate=1; may be given several times
+    ///
+    /// Also rain:rate=5, wet:water=1, blur, crosstalk:share=0.01, echo:ratio=0.85, or with level=light|moderate|heavy.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME[:KEY=VALUE,…]"))]
+    pub condition: Vec<Condition>,
+    /// Seed of all that is left to chance
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = super::parse::whole::<u64>))]
+    pub seed: u64,
+    /// First frames of each scene alone, at most so many
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
-    /// Shares of the scenes for training, validation and tests.
-    pub splits: Splits,
-    /// nuScenes: one in this many frames is a keyframe.
-    pub keyframe_every: usize,
-    /// nuScenes: rows of cameras without pictures.
-    pub camera_stubs: bool,
-    /// True if each LiDAR gets a cloud of its own, too.
-    pub each_lidar: bool,
-    /// Classes that count as another, as `lamp=pole`.
+    /// Shares of the scenes for training, validation and tests
+    #[cfg_attr(feature = "cli", arg(long, num_args = 3, value_names = ["TRAIN", "VAL", "TEST"], value_parser = super::parse::number_as("0.7")))]
+    pub splits: Option<Vec<f64>>,
+    /// nuscenes: of so many frames one is a keyframe, the others are sweeps [default: 5]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
+    pub keyframe_every: Option<u32>,
+    /// nuscenes: rows of six cameras without pictures, which mmdetection3d asks for
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub with_camera_stubs: bool,
+    /// semantickitti, nuscenes: all LiDARs as one cloud only, not each by itself as well
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub merged_only: bool,
+    /// semantickitti, nuscenes: a class of the scenes that is to count as another, as lamp=pole
+    #[cfg_attr(feature = "cli", arg(long, value_name = "CLASS=CLASS"))]
     pub map: Vec<String>,
     /// File for one frame with its points as binary glTF, and the frame.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub gltf: Option<(PathBuf, u32)>,
 }
 
 impl ScanRequest {
+    /// Finds options that the layout has no use for.
+    fn check(&self) -> Result<(), RunError> {
+        let (nuscenes, any) =
+            (&[Layout::Nuscenes][..], &[Layout::Nuscenes, Layout::SemanticKitti][..]);
+        let options = [
+            ("--keyframe-every", self.keyframe_every.is_some(), nuscenes),
+            ("--with-camera-stubs", self.with_camera_stubs, nuscenes),
+            ("--merged-only", self.merged_only, any),
+            ("--map", !self.map.is_empty(), any),
+        ];
+        match options.iter().find(|(_, given, of)| *given && !of.contains(&self.layout)) {
+            Some((option, _, of)) => {
+                let of: Vec<&str> = of.iter().map(|layout| layout.name()).collect();
+                Err(RunError::Usage(format!(
+                    "{option}: is for --layout {}, and this one is {}; leave it out",
+                    of.join(" and "),
+                    self.layout.name()
+                )))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Ideal beams or real ones, seed, weather and faults.
+    fn scanning(&self) -> Scanning {
+        Scanning { ideal: self.ideal, seed: self.seed, conditions: self.condition.clone() }
+    }
+
     /// Frames and classes of a scene.
     fn facts(&self, scene: &Scene) -> SceneFacts {
         let frames = self.frames.map_or(usize::MAX, |frames| frames as usize);
@@ -304,27 +354,33 @@ impl ScanRequest {
             };
             map.push((class.to_owned(), to.to_owned()));
         }
-        let Scanning { ideal, seed, conditions } = &self.scanning;
-        let conditions: Vec<String> = conditions.iter().map(Condition::to_string).collect();
+        let splits = match self.splits.as_deref() {
+            None => Splits::default(),
+            Some(&[train, val, test]) => Splits { train, val, test },
+            Some(_) => return Err(RunError::Usage("--splits: give three shares".to_owned())),
+        };
+        let usual = DatasetSettings::new(self.layout);
         let provenance = json!({
             "scenes": self.scenes,
             "vehicle": computing.vehicle,
             "placement": placement,
-            "ideal": ideal,
-            "seed": seed,
-            "conditions": conditions,
+            "ideal": self.ideal,
+            "seed": self.seed,
+            "conditions": in_words(&self.condition),
             "sightline": env!("CARGO_PKG_VERSION"),
         });
         Ok(DatasetSettings {
-            keyframe_every: self.keyframe_every,
-            camera_stubs: self.camera_stubs,
-            each_lidar: self.each_lidar,
-            splits: self.splits,
-            seed: *seed,
+            keyframe_every: self
+                .keyframe_every
+                .map_or(usual.keyframe_every, |every| every as usize),
+            camera_stubs: self.with_camera_stubs,
+            each_lidar: !self.merged_only,
+            splits,
+            seed: self.seed,
             map,
             files,
             provenance: provenance.to_string(),
-            ..DatasetSettings::new(self.layout)
+            ..usual
         })
     }
 }
@@ -379,7 +435,7 @@ impl ScanRequest {
     ) -> Result<(), RunError> {
         let Some((path, frame)) = &self.gltf else { return Ok(()) };
         let frame = *frame as usize;
-        let scan = Scanner::on(stage()?, scene, placement, &self.scanning)?.scan(frame);
+        let scan = Scanner::on(stage()?, scene, placement, &self.scanning())?.scan(frame);
         let points: Vec<_> = scan.points().map(|point| (point.class, point.position)).collect();
         let placements = std::slice::from_ref(placement);
         let view = GltfView { scene, frame, placements, points: &points };

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::psog::{CarlaScans, tell_notes};
+use super::psog::{DatasetArgs, tell_notes};
 use super::{RunError, Watcher, opening};
 use crate::datasets::{ImportOptions, ImportedScene, LabelledSequence, read_nuscenes, to_scene};
 use crate::files::{
@@ -80,49 +80,72 @@ fn plain(target: &SceneOutput<'_>, frames: u32, soup: &TriangleSoup) -> Value {
     })
 }
 
-/// Source of a scene: a map, or labelled scans.
+/// A scene to be made of a map, or of labelled scans.
 #[derive(Debug, Clone)]
-pub enum Origin {
-    /// Roads and lanes of an OpenDRIVE file; all that it does not say comes from the seed.
-    OpenDrive {
-        /// `.xodr`; a compressed file is refused with the command that unpacks it.
-        file: PathBuf,
-        /// Seed of everything that the map does not say.
-        seed: u64,
-        /// Frames, a tenth of a second apart.
-        frames: usize,
-    },
-    /// Scans of nuScenes with lidarseg.
-    Nuscenes {
-        /// Folder of the set.
-        folder: PathBuf,
-        /// Version of its tables, if there are several.
-        version: Option<String>,
-        /// Names of scenes.
-        scenes: Vec<String>,
-        /// Edge of the cells of plates and boxes, metres.
-        cell: f64,
-    },
-    /// Scans of CARLA's semantic LiDAR, and the edge of the cells of plates and boxes in metres.
-    Carla(CarlaScans, f64),
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct ImportRequest {
+    /// OpenDRIVE file (.xodr): its roads and lanes; houses, trees and traffic come from the seed; or the
+    /// folder of a data set
+    pub input: PathBuf,
+    /// The folder is a set in the layout of nuScenes with lidarseg
+    #[cfg_attr(feature = "cli", arg(long, requires = "scene_name", group = "scans"))]
+    pub nuscenes: bool,
+    /// Scene of the set
+    #[cfg_attr(feature = "cli", arg(long = "scene", value_name = "NAME", requires = "nuscenes"))]
+    pub scene_name: Option<String>,
+    /// The folder holds scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
+    #[cfg_attr(feature = "cli", arg(long, requires = "poses", group = "scans"))]
+    pub carla: bool,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub datasets: DatasetArgs,
+    /// Edge of the cells that the plates and boxes of scans are made of, in metres [default: 0.4]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M", value_parser = super::parse::number_as("0.4")))]
+    pub cell: Option<f64>,
+    /// Seed of all that the map does not say
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", conflicts_with = "scans", default_value_t = 1, value_parser = super::parse::whole::<u64>))]
+    pub seed: u64,
+    /// Frames that a map's scene has, a tenth of a second apart
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", conflicts_with = "scans", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=1000)))]
+    pub frames: u32,
+    /// Scene file to write; the mesh stands beside it, with the ending .ply
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub out: PathBuf,
 }
 
-/// Makes a scene and writes it to `out`.
+impl ImportRequest {
+    /// Refuses options of scans beside a map.
+    fn check(&self) -> Result<(), RunError> {
+        let refused = match (self.nuscenes, self.carla, self.cell, self.datasets.lidar_height) {
+            (false, false, Some(cell), _) => {
+                format!("--cell {cell}: is for --nuscenes and --carla")
+            }
+            (_, false, _, Some(height)) => format!("--lidar-height {height}: is for --carla"),
+            _ => return Ok(()),
+        };
+        Err(RunError::Usage(format!("{refused}; leave it out")))
+    }
+}
+
+/// Makes a scene and writes it.
 ///
 /// # Errors
 /// Files that cannot be read or written, a map or a set of another format.
-pub fn import(origin: &Origin, out: &Path, watcher: &dyn Watcher) -> Result<(), RunError> {
+pub fn import(request: &ImportRequest, watcher: &dyn Watcher) -> Result<(), RunError> {
     let _session = Session::begin();
-    match origin {
-        Origin::OpenDrive { file, seed, frames } => opendrive(file, *seed, *frames, out, watcher),
-        Origin::Nuscenes { folder, version, scenes, cell } => {
-            let scenes = read_nuscenes(folder, version.as_deref(), scenes)?;
+    request.check()?;
+    let ImportRequest { input, datasets, out, .. } = request;
+    let cell = request.cell.unwrap_or(ImportOptions::default().cell);
+    match (request.nuscenes, request.carla) {
+        (true, _) => {
+            let names: Vec<String> = request.scene_name.iter().cloned().collect();
+            let scenes = read_nuscenes(input, datasets.version.as_deref(), &names)?;
             scenes.iter().try_for_each(|scene| {
                 tell_notes(scene, watcher)?;
-                of_scans(scene, *cell, out, watcher)
+                of_scans(scene, cell, out, watcher)
             })
         }
-        Origin::Carla(scans, cell) => of_scans(&scans.open(watcher)?, *cell, out, watcher),
+        (false, true) => of_scans(&datasets.carla(input, watcher)?, cell, out, watcher),
+        (false, false) => opendrive(input, request.seed, request.frames as usize, out, watcher),
     }
 }
 

@@ -55,9 +55,6 @@ pub struct SweepFound {
     /// Scenes and frames behind the numbers, in words.
     #[serde(skip)]
     pub over: String,
-    /// Sentence on the files written, where there are some.
-    #[serde(skip)]
-    pub wrote: Option<String>,
     /// Weather and faults, as they are written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
@@ -115,15 +112,13 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     }
     drop(bar);
     opened.finish(computing);
-    let mut wrote = None;
     if computing.watcher.goes_on() {
         let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
         let figures = sweeps.iter().map(figure).collect();
-        wrote = drawings.write(figures, || sweeps.first().map(sweep_plot))?;
+        drawings.write(figures, || sweeps.first().map(sweep_plot), computing.watcher)?;
     }
     Ok(SweepFound {
         over: opened.over(&scenes),
-        wrote,
         conditions: in_words(&request.shared.conditions.condition),
         sweeps,
     })

@@ -89,12 +89,12 @@ fn repeated(rows: &[Row]) -> Vec<String> {
 
 /// The best placement of a number of the scene's own LiDARs.
 fn one_more(scene: &StudyScene, count: usize, rows: &[Row]) -> Result<Row, StudyError> {
-    let constraints = scene.constraints().with_lidars(count);
+    let constraints = scene.scene.constraints().with_lidars(count);
     // The best of one LiDAR less, with one more at each corner of the mount in turn.
     let mut starts = scene.layouts.clone();
     let before = rows.last().and_then(|row| row.placement.as_ref());
     starts.extend(before.iter().flat_map(|before| with_one_more(scene, before)));
-    searched(scene, &constraints, &starts)
+    table::of_best(scene, &mut scene.evaluator_under(&constraints)?, &starts)
 }
 
 /// The best rig of a vehicle with a number of LiDARs at most, as its mounts, its symmetry and the budget allow.
@@ -129,7 +129,7 @@ fn chosen(
         return Ok(row.clone());
     }
     let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
-    let mut row = searched(scene, &constraints, &starts)?;
+    let mut row = table::of_best(scene, &mut scene.evaluator_under(&constraints)?, &starts)?;
     if row.placement.is_some() {
         row.values.extend([Some(equipped.equipment.len() as f64), Some(equipped.cost)]);
     }
@@ -142,19 +142,6 @@ fn is_whole(vehicle: &Vehicle, equipment: &Equipment) -> bool {
     let on = |mount: usize| equipment.iter().filter(|(k, _)| *k == mount).count();
     let mut mounts = vehicle.mounts.iter().enumerate();
     !equipment.is_empty() && mounts.all(|(k, mount)| on(k) >= mount.count[0])
-}
-
-/// The best placement under some rules, and its scores.
-fn searched(
-    scene: &StudyScene,
-    constraints: &Constraints,
-    starts: &[Placement],
-) -> Result<Row, StudyError> {
-    let mut evaluator = scene.evaluator_under(constraints)?;
-    let best = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
-    let Some(best) = best else { return Ok(scene.none_found()) };
-    let scores = scene.score(&mut evaluator, &best)?;
-    Ok(Row::scored(table::values(&scores), best, &scores))
 }
 
 fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
@@ -184,7 +171,7 @@ fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
 
 /// A placement with one more LiDAR at each corner of the mount's box.
 fn with_one_more(scene: &StudyScene, before: &Placement) -> Vec<Placement> {
-    let [low, high] = scene.constraints().corners();
+    let [low, high] = scene.scene.constraints().corners();
     let corners = (0..8).map(|corner| {
         let mut pose = before.lidars[0];
         let side = |k: usize| if corner >> k & 1 == 1 { high[k] } else { low[k] };
@@ -212,11 +199,13 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     if vehicle.is_nameless() {
         return Err(StudyError::NoVehicle { scene: scene.place() });
     }
-    let (suite, limits) = (scene.suite()?, scene.limits());
+    let (suite, limits) = (scene.job.suite()?, scene.limits());
     let (objective, engine) = (&scene.settings.objective, &scene.settings.engine);
     let front = cost_front(&suite, vehicle, objective, limits, engine)?;
-    let named: Vec<(String, Equipped)> =
-        front.into_iter().map(|equipped| (equipped.words(vehicle), equipped)).collect();
+    let named: Vec<(String, Equipped)> = front
+        .into_iter()
+        .map(|equipped| (Equipped::words(&equipped.equipment, vehicle), equipped))
+        .collect();
     let rows = cases.each(named, |equipped, _| {
         let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
         let mut evaluator = scene.evaluator_under(&constraints)?;
@@ -268,7 +257,7 @@ impl SearchSpace {
     /// The scene's own LiDAR and mount, or the sensors chosen from a vehicle for the budget.
     pub(super) fn chosen(scene: &StudyScene) -> Result<Self, StudyError> {
         if scene.scene.vehicle().is_nameless() {
-            let (constraints, starts) = (scene.constraints(), scene.layouts.clone());
+            let (constraints, starts) = (scene.scene.constraints(), scene.layouts.clone());
             return Ok(Self { constraints, starts, words: None });
         }
         let limits = scene.limits();
@@ -289,7 +278,7 @@ impl EquipmentChoice {
         let (vehicle, settings) = (scene.scene.vehicle(), scene.settings);
         let mut observer = |_: &Event| scene.goes_on();
         let opened = Equipping::open(
-            &scene.suite()?,
+            &scene.job.suite()?,
             vehicle,
             &settings.objective,
             scene.limits(),

@@ -272,7 +272,7 @@ pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
             (region.lower[2], region.upper[2]) = (low, high);
         });
         let mut evaluator = scene.evaluator_under(&constraints)?;
-        table::of_best(scene, &mut evaluator)
+        table::of_best(scene, &mut evaluator, &scene.rig()?.starts)
     })?;
     let notes = vec![
         "All LiDARs of a case stand at one height (the paper's 2D plane), those of the last where they \

@@ -179,7 +179,7 @@ impl Subregion {
 const WEIGHTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    if !scene.has_detection()? {
+    if !scene.job.problem()?.content().has_detection() {
         return Err(StudyError::OneTask { scene: scene.place() });
     }
     let mut evaluator = scene.evaluator_of_rig()?;

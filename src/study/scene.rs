@@ -12,7 +12,7 @@ use crate::scan::conditions::under;
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores, lidar_name};
-use crate::search::{Evaluator, Event, Limits, Settings, Suite, optimize};
+use crate::search::{Evaluator, Event, Limits, Settings, optimize};
 use crate::vehicle::{Constraints, Placement, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
@@ -75,11 +75,6 @@ impl<'a> StudyScene<'a> {
         format!("{}, {count} frame{s}{under}: {text}", self.scene.name())
     }
 
-    /// True if a class is a detection target.
-    pub(super) fn has_detection(&self) -> Result<bool, StudyError> {
-        Ok(self.job.problem()?.content().has_detection())
-    }
-
     /// Own rigs, or the paper's layouts.
     ///
     /// # Errors
@@ -108,16 +103,6 @@ impl<'a> StudyScene<'a> {
     /// Money and number of sensors that the settings allow.
     pub(super) fn limits(&self) -> Limits {
         Limits::budget(self.settings.budget.unwrap_or(f64::INFINITY))
-    }
-
-    /// The problem of the job, as equipment is chosen over it.
-    pub(super) fn suite(&self) -> Result<Suite, StudyError> {
-        Ok(self.job.suite()?)
-    }
-
-    /// The mount's rules as the scene has them, for the fullest equipment of a vehicle.
-    pub(super) fn constraints(&self) -> Constraints {
-        self.scene.constraints()
     }
 
     /// Names of the LiDARs of a placement: the number, and the mount where the vehicle names some.

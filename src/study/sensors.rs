@@ -108,7 +108,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         let sensors = scene.scene.sensors()?.with_beams(0, table);
         let job = scene.job.clone().sensors(&sensors).constraints(&scene.rig()?.constraints);
         let mut evaluator = scene.open(&job)?;
-        let mut row = table::of_best(scene, &mut evaluator)?;
+        let mut row = table::of_best(scene, &mut evaluator, &scene.rig()?.starts)?;
         if let Some(best) = &row.placement {
             row.values.extend(near_field(scene, &mut evaluator, best)?);
             row.values.insert(0, Some(beams as f64));

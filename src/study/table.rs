@@ -241,9 +241,14 @@ pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {
     ]
 }
 
-/// The best placement of a search and the values of [`SCORES`].
-pub(super) fn of_best(scene: &StudyScene, evaluator: &mut Evaluator) -> Result<Row, StudyError> {
-    let Some(best) = scene.optimize(evaluator)? else { return Ok(scene.none_found()) };
+/// The best placement of a search from some starts, and the values of [`SCORES`].
+pub(super) fn of_best(
+    scene: &StudyScene,
+    evaluator: &mut Evaluator,
+    starts: &[Placement],
+) -> Result<Row, StudyError> {
+    let best = scene.optimize_from(evaluator, &scene.settings.objective, starts)?;
+    let Some(best) = best else { return Ok(scene.none_found()) };
     let scores = scene.score(evaluator, &best)?;
     Ok(Row::scored(values(&scores), best, &scores))
 }

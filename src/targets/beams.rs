@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::card::BeamFinder;
+use super::card::{BeamFinder, SLACK};
 use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
@@ -19,6 +19,9 @@ use crate::vehicle::{Response, SensorError, SensorModel, SensorPose, Sensors, Un
 
 /// Places of targets that a thread takes at once.
 const PLACES_AT_ONCE: usize = 64;
+
+/// Error of a cosine between directions in `f32`, at most.
+const ROUNDING: f64 = 1e-6;
 
 /// Sensor models and own body of a vehicle, for beams on targets on level ground.
 #[derive(Debug, Clone)]
@@ -287,8 +290,14 @@ impl Looking<'_> {
         let ego_from_target = Pose { translation: origin, ..Pose::IDENTITY };
         let pose = DevicePose::from(&ego_from_target.inverse().compose(&self.ego_from_sensor));
         let from = beam_origin(&pose);
-        let mut count = 0;
-        self.finder.near(axis.normalize_or(DVec3::X), half_angle, |beam| {
+        let axis = axis.normalize_or(DVec3::X);
+        let least = (maths::cos((half_angle + SLACK).min(PI)) - ROUNDING) as f32;
+        let (axis_in_f32, mut count) = (axis.as_vec3(), 0);
+        self.finder.near(axis, half_angle, |beam| {
+            // Most beams of the cells pass the target's sphere.
+            if Vec3::from(table.directions()[beam]).dot(axis_in_f32) < least {
+                return true;
+            }
             let direction = beam_direction(&pose, table.directions()[beam]);
             let hit = target.tree.closest_hit(&Ray::new(from, direction, range));
             let meets = hit.is_hit() && self.reaches(beam, hit.t);

@@ -355,7 +355,7 @@ fn blind_sectors(
 const ROWS: usize = 180;
 const COLUMNS: usize = 360;
 /// Radians that a cone is widened by, for directions rounded to `f32`.
-const SLACK: f64 = 1e-6;
+pub(super) const SLACK: f64 = 1e-6;
 
 /// Beams of a sensor model by the cell of a degree that their direction lies in.
 #[derive(Debug)]

@@ -8,6 +8,11 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+#[macro_use]
+mod error;
+
 pub mod datasets;
 pub mod export;
 pub mod rig;
+
+pub use error::FormatError;

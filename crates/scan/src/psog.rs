@@ -49,7 +49,10 @@ pub fn scan_scene(
     let rings = Rings::new(settings, roi);
     let beams = rings.beams() * u64::from(settings.window);
     if let Some(spacing) = settings.spacing.filter(|_| beams > MOST_BEAMS) {
-        return Err(PsogError::TooManyBeams { spacing, beams, limit: MOST_BEAMS });
+        return Err(PsogError::Refused(format!(
+            "psog.scan.spacing: {spacing} m makes {beams} beams in each frame, at most {MOST_BEAMS} may be cast; give a wider \
+             one, or leave it out"
+        )));
     }
     let frames: Vec<usize> = (0..scene.frame_count()).collect();
     let scanner = VirtualScanner {

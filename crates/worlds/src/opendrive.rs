@@ -66,12 +66,15 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
     let failed = |source| WorldError::File { file: file.clone(), source };
     let bytes = match sightline_files::files::read(path, MAX_FILE) {
         Err(error) if error.kind() == std::io::ErrorKind::FileTooLarge => {
-            return Err(WorldError::FileTooLarge { file, most: MAX_FILE >> 20 });
+            let (most, mend) = (MAX_FILE >> 20, "cut a region out of the map");
+            return Err(WorldError::Refused(format!("{file}: is larger than {most} MiB; {mend}")));
         }
         bytes => bytes.map_err(failed)?,
     };
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        return Err(WorldError::Compressed { file });
+        return Err(WorldError::Refused(format!(
+            "{file}: is compressed; unpack it first: gunzip --keep {file}"
+        )));
     }
     let invalid = |problem| failed(std::io::Error::new(std::io::ErrorKind::InvalidData, problem));
     if is_utf_16(&bytes) {
@@ -110,7 +113,9 @@ pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
         network.lanes[lane].next = next.filter_map(|l| lane_of.get(&l.id.0).copied()).collect();
     }
     if network.lanes.is_empty() {
-        return Err(WorldError::NoLane { file: file.to_owned() });
+        return Err(WorldError::Refused(format!(
+            "{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on"
+        )));
     }
     network.streets = map.streets();
     let pieces = roads.road_marks().iter().flat_map(|m| &m.lines).flat_map(|l| &l.pieces);

@@ -292,20 +292,10 @@ fn wheels(parts: &mut Vec<BodyPart>, size: [f64; 2], axles: &[f64], radius: f64)
 fn car(number: usize, length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let (l, w) = (0.5 * length, 0.5 * width);
     let waist = 0.58 * height;
-    let lower = prism(
-        VEHICLE,
-        &[
-            [-l, -0.92 * w],
-            [-0.9 * l, -w],
-            [0.85 * l, -w],
-            [l, -0.75 * w],
-            [l, 0.75 * w],
-            [0.85 * l, w],
-            [-0.9 * l, w],
-            [-l, 0.92 * w],
-        ],
-        [0.2, waist],
-    );
+    let right = [[-1.0, -0.92], [-0.9, -1.0], [0.85, -1.0], [1.0, -0.75]]
+        .map(|[x, y]: [f64; 2]| [x * l, y * w]);
+    let left = [3, 2, 1, 0].map(|k: usize| [right[k][0], -right[k][1]]);
+    let lower = prism(VEHICLE, &[right, left].concat(), [0.2, waist]);
     // The cabin: where it begins and ends tells the bodies apart.
     let [rear, front] = [[-0.75, 0.35], [-0.97, 0.4], [-0.9, 0.5]][number % 3];
     let cabin = |inset: f64, z: [f64; 2]| {

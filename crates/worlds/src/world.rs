@@ -120,9 +120,10 @@ fn furnished(
 ) -> Result<GeneratedWorld, WorldError> {
     let (frames, people, rng) = (frames.max(1), Population::default(), lot(seed, 20));
     let draft = PopulationDraft { network: &network, style: &style, frames, people, rng };
-    let no_way =
-        |[wanted, longest]: [f64; 2]| WorldError::NoWay { file: file.to_owned(), wanted, longest };
-    let people = draft.populate().map_err(no_way)?;
+    let people = draft.populate().map_err(|[wanted, longest]| {
+        let mend = "ask for fewer frames or give a larger network";
+        WorldError::Refused(format!("{file}: {}; {mend}", no_way(wanted, longest)))
+    })?;
     let mut draft = WorldDraft::new(&network, &style, lot(seed, 23));
     special(&mut draft);
     draft.rng = lot(seed, 21);
@@ -222,40 +223,19 @@ fn no_way(wanted: f64, longest: f64) -> String {
 pub enum WorldError {
     #[error("{file}: {source}; give an OpenDRIVE document with at least one road")]
     OpenDrive { file: String, source: Box<xodr::ImportError> },
-    #[error("{file}: {what}")]
-    Xml { file: String, what: String },
-    #[error("{file}: {place} {what}")]
-    Element { file: String, place: String, what: String },
-    #[error("{file}: {what}; correct it, or take it out of the map")]
-    Part { file: String, what: String },
     #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
     File { file: String, source: std::io::Error },
-    #[error("{file}: is compressed; unpack it first: gunzip --keep {file}")]
-    Compressed { file: String },
-    #[error("{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on")]
-    NoLane { file: String },
-    /// No way long enough for the ego: metres that it drives, and metres of the longest way tried.
-    #[error("{file}: {}; ask for fewer frames or give a larger network", no_way(*wanted, *longest))]
-    NoWay { file: String, wanted: f64, longest: f64 },
-    #[error(
-        "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, \
-         and move it to the origin"
-    )]
-    TooLarge { file: String, what: &'static str, value: f64, most: f64 },
-    /// Lanes whose points lie on one another; `place` is the middle of the cell that holds them, in metres.
-    #[error(
-        "{file}: {count} points of its lanes lie within 4 m of x = {}, y = {}, at most {most} are read; correct the \
-         curvature of the road that turns there, or take roads out that lie on one another",
-        place[0], place[1]
-    )]
-    TooDense { file: String, count: f64, place: [f64; 2], most: f64 },
-    #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
-    FileTooLarge { file: String, most: u64 },
+    /// Any other file, element or size; the sentence names it and the mend.
+    #[error("{0}")]
+    Refused(String),
 }
 
 impl WorldError {
     pub(crate) fn too_large(file: &str, what: &'static str, value: f64, most: f64) -> Self {
-        Self::TooLarge { file: file.to_owned(), what, value, most }
+        Self::Refused(format!(
+            "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, and move it to the \
+             origin"
+        ))
     }
 }
 

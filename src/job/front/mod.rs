@@ -26,7 +26,7 @@ use crate::score::{Objective, Scores};
 use crate::search::{Observer, SceneScores, TimeLimit};
 use crate::vehicle::Placement;
 use pareto::{FrontProgress, Objectives, knee};
-use pool::{FrontCandidate, Pool};
+use pool::Pool;
 use sweep::{End, FrontSweep, PoseCaster};
 
 pub use axis::{FrontError, FrontObjective, FrontObjectives};
@@ -255,10 +255,8 @@ fn picks(
     points: &[FrontPoint],
     requires: bool,
 ) -> Vec<(Pick, usize)> {
-    let standings: Vec<Objectives> = points
-        .iter()
-        .map(|point| Objectives::new(objectives, &point.values, point.meets))
-        .collect();
+    let standing = |point| Objectives::new(objectives, point);
+    let standings: Vec<Objectives> = points.iter().map(standing).collect();
     let sensors = |k: usize| points[k].placement.lidars.len();
     let any_meets = points.iter().any(|point| point.meets);
     let among: Vec<usize> = (0..points.len()).filter(|&k| points[k].meets || !any_meets).collect();
@@ -276,18 +274,4 @@ fn picks(
         picks.extend(best.map(|k| (Pick::Best(objective.clone()), k)));
     }
     picks
-}
-
-/// A point from a candidate, with the name of its place on the front.
-fn point(candidate: FrontCandidate, number: usize) -> FrontPoint {
-    let FrontCandidate { placement, values, price, equipment, meets, judged, .. } = candidate;
-    FrontPoint {
-        placement: Placement { name: format!("front-{number}"), ..placement },
-        values,
-        price,
-        equipment,
-        meets,
-        scores: Scores { name: format!("front-{number}"), ..judged.scores },
-        by_scene: judged.by_scene,
-    }
 }

@@ -116,7 +116,7 @@ fn solved(rows: [[f64; 3]; 3]) -> Option<[f64; 3]> {
 /// on from it has the bits of one that never stopped; only the part under way is done again.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrontState {
-    choices: Vec<Answered<Equipped>>,
+    pub(super) choices: Vec<Answered<Equipped>>,
     pub(super) polished: Vec<Answered<Option<Placement>>>,
     pub(super) met: Vec<Answered<Option<(Placement, Equipment)>>>,
 }
@@ -129,7 +129,7 @@ pub(super) struct Answered<T> {
 }
 
 /// Answer to a question that was asked before.
-fn known<'a, T>(parts: &'a [Answered<T>], asked: &str) -> Option<&'a T> {
+pub(super) fn known<'a, T>(parts: &'a [Answered<T>], asked: &str) -> Option<&'a T> {
     parts.iter().find(|part| part.asked == asked).map(|part| &part.found)
 }
 
@@ -152,11 +152,6 @@ impl FrontState {
         text((gain, weight, budget.to_string(), sensors))
     }
 
-    /// Sensors chosen for a question.
-    pub(super) fn chosen(&self, asked: &str) -> Option<&Equipped> {
-        known(&self.choices, asked)
-    }
-
     /// Keeps sensors chosen for a question; a choice without a value, which JSON does not hold, is left out.
     pub(super) fn keep_choice(&mut self, asked: String, found: &Equipped) {
         if found.value.is_finite() && found.missing.is_finite() {
@@ -174,19 +169,9 @@ impl FrontState {
         text((&start.lidars, kinds, objective, is_bound))
     }
 
-    /// Placement found for a question, if any was.
-    pub(super) fn polished(&self, asked: &str) -> Option<&Option<Placement>> {
-        known(&self.polished, asked)
-    }
-
     /// Question for sensors and placement that meet all requirements: the fewest sensors, or the best for all the money.
     pub(super) fn meeting(objective: &Objective, fewest: bool) -> String {
         text((objective, fewest))
-    }
-
-    /// Placement and sensors found for a question, if any were.
-    pub(super) fn met(&self, asked: &str) -> Option<&Option<(Placement, Equipment)>> {
-        known(&self.met, asked)
     }
 }
 

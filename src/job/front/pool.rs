@@ -3,10 +3,10 @@
 use std::collections::HashSet;
 use std::time::Instant;
 
-use super::pareto::{Answered, FrontProgress, FrontState, Objectives, front};
+use super::pareto::{Answered, FrontProgress, FrontState, Objectives, front, known};
 use super::sweep::{Chosen, End, spread};
-use super::{Front, FrontObjective, FrontObjectives, FrontStopped, is_over, picks, point};
-use crate::job::{Job, JobError, JobStep};
+use super::{Front, FrontObjective, FrontObjectives, FrontPoint, FrontStopped, is_over, picks};
+use crate::job::{Job, JobError};
 use crate::score::Objective;
 use crate::search::{
     Equipped, Evaluator, Event, Judged, Observer, PATIENCE, Settings, Suite, Work, optimize,
@@ -21,14 +21,8 @@ const GENERATIONS: u64 = 40;
 
 /// A placement with its values.
 #[derive(Debug, Clone)]
-pub(super) struct FrontCandidate {
-    pub placement: Placement,
-    pub values: Vec<f64>,
-    pub price: f64,
-    /// Sensors by mount, in words.
-    pub equipment: String,
-    pub meets: bool,
-    pub judged: Judged,
+struct FrontCandidate {
+    point: FrontPoint,
     /// Mounts and models.
     kinds: Equipment,
     /// Objective of a search around it.
@@ -37,9 +31,10 @@ pub(super) struct FrontCandidate {
 
 impl Objectives {
     /// Values of a point as the Pareto filter takes them.
-    pub(super) fn new(objectives: &FrontObjectives, values: &[f64], meets: bool) -> Self {
-        let of = objectives.all().iter().zip(values);
-        Self { values: of.map(|(objective, value)| objective.turned(*value)).collect(), meets }
+    pub(super) fn new(objectives: &FrontObjectives, point: &FrontPoint) -> Self {
+        let of = objectives.all().iter().zip(&point.values);
+        let values = of.map(|(objective, value)| objective.turned(*value)).collect();
+        Self { values, meets: point.meets }
     }
 }
 
@@ -99,43 +94,26 @@ impl<'a> Pool<'a> {
         kinds: Equipment,
         gain: Objective,
     ) -> Result<(), JobError> {
-        let judged = self.evaluator.judged(std::slice::from_ref(&placement))?.remove(0);
+        let Judged { scores, by_scene } =
+            self.evaluator.judged(std::slice::from_ref(&placement))?.remove(0);
         self.scored += 1;
         let price = self.vehicle.cost(&kinds);
         let sensors = placement.lidars.len();
-        let value = |objective: &FrontObjective| objective.value(&judged.scores, sensors, price);
+        let value = |objective: &FrontObjective| objective.value(&scores, sensors, price);
         let values: Option<Vec<f64>> = self.objectives.all().iter().map(value).collect();
         let Some(values) = values.filter(|values| values.iter().all(|v| v.is_finite())) else {
             return Ok(());
         };
-        let meets = judged.scores.missing() <= 0.0;
-        let equipped = Equipped {
-            equipment: kinds,
-            placement,
-            cost: price,
-            value: 0.0,
-            missing: 0.0,
-            out_of_reach: Vec::new(),
-            is_cut: false,
-        };
-        let equipment = equipped.words(self.vehicle);
-        let Equipped { equipment: kinds, placement, .. } = equipped;
-        self.candidates.push(FrontCandidate {
-            placement,
-            values,
-            price,
-            equipment,
-            meets,
-            judged,
-            kinds,
-            gain,
-        });
+        let meets = scores.missing() <= 0.0;
+        let equipment = Equipped::words(&kinds, self.vehicle);
+        let point = FrontPoint { placement, values, price, equipment, meets, scores, by_scene };
+        self.candidates.push(FrontCandidate { point, kinds, gain });
         Ok(())
     }
 
     /// Numbers of the candidates on the front, in the order of its first objective.
     fn front(&self) -> Vec<usize> {
-        let standing = |of: &FrontCandidate| Objectives::new(self.objectives, &of.values, of.meets);
+        let standing = |of: &FrontCandidate| Objectives::new(self.objectives, &of.point);
         let standings: Vec<Objectives> = self.candidates.iter().map(standing).collect();
         let mut best = front(&standings);
         best.sort_by(|&a, &b| {
@@ -151,18 +129,18 @@ impl<'a> Pool<'a> {
     /// alone, too.
     fn around(&self) -> Vec<(usize, bool)> {
         let trades = self.objectives.has(&FrontObjective::Requirements);
-        let missing = |k: usize| self.candidates[k].judged.scores.missing();
+        let missing = |k: usize| self.candidates[k].point.scores.missing();
         let nearly: Vec<usize> =
             (0..self.candidates.len()).filter(|&k| missing(k) <= NEARLY).collect();
         let standing = |&k: &usize| {
-            let of = self.objectives.all().iter().zip(&self.candidates[k].values);
+            let of = self.objectives.all().iter().zip(&self.candidates[k].point.values);
             let costs = of.filter(|(objective, _)| objective.is_cost()).map(|(_, cost)| *cost);
             Objectives { values: costs.chain([missing(k)]).collect(), meets: true }
         };
         let cheap = front(&nearly.iter().map(standing).collect::<Vec<_>>());
         let front = spread(&self.front());
         let mut all: Vec<(usize, bool)> =
-            front.iter().map(|&k| (k, trades || self.candidates[k].meets)).collect();
+            front.iter().map(|&k| (k, trades || self.candidates[k].point.meets)).collect();
         let near = front.into_iter().filter(|k| nearly.contains(k));
         for k in cheap.into_iter().map(|at| nearly[at]).chain(near).filter(|&k| missing(k) > 0.0) {
             if !all.contains(&(k, true)) {
@@ -186,14 +164,15 @@ impl<'a> Pool<'a> {
             let settings = Settings {
                 objective: self.sought(&from.gain),
                 baselines: Vec::new(),
-                starts: vec![from.placement.clone()],
+                starts: vec![from.point.placement.clone()],
                 time: None,
                 gap: None,
                 ..self.job.settings.clone()
             };
-            let asked =
-                FrontState::polish(&from.placement, &from.kinds, &settings.objective, is_bound);
-            if let Some(known) = kept.state.polished(&asked).cloned() {
+            let asked = FrontState::polish(
+                &from.point.placement, &from.kinds, &settings.objective, is_bound,
+            );
+            if let Some(known) = known(&kept.state.polished, &asked).cloned() {
                 known.map(|best| self.score(best, from.kinds, from.gain)).transpose()?;
                 continue;
             }
@@ -233,7 +212,7 @@ impl<'a> Pool<'a> {
         kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
     ) -> Result<End, JobError> {
-        if self.candidates.iter().any(|of| of.meets) {
+        if self.candidates.iter().any(|of| of.point.meets) {
             return Ok(End::Done);
         }
         let gain = self.candidates.first().map_or_else(Objective::default, |of| of.gain.clone());
@@ -243,7 +222,7 @@ impl<'a> Pool<'a> {
         observer.on(&Event::Note(words));
         for fewest in [true, false] {
             let asked = FrontState::meeting(&gain, fewest);
-            if let Some(known) = kept.state.met(&asked).cloned() {
+            if let Some(known) = known(&kept.state.met, &asked).cloned() {
                 known.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
                 continue;
             }
@@ -260,16 +239,9 @@ impl<'a> Pool<'a> {
                 is_interrupted |= !goes_on;
                 goes_on
             };
-            let mut run = job.begin()?;
-            let outcome = loop {
-                match run.step(&mut observe)? {
-                    JobStep::On => {}
-                    JobStep::Stopped => break None,
-                    JobStep::Done(outcome) => break outcome.best,
-                }
-            };
-            let kinds = run.equipped().map(|equipped| equipped.equipment.clone());
-            let found = outcome.map(|best| best.placement).zip(kinds);
+            let found = job.optimize(&mut observe)?;
+            let found = found
+                .and_then(|found| Some((found.outcome.best?.placement, found.equipped?.equipment)));
             let end = match is_interrupted {
                 true => End::Interrupted,
                 false if is_over(self.job.settings.time) => End::Time,
@@ -303,8 +275,12 @@ impl<'a> Pool<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Front, JobError> {
         let numbers = self.front();
-        let best = numbers.iter().map(|&k| self.candidates[k].clone());
-        let mut points: Vec<_> = (1..).zip(best).map(|(number, of)| point(of, number)).collect();
+        let best = numbers.iter().map(|&k| self.candidates[k].point.clone());
+        let mut points: Vec<FrontPoint> = best.collect();
+        for (number, point) in (1..).zip(&mut points) {
+            point.placement.name = format!("front-{number}");
+            point.scores.name.clone_from(&point.placement.name);
+        }
         let total = points.len() as u64;
         // Copies of placements take most of a look, and a look at all points may take longer than the search had.
         let patience = Instant::now() + PATIENCE;

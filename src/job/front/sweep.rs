@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use super::pareto::{FrontProgress, FrontState};
+use super::pareto::{FrontProgress, FrontState, known};
 use super::{FrontObjective, FrontObjectives};
 use crate::score::Objective;
 use crate::search::{
@@ -233,7 +233,7 @@ impl UnderWay<'_, '_> {
     /// One choice under limits: a known one, or a new one.
     fn choice(&mut self, limits: Limits) -> Result<Equipped, Stop> {
         let asked = FrontState::choice(&self.aimed.0, self.aimed.1, limits);
-        if let Some(known) = self.kept.state.chosen(&asked).cloned() {
+        if let Some(known) = known(&self.kept.state.choices, &asked).cloned() {
             self.found(&known);
             return Ok(known);
         }

@@ -32,7 +32,7 @@ pub struct Finished {
 pub fn finished(folder: &Path) -> Result<Option<Finished>, RunError> {
     let command = match command_in(folder).as_deref() {
         Some(front::COMMAND) => front::COMMAND,
-        Some("optimize") => "optimize",
+        Some(super::COMMAND) => super::COMMAND,
         _ => return Ok(None),
     };
     if ![RESULT, PLACEMENTS, PAGE].iter().all(|name| folder.join(name).is_file()) {

@@ -6,14 +6,14 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::request::{Begun, NewRun, command, in_full};
+use super::request::{Begun, OptimizeRequest, command, in_full};
 use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, earlier_times, priced};
 use crate::files::{FileError, RunDir, Session, command_of as command_in};
 use crate::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
 use crate::report::words::{from_here, word};
 use crate::report::{FrontContext, FrontRecord, front_html};
-use crate::runs::inputs::{note_repeated, note_unpriced};
+use crate::runs::inputs::note_unpriced;
 use crate::runs::{Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::search::{Event, Settings, TimeLimit};
 
@@ -46,15 +46,6 @@ impl SavedFront {
     }
 }
 
-/// Start of the search of a front.
-#[derive(Debug, Clone)]
-pub enum FrontStart {
-    /// A new run, and the objectives.
-    New(Box<NewRun>, FrontObjectives),
-    /// Folder of a stopped run, which goes on to the same points that it would have given.
-    Resume(PathBuf),
-}
-
 /// True if a folder holds a front that goes on.
 pub fn holds_front(folder: &Path) -> bool {
     command_in(folder).is_some_and(|command| command == COMMAND)
@@ -62,46 +53,35 @@ pub fn holds_front(folder: &Path) -> bool {
 
 /// The folder and the state of a front that goes on; of a new one the state at its beginning.
 fn opened(
-    from: &FrontStart,
-    watcher: &dyn Watcher,
+    request: &OptimizeRequest,
+    computing: &Computing<'_>,
 ) -> Result<(Option<RunDir<SavedFront>>, SavedFront), RunError> {
-    match from {
-        FrontStart::Resume(path) => {
-            let (folder, saved) = RunDir::<SavedFront>::resume(COMMAND, path)?;
-            Ok((Some(folder), saved))
-        }
-        FrontStart::New(new, objectives) => {
-            let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
-            note_repeated(&scenes, watcher);
-            let (begun, settings) = new.checked()?;
-            let (objectives, state) = (objectives.clone(), FrontState::default());
-            Ok((None, SavedFront { begun, objectives, settings, state }))
-        }
+    if let Some(path) = &request.resume {
+        let (folder, saved) = RunDir::<SavedFront>::resume(COMMAND, path)?;
+        return Ok((Some(folder), saved));
     }
+    let (begun, settings) = request.checked(computing)?;
+    let words = "give the objectives of the front, as price,near_gain";
+    let objectives = request.front.clone().ok_or_else(|| RunError::Usage(words.to_owned()))?;
+    Ok((None, SavedFront { begun, objectives, settings, state: FrontState::default() }))
 }
 
-/// Searches the front of some objectives and writes it into a folder, and its picture into a folder of `figures` where that
-/// is given; `None` if the watcher stopped it before any placement was scored.
+/// Searches the front of the request's objectives, or goes on with one, and writes it into its folder, and its picture into
+/// the folder of figures. `None` if the watcher stopped it before any placement was scored.
 ///
 /// # Errors
 /// Files that cannot be read or written, objectives that the vehicle does not have, no placement with a value of each.
 pub fn front(
-    from: &FrontStart,
-    max_seconds: Option<f64>,
-    figures: Option<&Path>,
+    request: &OptimizeRequest,
     computing: &Computing<'_>,
 ) -> Result<Option<Fronted>, RunError> {
     let _session = Session::begin();
     let (start, watcher) = (Instant::now(), computing.watcher);
+    let (max_seconds, figures) = (request.max_seconds, request.figures.figures.as_deref());
     outputs::check_figures(figures)?;
-    let (folder, mut saved) = opened(from, watcher)?;
+    let (folder, mut saved) = opened(request, computing)?;
     let time = max_seconds.map(|s| TimeLimit { start, length: Duration::from_secs_f64(s) });
-    let loaded = opening::job_within(&saved.begun.files, time, computing);
-    let mut loaded = loaded.map_err(|error| match from {
-        FrontStart::New(new, _) => new.as_given(error),
-        FrontStart::Resume(_) => error,
-    })?;
-    loaded.suite(computing)?;
+    let loaded = request.open(&saved.begun.files, time, computing)?;
     let inputs = loaded.inputs()?;
     let job = loaded.job.search(saved.settings.clone());
     let job = job.engine(computing.engine.clone()).within(time);
@@ -112,17 +92,8 @@ pub fn front(
     }
     job.check_room()?;
     watcher.listen(GRACE);
-    let folder = match (folder, from) {
-        (None, FrontStart::New(new, _)) => {
-            // Before the search, so that a folder that cannot be written is found out now.
-            let name = saved.begun.folder();
-            RunDir::create(COMMAND, new.out.as_deref(), &name, inputs.clone())?
-        }
-        (folder, _) => folder.expect("a run that goes on has a folder"),
-    };
-    folder.check(&inputs)?;
-    outputs::check_figures_apart(figures, folder.path())?;
-    let earlier: f64 = earlier_times(folder.path(), matches!(from, FrontStart::New(..)));
+    let folder = request.folder((COMMAND, folder), &saved.begun, inputs)?;
+    let earlier: f64 = earlier_times(folder.path(), request.resume.is_none());
     let found = search(&job, &mut saved, &folder, watcher);
     let Some(found) = found.map_err(|error| error.discarding(&folder))? else { return Ok(None) };
     let seconds = earlier + start.elapsed().as_secs_f64();

@@ -2,60 +2,169 @@
 
 use std::path::{Component, Path, PathBuf};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::files::{check_new_folder, holds_run};
-use crate::job::{Job, JobError, JobFiles, JobState};
+use crate::files::{Input, RunDir, check_new_folder, holds_run};
+use crate::job::{FRONT_EVALUATIONS, FrontObjectives, Job, JobError, JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::{from_here, word};
-use crate::runs::inputs::{Given, RESULT, can_be_read, note_unpriced, rig_path};
-use crate::runs::{Computing, RunError, Watcher};
+use crate::runs::inputs::{Given, RESULT, can_be_read, note_repeated, note_unpriced, rig_path};
+use crate::runs::opening::Loaded;
+#[cfg(feature = "cli")]
+use crate::runs::parse;
+use crate::runs::{
+    Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, TableFormat, Watcher, opening,
+    outputs,
+};
+use crate::scan::conditions::in_words;
 use crate::scene::Scene;
-use crate::search::{FrameChoice, SearchError, Settings};
+use crate::search::{FrameChoice, Method, SearchError, Settings, TimeLimit};
 use crate::vehicle::placement_file::holds_placements;
-use crate::vehicle::{MountRules, Vehicle, read_placements};
+use crate::vehicle::{MountRules, Spacing, Vehicle, read_placements};
 
-/// A search to begin or to go on with.
-#[derive(Debug, Clone)]
-pub struct OptimizeRequest {
-    /// A new run, or one to go on with.
-    pub start: Start,
-    /// Seconds from the start after which the search ends.
-    pub max_seconds: Option<f64>,
-    /// Frames given; more than a scene has are worth a note.
-    pub frames: Option<u32>,
-    /// File for the first scene with the result, as binary glTF.
-    pub gltf: Option<PathBuf>,
-    /// Folder for each figure of the page.
-    pub figures: Option<PathBuf>,
-}
-
-/// Start of a search.
-#[derive(Debug, Clone)]
-pub enum Start {
-    /// A new run.
-    New(Box<NewRun>),
-    /// Folder of a stopped run, which goes on to the same bytes that it would have given.
-    Resume(PathBuf),
-}
-
-/// A search that is to begin.
+/// A search to begin or to go on with: of one placement, or of a front where objectives of one are given.
 #[derive(Debug, Clone, Default)]
-pub struct NewRun {
-    /// Scenes, vehicle, rules, weather and budget.
-    pub files: JobFiles,
-    /// Folder of the run; `runs/SCENE`, numbered, if none.
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct OptimizeRequest {
+    /// Scene files; of several the mean is maximized
+    ///
+    /// They share LiDAR and mount; each is normalized by its own total.
+    #[cfg_attr(
+        feature = "cli",
+        arg(value_name = "SCENE", required_unless_present = "resume", conflicts_with = "resume")
+    )]
+    pub scenes: Vec<PathBuf>,
+    /// Add each scene mirrored left to right, so that a result is not lopsided because one street is
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "resume"))]
+    pub mirror: bool,
+    /// Folder for the run [default: runs/SCENE, numbered if it is taken]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR", conflicts_with = "resume"))]
     pub out: Option<PathBuf>,
-    /// Score to maximize, in place of the settings' objective.
+    /// Go on with an interrupted run, to the same bytes that it would have given; a finished one says where its result is
+    ///
+    /// Options that the run was begun with, the vehicle and the seed among them, belong to the run and are refused here.
+    /// Where time ended the choice of sensors, its poses are cast anew: give more --max-seconds than before.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
+    pub resume: Option<PathBuf>,
+    /// Score to maximize, or a weighted sum of several [default: near_gain]
+    ///
+    /// near_gain, near_gain_2, near_gain_3, information_gain, information_gain_share, m_sog, m_sog_nonzero, m_sog_scaled,
+    /// m_sog_scaled_nonzero, s_mig; all but the near gains and s_mig also of detection, as detection.m_sog_scaled.
+    /// m_sog_scaled is the paper's. The default is justified by the near ground that its optima see, not by what learners
+    /// recognize (docs/evidence.md).
+    /// A rig that may lose a LiDAR wants near_gain_2: a voxel counts half if one LiDAR sees it, and in full if two do.
+    /// Likewise near_gain_3 counts thirds up to three.
+    #[cfg_attr(feature = "cli", arg(long, allow_hyphen_values = true, conflicts_with = "resume"))]
     pub objective: Option<String>,
-    /// Settings of the search.
-    pub settings: Settings,
-    /// Placements to compare with, in place of Table 7 of the paper.
+    /// Placements that the generations evaluate; casts of the swaps and their refinements grow with them
+    /// [default: 180; with --front 40]
+    ///
+    /// The swaps cast up to twice as many sensor poses as the generations, with --method swaps every pose of the grid.
+    /// With --front that many around each point of the front; 0 leaves the points on the coarse grid.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", conflicts_with = "resume", value_parser = parse::whole::<u64>))]
+    pub evaluations: Option<u64>,
+    /// Seconds from the start after which the run ends, generations after two fifths of them; --resume goes on
+    /// from there
+    ///
+    /// The last fifth of a run over more than 32 frames is kept to confirm the result over all of them; where that is
+    /// not enough, result and baselines are scored over few frames, and `stopped` says so. A P-SOG that is not scanned
+    /// in that time ends the run with an error. The scores over few frames and the page, seconds each, come on top.
+    /// --resume casts the poses for a choice of sensors anew, where the time ended in that choice: give it more then.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "S", alias = "time", value_parser = parse::seconds))]
+    pub max_seconds: Option<f64>,
+    /// Score over all frames at which the search ends; a near gain of 25 % is 0.25
+    #[cfg_attr(feature = "cli", arg(long = "enough", alias = "target", value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true, value_parser = parse::number_as("0.25")))]
+    pub target: Option<f64>,
+    /// Placements of a generation [default: chosen from the number of variables]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", conflicts_with = "resume", value_parser = clap::value_parser!(u32).range(4..=10_000)))]
+    pub population: Option<u32>,
+    /// Frames of the scene that the search models: as few as keep the ranking, and more when they no
+    /// longer tell the best apart (auto), or all (full); the result is confirmed over all
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t, conflicts_with = "resume"))]
+    pub fidelity: Fidelity,
+    /// Frames of each scene that the search averages over, spread evenly, whatever they lose
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"], value_parser = clap::value_parser!(u32).range(1..)))]
+    pub frames: Option<u32>,
+    /// How to search: CMA-ES, then swaps of single LiDARs among poses of a grid and their refinement (both), the first alone
+    /// (cma), or swaps over every pose of the grid and their refinement (swaps)
+    #[cfg_attr(feature = "cli", arg(long, value_parser = parse::method, default_value = "both", conflicts_with = "resume"))]
+    pub method: Method,
+    /// Search on a grid of sensor poses alone, as in the paper: metres and radians between
+    /// neighbours, as 0.1 or 0.2,0.1. Swaps always use one [default for them: 0.1]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse::spacing))]
+    pub delta: Option<Spacing>,
+    /// Work on the bound until it shows that no placement on its grid is better than the best one there by more than this
+    /// percentage; may take a minute or more [default: a bound that takes few seconds]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", conflicts_with = "resume", value_parser = parse::number_that(|percent| (0.0..=100.0).contains(&percent), "0 to 100 per cent, as 2")))]
+    pub bound: Option<f64>,
+    /// Seed of all randomness
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = parse::whole::<u64>, conflicts_with = "resume"))]
+    pub seed: u64,
+    /// Placements to compare with, and to start from where the mount allows them
+    /// [default: Table 7 of the paper]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PLACEMENTS", conflicts_with = "resume"))]
     pub baselines: Option<PathBuf>,
-    /// More placements to start from.
+    /// More placements to start from where the mount allows them; not compared with
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PLACEMENTS", conflicts_with = "resume"))]
     pub inject: Option<PathBuf>,
+    /// Most that the sensors may cost, in the vehicle's currency
+    ///
+    /// Models, mounts and numbers of sensors are chosen for the money.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = parse::price))]
+    pub budget: Option<f64>,
+    /// Take the fewest sensors of a vehicle that meet all of its requirements: among equal numbers the cheapest, and
+    /// their best placement
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "resume"))]
+    pub fewest: bool,
+    /// Search the front of two or three objectives over a vehicle's sensors and poses, as price,near_gain: every
+    /// placement that no other one found beats in all of them
+    ///
+    /// price, sensors (their number) and requirements (also targets: the share that is missing of what the vehicle
+    /// requires, summed) are better when less, the scores of --objective when more. Sensors are chosen on a coarse grid of
+    /// poses, for each of a row of prices or numbers at most; scores that are no gain are not chosen by, but compared. All
+    /// placements are scored over all frames. --evaluations searches around each point, and around cheap sensors that
+    /// miss little of the requirements; without it a front takes a quarter of the time. A point that misses a requirement takes the place of none that meets all. The folder gets placements.json in the order of the
+    /// first objective, front.svg, report.html and result.json with the front and its picks: the cheapest that meets all
+    /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. --resume goes
+    /// on with a stopped front: only the choice or the search that was under way is done again.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "A,B[,C]", conflicts_with_all = ["resume", "fewest", "target", "baselines", "inject", "gltf", "bound"]))]
+    pub front: Option<FrontObjectives>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub mounting: MountingArgs,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub conditions: Conditions,
+    /// How to print the result
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub format: TableFormat,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub gltf: Gltf,
+    /// All LiDARs stand at one height
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "resume"))]
+    pub equal_height: bool,
+    /// LiDARs come in pairs mirrored at the plane y = 0 (y, roll and yaw change sign); an odd one lies
+    /// in it
+    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "resume"))]
+    pub symmetric: bool,
+    /// Keep a pose field of all LiDARs at one value, in metres or radians, as z=2.5 or roll=0; may be
+    /// given several times
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FIELD=VALUE", conflicts_with = "resume", value_parser = parse::fixed))]
+    pub fix: Vec<(String, f64)>,
+}
+
+/// Frames that a search models.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Fidelity {
+    /// The fewest frames that keep the ranking
+    #[default]
+    Auto,
+    /// Every frame
+    Full,
 }
 
 /// Files and options that a run was begun with.
@@ -114,15 +223,12 @@ fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
         };
         return Err(RunError::Usage(format!("{file}: {fault}")));
     }
-    for path in files.more_scenes.iter().filter(|path| can_be_read(path).is_err()) {
-        files.read_scene(path)?;
-    }
-    Ok(())
+    let missing = files.more_scenes.iter().find(|path| can_be_read(path).is_err());
+    missing.map_or(Ok(()), |path| Ok(files.read_scene(path).map(drop)?))
 }
 
-/// Refuses a budget below the cheapest rig of a vehicle file. Other faults of that file are told where its scene is read.
+/// Refuses a budget below the cheapest rig of a vehicle file (no pipe: one is read once); other faults are told later.
 fn check_budget(files: &JobFiles) -> Result<(), RunError> {
-    // A pipe is read once.
     let file = files.vehicle.as_deref().filter(|file| files.budget.is_some() && file.is_file());
     let Some(Ok(ground)) = file.map(Scene::level_ground) else { return Ok(()) };
     match Job::new(ground).budget(files.budget).check_room() {
@@ -131,28 +237,44 @@ fn check_budget(files: &JobFiles) -> Result<(), RunError> {
     }
 }
 
-impl NewRun {
-    /// Files and options that the checkpoint keeps, and the settings, once all is checked that takes no scene.
-    pub(super) fn checked(&self) -> Result<(Begun, Settings), RunError> {
-        let checked = (self.begun()?, self.settings()?);
+impl OptimizeRequest {
+    /// Files and options of the job, with the paths that are given.
+    fn files(&self, vehicle: Option<&Path>) -> JobFiles {
+        let (equal_height, symmetric, fixed) =
+            (self.equal_height, self.symmetric, self.fix.clone());
+        JobFiles {
+            mirror: self.mirror,
+            rules: MountRules { equal_height, symmetric, fixed },
+            budget: self.budget,
+            fewest: self.fewest,
+            tolerance: Some(self.mounting.tolerance),
+            conditions: in_words(&self.conditions.condition),
+            ..JobFiles::new(&self.scenes, vehicle)
+        }
+    }
+
+    /// Files and options that the checkpoint of a new run keeps, and its settings, once all is checked that takes no scene.
+    pub(super) fn checked(&self, computing: &Computing<'_>) -> Result<(Begun, Settings), RunError> {
+        let checked = (self.begun(computing)?, self.settings()?);
         self.out.as_deref().map_or(Ok(()), check_new_folder)?;
         Ok(checked)
     }
 
-    /// Files and options that the checkpoint keeps.
-    fn begun(&self) -> Result<Begun, RunError> {
+    /// Files and options that the checkpoint of a new run keeps; notes a scene that is given twice.
+    fn begun(&self, computing: &Computing<'_>) -> Result<Begun, RunError> {
+        note_repeated(&self.scenes, computing.watcher);
         let absolute = |path: &PathBuf| whole_path(path).map_err(RunError::io(path));
-        let files = &self.files;
-        if files.scene.as_os_str().is_empty() {
+        let files = self.files(computing.vehicle.as_deref());
+        if self.scenes.is_empty() {
             return Err(RunError::Usage("give a scene to search in".into()));
         }
-        check_scenes(files)?;
-        check_budget(files)?;
+        check_scenes(&files)?;
+        check_budget(&files)?;
         let files = JobFiles {
             scene: absolute(&files.scene)?,
             more_scenes: files.more_scenes.iter().map(absolute).collect::<Result<_, _>>()?,
             vehicle: files.vehicle.as_ref().map(absolute).transpose()?,
-            ..files.clone()
+            ..files
         };
         let rigs = |file: &Option<PathBuf>| -> Result<Option<PathBuf>, RunError> {
             file.as_ref().map(|file| absolute(&rig_path(file)?)).transpose()
@@ -160,11 +282,44 @@ impl NewRun {
         Ok(Begun { files, baselines: rigs(&self.baselines)?, inject: rigs(&self.inject)? })
     }
 
-    /// An error of reading the scenes, which names files as they were given where reading them again tells it.
-    pub(super) fn as_given(&self, error: RunError) -> RunError {
+    /// Reads and poses the job of a run until a limit of time; an error names files as a new run was given them where reading
+    /// them again tells it.
+    pub(super) fn open(
+        &self,
+        files: &JobFiles,
+        time: Option<TimeLimit>,
+        computing: &Computing<'_>,
+    ) -> Result<Loaded, RunError> {
+        let loaded = opening::job_within(files, time, computing);
+        let mut loaded = loaded.map_err(|error| match self.resume {
+            Some(_) => error,
+            None => self.as_given(error, computing.vehicle.as_deref()),
+        })?;
+        loaded.suite(computing)?;
+        Ok(loaded)
+    }
+
+    /// Folder of a run of these inputs, made before the search, so that one that cannot be written is found out; a run that
+    /// goes on has one.
+    pub(super) fn folder<S: Serialize + DeserializeOwned>(
+        &self,
+        (command, folder): (&'static str, Option<RunDir<S>>),
+        begun: &Begun,
+        inputs: Vec<Input>,
+    ) -> Result<RunDir<S>, RunError> {
+        let folder = match folder {
+            Some(folder) => folder,
+            None => RunDir::create(command, self.out.as_deref(), &begun.folder(), inputs.clone())?,
+        };
+        folder.check(&inputs)?;
+        outputs::check_figures_apart(self.figures.figures.as_deref(), folder.path())?;
+        Ok(folder)
+    }
+
+    fn as_given(&self, error: RunError, vehicle: Option<&Path>) -> RunError {
         // A pipe is read once, and an engine that fails is no fault of a file.
         let is_plain = |path: &PathBuf| path.is_file() || !path.exists();
-        let files = &self.files;
+        let files = self.files(vehicle);
         let is_of_files = match &error {
             RunError::Interrupted(_) => false,
             RunError::Library(crate::Error::Job(error)) => error.of_engine().is_none(),
@@ -177,9 +332,25 @@ impl NewRun {
         again.map_or(error, RunError::from)
     }
 
-    /// The settings with the objective and the placements of the request.
+    /// Settings of the search, with the placements of files.
     fn settings(&self) -> Result<Settings, RunError> {
-        let mut settings = self.settings.clone();
+        let usual = Settings::default();
+        let evaluations = if self.front.is_some() { FRONT_EVALUATIONS } else { usual.evaluations };
+        let mut settings = Settings {
+            method: self.method,
+            evaluations: self.evaluations.unwrap_or(evaluations),
+            population: self.population.map(|count| count as usize),
+            delta: self.delta,
+            gap: self.bound.map(|percent| percent / 100.0),
+            seed: self.seed,
+            frames: match (self.fidelity, self.frames) {
+                (Fidelity::Full, _) => FrameChoice::All,
+                (Fidelity::Auto, Some(frames)) => FrameChoice::Count(frames),
+                (Fidelity::Auto, None) => FrameChoice::OnDemand,
+            },
+            target: self.target,
+            ..usual
+        };
         if let Some(text) = &self.objective {
             settings.objective = text.parse()?;
         }

@@ -49,7 +49,7 @@ impl Equipped {
 
     /// Sensors by mount and their price, in words: `2 × spinning-16 on roof, …, 14000 in all`.
     pub fn words_with_price(&self, vehicle: &Vehicle) -> String {
-        format!("{}, {} in all", self.words(vehicle), self.cost)
+        format!("{}, {} in all", Self::words(&self.equipment, vehicle), self.cost)
     }
 
     /// Mounts that could hold more LiDARs by all rules, in the order of the vehicle; none where a placement may have no more.
@@ -79,9 +79,9 @@ impl Equipped {
     }
 
     /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
-    pub fn words(&self, vehicle: &Vehicle) -> String {
+    pub fn words(equipment: &Equipment, vehicle: &Vehicle) -> String {
         let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();
-        for kind in &self.equipment {
+        for kind in equipment {
             match counted.iter_mut().find(|(known, _)| known == kind) {
                 Some((_, count)) => *count += 1,
                 None => counted.push((*kind, 1)),

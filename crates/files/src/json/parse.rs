@@ -46,6 +46,15 @@ impl<'de> Deserialize<'de> for UniqueKeys {
 
 struct AnyValue;
 
+/// Methods that keep a value as it is.
+macro_rules! scalars {
+    ($($method:ident: $kind:ty;)*) => {$(
+        fn $method<E>(self, value: $kind) -> Result<Value, E> {
+            Ok(value.into())
+        }
+    )*};
+}
+
 impl<'de> Visitor<'de> for AnyValue {
     type Value = Value;
 
@@ -57,25 +66,7 @@ impl<'de> Visitor<'de> for AnyValue {
         Ok(Value::Null)
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Value, E> {
-        Ok(text.into())
-    }
+    scalars! { visit_bool: bool; visit_u64: u64; visit_i64: i64; visit_f64: f64; visit_str: &str; }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Value, A::Error> {
         let mut values = Vec::new();

@@ -11,8 +11,8 @@ use glam::Vec3;
 
 use super::ground::{self, MOST_SCANS, NearRoad};
 use super::kitti::above_ground;
-use super::sequence::entries;
-use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
+use super::sequence::{entries, no_frame, two_scans};
+use super::{BoxTrack, Checked, FormatError, LabelledScan, LabelledSequence, PointLabel};
 use frames::{ActorPoints, Record, TimedPose, frame_of};
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
@@ -48,21 +48,25 @@ impl CarlaSequence {
     /// within 10 m does.
     ///
     /// # Errors
-    /// Files that are missing, malformed or named by no frame, a scan without a pose; see [`DatasetError`].
+    /// Files that are missing, malformed or named by no frame, a scan without a pose; see [`FormatError`].
     pub fn open(
         folder: &Path,
         poses: &Path,
         tags: Option<CarlaTags>,
         lidar_height: Option<f64>,
-    ) -> Result<Self, DatasetError> {
+    ) -> Result<Self, FormatError> {
         let (table, mut notes) = frames::read_poses(poses)?;
         let mut frames = BTreeMap::new();
         for (frame, scan) in list_scans(folder)? {
             let Some(&stood) = table.get(&frame) else {
-                return Err(DatasetError::NoCarlaPose { path: poses.to_owned(), frame, scan });
+                return Err(refused!(
+                    "{} has no row for frame {frame}, whose scan is {}; each scan needs the pose of its LiDAR",
+                    poses.display(),
+                    scan.display()
+                ));
             };
             if frames.insert(frame, (scan, stood)).is_some() {
-                return Err(DatasetError::Twice { path: folder.to_owned(), frame });
+                return Err(two_scans(folder, frame));
             }
         }
         let more = table.len() - frames.len();
@@ -100,17 +104,21 @@ impl CarlaSequence {
     }
 
     /// The error of scans without a road below the LiDAR: a tag that no version has, if it keeps roads from being found.
-    fn no_ground(&self) -> DatasetError {
+    fn no_ground(&self) -> FormatError {
         let mut first = self.frames.values().take(MOST_SCANS);
         let path = self.frames.values().next().map_or(&self.folder, |(path, _)| path);
-        first
-            .find_map(|(path, _)| self.records(path).err())
-            .unwrap_or_else(|| DatasetError::NoGround { path: path.clone(), radius: ground::NEAR })
+        first.find_map(|(path, _)| self.records(path).err()).unwrap_or_else(|| {
+            refused!(
+                "{}: has no road point within {} m of the LiDAR to measure its height by; give --lidar-height",
+                path.display(),
+                ground::NEAR
+            )
+        })
     }
 
     /// Takes the version that is given, or the one in which the road of the first scans lies flat below the LiDAR.
     /// Returns the road in that version.
-    fn choose_tags(&mut self, given: Option<CarlaTags>) -> Result<Option<NearRoad>, DatasetError> {
+    fn choose_tags(&mut self, given: Option<CarlaTags>) -> Checked<Option<NearRoad>> {
         let [old, new] = self.roads()?;
         let fits = |road: Option<NearRoad>| {
             road.is_some_and(|road| road.is_sure() && road.depth > 0.0 && road.spread < FLAT)
@@ -155,9 +163,9 @@ impl CarlaSequence {
     }
 
     /// Roads near the LiDAR by either version's tags, in the first scan that has one of them.
-    fn roads(&self) -> Result<[Option<NearRoad>; 2], DatasetError> {
+    fn roads(&self) -> Checked<[Option<NearRoad>; 2]> {
         if self.frames.is_empty() {
-            return Err(DatasetError::NoCarlaScans { path: self.folder.clone() });
+            return Err(no_scans(&self.folder));
         }
         for (path, _) in self.frames.values().take(MOST_SCANS) {
             let records = frames::read_points(path)?;
@@ -182,27 +190,25 @@ impl CarlaSequence {
     }
 
     /// The points of a scan with the name and meaning of their tags.
-    fn records(&self, path: &Path) -> Result<Vec<Tagged>, DatasetError> {
+    fn records(&self, path: &Path) -> Checked<Vec<Tagged>> {
         let meaning = |(point, record): (usize, Record)| {
             let found = self.meanings.get(record.tag as usize).copied();
-            let found = found.ok_or_else(|| DatasetError::Tag {
-                path: path.to_owned(),
-                point,
-                tag: record.tag,
-                version: self.tags.version(),
-                most: self.meanings.len() as u32 - 1,
+            let found = found.ok_or_else(|| {
+                refused!(
+                    "{}: point {point} has tag {}; tags of CARLA {} end at {}, see --carla-tags",
+                    path.display(),
+                    record.tag,
+                    self.tags.version(),
+                    self.meanings.len() - 1
+                )
             })?;
             Ok((record, found))
         };
         frames::read_points(path)?.into_iter().enumerate().map(meaning).collect()
     }
 
-    fn frame(&self, frame: u32) -> Result<&(PathBuf, TimedPose), DatasetError> {
-        self.frames.get(&frame).ok_or_else(|| DatasetError::NoFrame {
-            path: self.folder.clone(),
-            frame,
-            have: self.frames(),
-        })
+    fn frame(&self, frame: u32) -> Checked<&(PathBuf, TimedPose)> {
+        self.frames.get(&frame).ok_or_else(|| no_frame(self.folder.display(), frame, self))
     }
 }
 
@@ -226,16 +232,16 @@ impl LabelledSequence for CarlaSequence {
         Some((rate * 1000.0).round() / 1000.0).filter(|rate| *rate > 0.0 && *rate <= 1000.0)
     }
 
-    fn ego_from_sensor(&self, _: u32) -> Result<Pose, DatasetError> {
+    fn ego_from_sensor(&self, _: u32) -> Checked<Pose> {
         Ok(self.ego_from_sensor)
     }
 
-    fn world_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+    fn world_from_sensor(&self, frame: u32) -> Checked<Pose> {
         Ok(self.frame(frame)?.1.world_from_sensor)
     }
 
     /// Boxes around the points of each actor; `carla/frames.rs` lists their limits.
-    fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
+    fn tracks(&self) -> Checked<Vec<BoxTrack>> {
         let mut seen: BTreeMap<u32, ActorPoints> = BTreeMap::new();
         for (&frame, (path, stood)) in &self.frames {
             for (record, meaning) in self.records(path)? {
@@ -255,7 +261,7 @@ impl LabelledSequence for CarlaSequence {
         &self.notes
     }
 
-    fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
+    fn read(&self, frame: u32) -> Checked<LabelledScan> {
         let records = self.records(&self.frame(frame)?.0)?;
         let label = |(record, (_, tag)): &(Record, (&str, Tag))| {
             let actor = is_actor(record, tag);
@@ -286,17 +292,27 @@ fn is_actor(record: &Record, (_, boxed, _): &Tag) -> bool {
     *boxed && record.object != 0
 }
 
-fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
+fn no_scans(folder: &Path) -> FormatError {
+    let folder = folder.display();
+    refused!("{folder} holds no scan named by its frame like 000123.ply, .bin or .npy")
+}
+
+fn list_scans(folder: &Path) -> Checked<Vec<(u32, PathBuf)>> {
     let mut scans = Vec::new();
     for path in entries(folder)? {
         let ending = path.extension().and_then(|ending| ending.to_str());
         if matches!(ending, Some("ply" | "bin" | "npy")) {
-            let Some(frame) = frame_of(&path) else { return Err(DatasetError::CarlaName { path }) };
+            let Some(frame) = frame_of(&path) else {
+                return Err(refused!(
+                    "{}: a scan of CARLA is named by its frame, at most 4294967295, like 000123.ply; rename or remove it",
+                    path.display()
+                ));
+            };
             scans.push((frame, path));
         }
     }
     if scans.is_empty() {
-        return Err(DatasetError::NoCarlaScans { path: folder.to_owned() });
+        return Err(no_scans(folder));
     }
     scans.sort();
     Ok(scans)

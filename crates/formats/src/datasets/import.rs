@@ -4,18 +4,14 @@
 //! reached is empty, slopes are stairs of 0.1 m, and a tile has one height. The ego's body is unknown, and so
 //! is left out.
 
-use std::path::PathBuf;
-
 use glam::{DVec3, Vec3};
 use lidar_cast::geom::{Glide, Pose};
 use serde_json::{Map, Value, json};
-use sightline_files::json::quoted;
-use sightline_scene::psog::PsogError;
 use sightline_scene::scene::DEFAULT_CLASSES;
 use sightline_scene::vehicle::SensorPose;
 
 use super::ground::PointCells;
-use super::{BoxTrack, LabelledSequence, ground};
+use super::{BoxTrack, Checked, FormatError, LabelledSequence, ground};
 
 const MOST_SHAPES: usize = 500_000;
 const MOST_FRAMES: usize = 10_000;
@@ -57,14 +53,17 @@ pub struct ImportedScene {
 pub fn to_scene(
     sequence: &dyn LabelledSequence,
     options: &ImportOptions,
-) -> Result<ImportedScene, DatasetError> {
+) -> Result<ImportedScene, FormatError> {
     let (frames, classes) = (sequence.frames(), sequence.classes());
     if !(0.05..=10.0).contains(&options.cell) {
-        return Err(DatasetError::Cell { value: options.cell });
+        return Err(refused!("the cell is {} m; give a length from 0.05 to 10 m", options.cell));
     }
     if frames.len() > MOST_FRAMES {
-        let path = PathBuf::from(sequence.name());
-        return Err(DatasetError::TooManyFrames { path, frames: frames.len(), limit: MOST_FRAMES });
+        return Err(refused!(
+            "{}: has {} frames, a scene holds at most {MOST_FRAMES}; copy a part of it",
+            sequence.name(),
+            frames.len()
+        ));
     }
     let egos: Vec<Pose> =
         frames.iter().map(|&frame| world_from_ego(sequence, frame)).collect::<Result<_, _>>()?;
@@ -75,7 +74,10 @@ pub fn to_scene(
     }
     let ground::Shapes { shapes, plates, boxes } = cells.shapes();
     if shapes.len() > MOST_SHAPES {
-        return Err(DatasetError::TooManyShapes { shapes: shapes.len(), limit: MOST_SHAPES });
+        return Err(refused!(
+            "the scene would have {} plates and boxes, at most {MOST_SHAPES} are of use; give larger cells or fewer frames",
+            shapes.len()
+        ));
     }
     let tracks = sequence.tracks()?;
     let others = tracks.iter().filter(|track| !is_ego(track, &frames, &egos));
@@ -110,7 +112,7 @@ fn count(
     frame: u32,
     start: DVec3,
     cells: &mut PointCells,
-) -> Result<(), DatasetError> {
+) -> Checked<()> {
     let world_from_sensor = moved(&sequence.world_from_sensor(frame)?, start);
     let scan = sequence.read(frame)?;
     for (index, (&point, label)) in scan.points.iter().zip(&scan.labels).enumerate() {
@@ -119,9 +121,11 @@ fn count(
         };
         let at = world_from_sensor.apply(Vec3::from(point).as_dvec3());
         if at.abs().max_element() > FARTHEST {
-            let path = PathBuf::from(format!("{} frame {frame}", sequence.name()));
-            let (distance, limit) = (at.length(), FARTHEST);
-            return Err(DatasetError::TooFar { path, point: index, distance, limit });
+            return Err(refused!(
+                "{} frame {frame}: point {index} lies {} m from the start; a scene reaches at most {FARTHEST} m",
+                sequence.name(),
+                at.length()
+            ));
         }
         cells.add(at, class);
     }
@@ -215,98 +219,3 @@ pub(super) fn rounded(metres: f64) -> f64 {
 
 /// Largest distance of a recording LiDAR from the ground, in metres.
 pub(super) const HEIGHT_LIMIT: f64 = 1000.0;
-
-/// Why labelled scans were not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the messages name every field
-pub enum DatasetError {
-    #[error("{}: cannot be read: {source}; give a folder that holds all files of its set", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
-    #[error("{} holds no scan named like 000000.bin; give a sequence folder with velodyne, labels, poses.txt and calib.txt", path.display())]
-    NoScans { path: PathBuf },
-    #[error("{}: a scan is named by its frame number, like 000000.bin; rename or remove it", path.display())]
-    Name { path: PathBuf },
-    #[error("{}: a scan of CARLA is named by its frame, at most 4294967295, like 000123.ply; rename or remove it", path.display())]
-    CarlaName { path: PathBuf },
-    #[error("{} has two scans of frame {frame}; keep one", path.display())]
-    Twice { path: PathBuf, frame: u32 },
-    #[error("{} has {bytes} bytes, not a multiple of {unit}, so it is cut short or of another kind; copy it again", path.display())]
-    Truncated { path: PathBuf, bytes: u64, unit: u64 },
-    #[error("{} has {labels} labels, but {} has {points} points; the two must come from the same frame", path.display(), scan.display())]
-    LabelCount { path: PathBuf, labels: usize, scan: PathBuf, points: usize },
-    #[error("{} has {columns} numbers for each label, {wanted} are read as one point; write 32-bit floats, {wanted} a point", path.display())]
-    Columns { path: PathBuf, columns: usize, wanted: usize },
-    #[error("{} has more than {} MiB, more than a scan has; give the file of one frame", path.display(), limit >> 20)]
-    TooLarge { path: PathBuf, limit: u64 },
-    #[error("{} is not UTF-8 text; save it as UTF-8", path.display())]
-    NotUtf8 { path: PathBuf },
-    #[error("{}: point {point} has {axis} = {value}; remove the point and its label", path.display())]
-    NotFinite { path: PathBuf, point: usize, axis: char, value: f32 },
-    /// A label id that SemanticKITTI does not define.
-    #[error("{}: point {point} has label id {id}, which SemanticKITTI does not define; map it to one of its ids (0 is ignored)", path.display())]
-    LabelId { path: PathBuf, point: usize, id: u16 },
-    #[error("{} line {line}: {fault}; give a rigid 3×4 transform as twelve numbers, row by row", path.display())]
-    Matrix { path: PathBuf, line: usize, fault: String },
-    #[error("{} has no line `Tr:`; it takes LiDAR to camera coordinates, and the poses of the camera cannot be used without it: take the calib.txt of KITTI's data_odometry_calib.zip, or, if poses.txt holds poses of the LiDAR, add the line `Tr: 1 0 0 0 0 1 0 0 0 0 1 0`", path.display())]
-    NoTr { path: PathBuf },
-    #[error("{} has {poses} poses, none for frame {frame}; line n + 1 is the pose of frame n", path.display())]
-    NoPose { path: PathBuf, frame: u32, poses: usize },
-    #[error("{} has no frame {frame}; it has {have:?}", path.display())]
-    NoFrame { path: PathBuf, frame: u32, have: Vec<u32> },
-    #[error(
-        "the LiDAR height is {value} m; give a height above the ground, at most {HEIGHT_LIMIT} m from it"
-    )]
-    Height { value: f64 },
-    #[error("{}: the table is missing ({source}); give a folder that holds the version's tables, samples and lidarseg", path.display())]
-    Table { path: PathBuf, source: std::io::Error },
-    #[error("{}: row {row}: {cause}; a table is a list of objects, as nuScenes has it", path.display())]
-    Json { path: PathBuf, row: usize, cause: serde_json::Error },
-    #[error("{}: has no row for {token:?}, which {wanted} names; take all tables from one version of the set", path.display())]
-    NoRow { path: PathBuf, token: String, wanted: String },
-    #[error("{}: no scene is called {name:?}; it has {}", path.display(), quoted(known))]
-    NoScene { path: PathBuf, name: String, known: Vec<String> },
-    #[error("{}: lists no scene; give a set of at least one", path.display())]
-    NoSceneRow { path: PathBuf },
-    #[error("the scene {name:?} is named twice; its scans count once, so name it once")]
-    SceneTwice { name: String },
-    #[error("{} holds {}; name the version, as --version v1.0-mini", path.display(), if found.is_empty() { "no folder with a scene.json".to_owned() } else { quoted(found) })]
-    Version { path: PathBuf, found: Vec<String> },
-    #[error("{}: the row {token:?}: {fault}", path.display())]
-    Row { path: PathBuf, token: String, fault: &'static str },
-    #[error("{}: no category has an `index`, the label of its points; take category.json of nuScenes-lidarseg", path.display())]
-    NoIndex { path: PathBuf },
-    #[error("{}: {fault}", path.display())]
-    Outside { path: PathBuf, fault: String },
-    #[error("{}: category {name:?} is unknown; known are {}", path.display(), quoted(known))]
-    Category { path: PathBuf, name: String, known: Vec<String> },
-    #[error("{}: point {point} has label {label}, and category.json has no category with that index", path.display())]
-    Label { path: PathBuf, point: usize, label: u32 },
-    #[error("{}: point {point} has tag {tag}; tags of CARLA {version} end at {most}, see --carla-tags", path.display())]
-    Tag { path: PathBuf, point: usize, tag: u32, version: &'static str, most: u32 },
-    #[error("{} line {line}: {fault}", path.display())]
-    Line { path: PathBuf, line: usize, fault: String },
-    #[error("{}: is no one-dimensional little-endian array of records x, y, z, CosAngle (f4), ObjIdx, ObjTag (u4), as CARLA's raw data has it", path.display())]
-    Array { path: PathBuf },
-    #[error("{} holds no scan named by its frame like 000123.ply, .bin or .npy", path.display())]
-    NoCarlaScans { path: PathBuf },
-    #[error("{} has no row for frame {frame}, whose scan is {}; each scan needs the pose of its LiDAR", path.display(), scan.display())]
-    NoCarlaPose { path: PathBuf, frame: u32, scan: PathBuf },
-    #[error("{}: has no road point within {radius} m of the LiDAR to measure its height by; give --lidar-height", path.display())]
-    NoGround { path: PathBuf, radius: f64 },
-    #[error(
-        "the scene would have {shapes} plates and boxes, at most {limit} are of use; give larger cells or fewer frames"
-    )]
-    TooManyShapes { shapes: usize, limit: usize },
-    #[error("the cell is {value} m; give a length from 0.05 to 10 m")]
-    Cell { value: f64 },
-    #[error("{}: point {point} lies {distance} m from the start; a scene reaches at most {limit} m", path.display())]
-    TooFar { path: PathBuf, point: usize, distance: f64, limit: f64 },
-    #[error("{}: has {frames} frames, a scene holds at most {limit}; copy a part of it", path.display())]
-    TooManyFrames { path: PathBuf, frames: usize, limit: usize },
-    #[error(transparent)]
-    Grid(#[from] PsogError),
-}
-
-/// Result of a step of reading a data set.
-pub(super) type Checked<T> = Result<T, DatasetError>;

@@ -7,8 +7,10 @@ use lidar_cast::geom::Pose;
 use sightline_files::Note;
 
 use super::import::HEIGHT_LIMIT;
-use super::sequence::{check_count, entries, read_points, read_text, read_units};
-use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
+use super::sequence::{
+    check_count, entries, no_frame, read_points, read_text, read_units, two_scans,
+};
+use super::{BoxTrack, Checked, FormatError, LabelledScan, LabelledSequence, PointLabel, ground};
 
 /// Height of the KITTI car's LiDAR above the ground, in metres.
 const KITTI_LIDAR_HEIGHT: f64 = 1.73;
@@ -42,8 +44,8 @@ impl KittiSequence {
     /// [`Self::open_at`] asks the labelled road first.
     ///
     /// # Errors
-    /// Missing or malformed files, a scan without a pose; see [`DatasetError`].
-    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
+    /// Missing or malformed files, a scan without a pose; see [`FormatError`].
+    pub fn open(folder: &Path) -> Result<Self, FormatError> {
         let scans = list_scans(&folder.join("velodyne"))?;
         let mut notes = Vec::new();
         let camera_from_lidar = read_tr(&folder.join("calib.txt"), &mut notes)?;
@@ -57,12 +59,11 @@ impl KittiSequence {
                 let pose = parse_pose(&poses, n + 1, line)?;
                 Ok(lidar_from_camera.compose(&pose).compose(&camera_from_lidar))
             })
-            .collect::<Result<_, DatasetError>>()?;
+            .collect::<Result<_, FormatError>>()?;
         if let Some(&(frame, _)) = scans.last()
             && frame as usize >= world_from_lidar.len()
         {
-            let poses_read = world_from_lidar.len();
-            return Err(DatasetError::NoPose { path: poses, frame, poses: poses_read });
+            return Err(no_pose(&poses, frame, world_from_lidar.len()));
         }
         let beyond =
             world_from_lidar.len().saturating_sub(scans.last().map_or(0, |s| s.0 as usize + 1));
@@ -90,7 +91,7 @@ impl KittiSequence {
     ///
     /// # Errors
     /// Like [`Self::open`]; first scans that cannot be read; a height that is not finite.
-    pub fn open_at(folder: &Path, height: Option<f64>) -> Result<Self, DatasetError> {
+    pub fn open_at(folder: &Path, height: Option<f64>) -> Result<Self, FormatError> {
         let mut sequence = Self::open(folder)?;
         match height {
             Some(height) => sequence = sequence.with_lidar_height(height)?,
@@ -102,7 +103,7 @@ impl KittiSequence {
     }
 
     /// Takes the road's depth below the LiDAR where it contradicts KITTI's height.
-    fn take_height_of_road(&mut self) -> Result<(), DatasetError> {
+    fn take_height_of_road(&mut self) -> Checked<()> {
         let Some((frame, road)) = ground::road(self)?.filter(|(_, road)| road.is_sure()) else {
             self.notes.push(Note::fact(format!(
                 "{}: no labelled road within {} m tells how high the LiDAR stands; {KITTI_LIDAR_HEIGHT} m are taken, as \
@@ -129,7 +130,7 @@ impl KittiSequence {
     ///
     /// # Errors
     /// A height that is not finite.
-    pub(super) fn with_lidar_height(self, height: f64) -> Result<Self, DatasetError> {
+    pub(super) fn with_lidar_height(self, height: f64) -> Checked<Self> {
         Ok(Self { ego_from_lidar: above_ground(height)?, ..self })
     }
 }
@@ -151,20 +152,18 @@ impl LabelledSequence for KittiSequence {
         Some(10.0)
     }
 
-    fn ego_from_sensor(&self, _: u32) -> Result<Pose, DatasetError> {
+    fn ego_from_sensor(&self, _: u32) -> Checked<Pose> {
         Ok(self.ego_from_lidar)
     }
 
     /// Pose of the LiDAR at a frame, in the LiDAR frame of frame 0.
-    fn world_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
-        self.world_from_lidar.get(frame as usize).copied().ok_or_else(|| DatasetError::NoPose {
-            path: self.folder.join("poses.txt"),
-            frame,
-            poses: self.world_from_lidar.len(),
-        })
+    fn world_from_sensor(&self, frame: u32) -> Checked<Pose> {
+        let poses = &self.world_from_lidar;
+        let missing = || no_pose(&self.folder.join("poses.txt"), frame, poses.len());
+        poses.get(frame as usize).copied().ok_or_else(missing)
     }
 
-    fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
+    fn tracks(&self) -> Checked<Vec<BoxTrack>> {
         Ok(Vec::new())
     }
 
@@ -172,10 +171,9 @@ impl LabelledSequence for KittiSequence {
         &self.notes
     }
 
-    fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
+    fn read(&self, frame: u32) -> Checked<LabelledScan> {
         let Ok(at) = self.scans.binary_search_by_key(&frame, |&(n, _)| n) else {
-            let (path, have) = (self.folder.join("velodyne"), self.frames());
-            return Err(DatasetError::NoFrame { path, frame, have });
+            return Err(no_frame(self.folder.join("velodyne").display(), frame, self));
         };
         let scan = &self.scans[at].1;
         let points = read_points::<16>(scan)?;
@@ -183,20 +181,22 @@ impl LabelledSequence for KittiSequence {
         label_path.push(scan.file_stem().unwrap_or_default());
         label_path.set_extension("label");
         let labels = read_labels(&label_path)?;
-        check_count(label_path, labels.len(), scan, points.len(), 16)?;
+        check_count(&label_path, labels.len(), scan, points.len(), 16)?;
         Ok(LabelledScan { points, labels })
     }
 }
 
 /// Pose of a sensor above the origin of the ego frame.
-pub(super) fn above_ground(height: f64) -> Result<Pose, DatasetError> {
+pub(super) fn above_ground(height: f64) -> Checked<Pose> {
     if !(-HEIGHT_LIMIT..=HEIGHT_LIMIT).contains(&height) {
-        return Err(DatasetError::Height { value: height });
+        return Err(refused!(
+            "the LiDAR height is {height} m; give a height above the ground, at most {HEIGHT_LIMIT} m from it"
+        ));
     }
     Ok(Pose { translation: DVec3::new(0.0, 0.0, height), ..Pose::IDENTITY })
 }
 
-fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
+fn list_scans(folder: &Path) -> Checked<Vec<(u32, PathBuf)>> {
     let mut scans = Vec::new();
     for path in entries(folder)? {
         if path.extension().is_none_or(|e| e != "bin") {
@@ -205,32 +205,45 @@ fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
         let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
         match stem.parse() {
             Ok(frame) if stem.bytes().all(|b| b.is_ascii_digit()) => scans.push((frame, path)),
-            _ => return Err(DatasetError::Name { path }),
+            _ => {
+                return Err(refused!(
+                    "{}: a scan is named by its frame number, like 000000.bin; rename or remove it",
+                    path.display()
+                ));
+            }
         }
     }
     scans.sort();
     if let Some(pair) = scans.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        return Err(DatasetError::Twice { path: folder.to_owned(), frame: pair[0].0 });
+        return Err(two_scans(folder, pair[0].0));
     }
     if scans.is_empty() {
-        return Err(DatasetError::NoScans { path: folder.to_owned() });
+        return Err(refused!(
+            "{} holds no scan named like 000000.bin; give a sequence folder with velodyne, labels, poses.txt and calib.txt",
+            folder.display()
+        ));
     }
     Ok(scans)
 }
 
-fn read_labels(path: &Path) -> Result<Vec<PointLabel>, DatasetError> {
+fn read_labels(path: &Path) -> Checked<Vec<PointLabel>> {
     let bytes = read_units(path, 4)?;
     let ids = bytes.as_chunks::<4>().0.iter().map(|&b| u32::from_le_bytes(b) as u16);
     ids.enumerate()
         .map(|(point, id)| {
-            let unknown = || DatasetError::LabelId { path: path.to_owned(), point, id };
-            kitti_label(id).ok_or_else(unknown)
+            kitti_label(id).ok_or_else(|| {
+                refused!(
+                    "{}: point {point} has label id {id}, which SemanticKITTI does not define; map it to one of its ids (0 \
+                     is ignored)",
+                    path.display()
+                )
+            })
         })
         .collect()
 }
 
 /// Pose of the LiDAR in the camera's frame; lines that are not known become a note.
-fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Result<Pose, DatasetError> {
+fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Checked<Pose> {
     let (mut found, mut unknown) = (None, Vec::new());
     let text = read_text(path)?;
     for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
@@ -239,8 +252,7 @@ fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Result<Pose, DatasetError> {
         match name.trim() {
             "Tr" if found.is_none() => found = Some(parse_pose(path, n + 1, numbers)?),
             "Tr" => {
-                let fault = "a second `Tr`; leave one out".to_owned();
-                return Err(DatasetError::Matrix { path: path.to_owned(), line: n + 1, fault });
+                return Err(no_matrix(path, n + 1, "a second `Tr`; leave one out"));
             }
             name if CALIB_PASSED.contains(&name) => {}
             name => unknown.push(name.chars().take(40).collect::<String>()),
@@ -255,7 +267,14 @@ fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Result<Pose, DatasetError> {
             path.display()
         ))
     }));
-    found.ok_or_else(|| DatasetError::NoTr { path: path.to_owned() })
+    found.ok_or_else(|| {
+        refused!(
+            "{} has no line `Tr:`; it takes LiDAR to camera coordinates, and the poses of the camera cannot be used without \
+             it: take the calib.txt of KITTI's data_odometry_calib.zip, or, if poses.txt holds poses of the LiDAR, add the \
+             line `Tr: 1 0 0 0 0 1 0 0 0 0 1 0`",
+            path.display()
+        )
+    })
 }
 
 /// A note on label files without a scan.
@@ -274,26 +293,38 @@ fn labels_alone(folder: &Path, scans: &[(u32, PathBuf)]) -> Option<Note> {
     (alone > 0).then(|| Note::fact(text))
 }
 
+fn no_matrix(path: &Path, line: usize, fault: &str) -> FormatError {
+    let path = path.display();
+    refused!(
+        "{path} line {line}: {fault}; give a rigid 3×4 transform as twelve numbers, row by row"
+    )
+}
+
+fn no_pose(path: &Path, frame: u32, poses: usize) -> FormatError {
+    let path = path.display();
+    refused!("{path} has {poses} poses, none for frame {frame}; line n + 1 is the pose of frame n")
+}
+
 /// A 3×4 transform from twelve numbers, row by row. The printed rotation is rounded, so it is made
 /// orthonormal again: x kept in direction, y in its plane with x.
-fn parse_pose(path: &Path, line: usize, text: &str) -> Result<Pose, DatasetError> {
-    let error = |fault: String| DatasetError::Matrix { path: path.to_owned(), line, fault };
+fn parse_pose(path: &Path, line: usize, text: &str) -> Checked<Pose> {
+    let error = |fault: &str| no_matrix(path, line, fault);
     let numbers: Vec<f64> = text
         .split_whitespace()
         .map(|word| match word.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(number),
-            _ => Err(error(format!("{word:?} is not a finite number"))),
+            _ => Err(error(&format!("{word:?} is not a finite number"))),
         })
         .collect::<Result<_, _>>()?;
     let &[a, b, c, x, d, e, f, y, g, h, i, z] = &numbers[..] else {
-        return Err(error(format!("it has {} numbers", numbers.len())));
+        return Err(error(&format!("it has {} numbers", numbers.len())));
     };
     let printed = DMat3::from_cols_array(&[a, d, g, b, e, h, c, f, i]);
     let x_axis = printed.x_axis.normalize_or_zero();
     let y_axis = (printed.y_axis - x_axis * x_axis.dot(printed.y_axis)).normalize_or_zero();
     let rotation = DMat3::from_cols(x_axis, y_axis, x_axis.cross(y_axis));
     if !rotation.abs_diff_eq(printed, 1e-3) {
-        return Err(error("its left 3×3 part is not a rotation".to_owned()));
+        return Err(error("its left 3×3 part is not a rotation"));
     }
     Ok(Pose { rotation, translation: DVec3::new(x, y, z) })
 }

@@ -20,9 +20,10 @@ pub(crate) mod kitti;
 mod nuscenes;
 mod sequence;
 
+use crate::error::Checked;
+pub use crate::error::FormatError;
 pub use carla::{CarlaSequence, CarlaTags};
-use import::Checked;
-pub use import::{DatasetError, ImportOptions, ImportedScene, to_scene};
+pub use import::{ImportOptions, ImportedScene, to_scene};
 pub use kitti::KittiSequence;
 pub(crate) use nuscenes::NUSCENES_CATEGORIES;
 pub use nuscenes::{NuscenesScene, read_nuscenes};

@@ -15,8 +15,8 @@ use sightline_files::Note;
 use sightline_scene::scene::{ActorKind, DEFAULT_CLASSES};
 
 use super::carla::{class_of_name, tag_names};
-use super::sequence::{check_count, read_points, read_units};
-use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
+use super::sequence::{check_count, no_frame, read_points, read_units};
+use super::{BoxTrack, Checked, LabelledScan, LabelledSequence, PointLabel};
 
 pub use read::read_nuscenes;
 
@@ -46,12 +46,8 @@ struct Keyframe {
 }
 
 impl NuscenesScene {
-    fn keyframe(&self, frame: u32) -> Result<&Keyframe, DatasetError> {
-        self.keyframes.get(frame as usize).ok_or_else(|| DatasetError::NoFrame {
-            path: PathBuf::from(&self.name),
-            frame,
-            have: self.frames(),
-        })
+    fn keyframe(&self, frame: u32) -> Checked<&Keyframe> {
+        self.keyframes.get(frame as usize).ok_or_else(|| no_frame(&self.name, frame, self))
     }
 
     /// Boxes of a frame in the frame of its scan, each with its track.
@@ -66,10 +62,14 @@ impl NuscenesScene {
         self.tracks.iter().enumerate().filter_map(in_scan).collect()
     }
 
-    fn category(&self, path: &Path, point: usize, label: u8) -> Result<Category, DatasetError> {
+    fn category(&self, path: &Path, point: usize, label: u8) -> Checked<Category> {
         let known = self.categories.get(usize::from(label)).copied().flatten();
-        let label = u32::from(label);
-        known.ok_or_else(|| DatasetError::Label { path: path.to_owned(), point, label })
+        known.ok_or_else(|| {
+            refused!(
+                "{}: point {point} has label {label}, and category.json has no category with that index",
+                path.display()
+            )
+        })
     }
 }
 
@@ -90,15 +90,15 @@ impl LabelledSequence for NuscenesScene {
         self.rate
     }
 
-    fn ego_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+    fn ego_from_sensor(&self, frame: u32) -> Checked<Pose> {
         Ok(self.keyframe(frame)?.ego_from_sensor)
     }
 
-    fn world_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+    fn world_from_sensor(&self, frame: u32) -> Checked<Pose> {
         Ok(self.keyframe(frame)?.world_from_sensor)
     }
 
-    fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
+    fn tracks(&self) -> Checked<Vec<BoxTrack>> {
         Ok(self.tracks.clone())
     }
 
@@ -108,12 +108,12 @@ impl LabelledSequence for NuscenesScene {
 
     /// Points in a moving box, or a little beside it, count as moving. A thing without a box stands still, such as a parked
     /// car that the data set takes for a part of the street.
-    fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
+    fn read(&self, frame: u32) -> Checked<LabelledScan> {
         let keyframe = self.keyframe(frame)?;
         let points = read_points::<POINT>(&keyframe.scan)?;
         let path = &keyframe.labels;
         let ids = read_units(path, 1)?;
-        check_count(path.clone(), ids.len(), &keyframe.scan, points.len(), POINT)?;
+        check_count(&path, ids.len(), &keyframe.scan, points.len(), POINT)?;
         let boxes = self.boxes(frame, &keyframe.world_from_sensor);
         let at_rest: Vec<bool> = self.tracks.iter().map(BoxTrack::at_rest).collect();
         let moves = |track: u32| !at_rest[track as usize];

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::fmt::Display;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::DatasetError;
+use super::{Checked, FormatError};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::is_utf_16;
@@ -108,19 +109,19 @@ pub trait LabelledSequence {
     ///
     /// # Errors
     /// The frame is not there.
-    fn ego_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError>;
+    fn ego_from_sensor(&self, frame: u32) -> Checked<Pose>;
 
     /// Pose of the sensor in the world at a frame.
     ///
     /// # Errors
     /// The frame is not there.
-    fn world_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError>;
+    fn world_from_sensor(&self, frame: u32) -> Checked<Pose>;
 
     /// Boxes that the data set follows through its frames.
     ///
     /// # Errors
     /// Like [`Self::read`], where boxes are made from points.
-    fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError>;
+    fn tracks(&self) -> Checked<Vec<BoxTrack>>;
 
     /// Sentences about the files: passed over, taken in place of a default, or most likely wrong.
     fn notes(&self) -> &[Note] {
@@ -132,7 +133,7 @@ pub trait LabelledSequence {
     /// # Errors
     /// A frame that is not there, files that are cut short or do not fit each other, a coordinate that is
     /// not finite, an unknown label.
-    fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError>;
+    fn read(&self, frame: u32) -> Checked<LabelledScan>;
 }
 
 /// How to build a P-SOG from labelled frames.
@@ -162,11 +163,11 @@ impl PsogOptions {
 /// their own frame, since they would smear in others; ignored labels never vote.
 ///
 /// # Errors
-/// See [`DatasetError`].
+/// See [`FormatError`].
 pub fn build_psog<S: LabelledSequence>(
     sequences: &[S],
     options: &PsogOptions,
-) -> Result<(Psog, BuildReport), DatasetError> {
+) -> Result<(Psog, BuildReport), FormatError> {
     let classes = sequences.first().map(S::classes).unwrap_or_default();
     let mut builder = PsogBuilder::new(options.roi, classes)?;
     for sequence in sequences {
@@ -179,7 +180,7 @@ fn add(
     sequence: &impl LabelledSequence,
     options: &PsogOptions,
     builder: &mut PsogBuilder,
-) -> Result<(), DatasetError> {
+) -> Checked<()> {
     let mut frames = options.frames.clone().unwrap_or_else(|| sequence.frames());
     frames.sort_unstable();
     frames.dedup();
@@ -244,14 +245,14 @@ impl VotingPoints {
 const LARGEST: u64 = 256 << 20;
 
 /// Opens a file; refuses pipes and devices, which may have no end.
-pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
-    let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
+pub(super) fn open(path: &Path) -> Checked<File> {
+    let to_read = |source| FormatError::Read { path: path.to_owned(), source };
     sightline_files::files::open(path).map_err(to_read)
 }
 
 /// Paths of all that lies in a folder.
-pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
+pub(super) fn entries(folder: &Path) -> Checked<Vec<PathBuf>> {
+    let to_read = |source| FormatError::Read { path: folder.to_owned(), source };
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(to_read)? {
         paths.push(entry.map_err(to_read)?.path());
@@ -260,39 +261,57 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
 }
 
 /// The bytes of a file of at most [`LARGEST`].
-pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
+pub(super) fn read_bytes(path: &Path) -> Checked<Vec<u8>> {
     let mut bytes = Vec::new();
-    let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
+    let to_read = |source| FormatError::Read { path: path.to_owned(), source };
     open(path)?.take(LARGEST + 1).read_to_end(&mut bytes).map_err(to_read)?;
     if bytes.len() as u64 > LARGEST {
-        return Err(DatasetError::TooLarge { path: path.to_owned(), limit: LARGEST });
+        let (path, most) = (path.display(), LARGEST >> 20);
+        return Err(refused!(
+            "{path} has more than {most} MiB, more than a scan has; give the file of one frame"
+        ));
     }
     Ok(bytes)
 }
 
 /// The bytes of a file that holds records of `unit` bytes.
-pub(super) fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, DatasetError> {
+pub(super) fn read_units(path: &Path, unit: u64) -> Checked<Vec<u8>> {
     let bytes = read_bytes(path)?;
     if !(bytes.len() as u64).is_multiple_of(unit) {
-        let (path, bytes) = (path.to_owned(), bytes.len() as u64);
-        return Err(DatasetError::Truncated { path, bytes, unit });
+        return Err(refused!(
+            "{} has {} bytes, not a multiple of {unit}, so it is cut short or of another kind; copy it again",
+            path.display(),
+            bytes.len()
+        ));
     }
     Ok(bytes)
 }
 
+pub(super) fn not_utf_8(path: &Path) -> FormatError {
+    refused!("{} is not UTF-8 text; save it as UTF-8", path.display())
+}
+
+/// Error of a frame that a sequence at `place` does not have.
+pub(super) fn no_frame(place: impl Display, frame: u32, of: &dyn LabelledSequence) -> FormatError {
+    refused!("{place} has no frame {frame}; it has {:?}", of.frames())
+}
+
+pub(super) fn two_scans(folder: &Path, frame: u32) -> FormatError {
+    refused!("{} has two scans of frame {frame}; keep one", folder.display())
+}
+
 /// The text of a file, without its byte order mark.
-pub(super) fn read_text(path: &Path) -> Result<String, DatasetError> {
+pub(super) fn read_text(path: &Path) -> Checked<String> {
     let bytes = read_bytes(path)?;
-    let not_utf_8 = || DatasetError::NotUtf8 { path: path.to_owned() };
     if is_utf_16(&bytes) {
-        return Err(not_utf_8());
+        return Err(not_utf_8(path));
     }
-    let text = String::from_utf8(bytes).map_err(|_| not_utf_8())?;
+    let text = String::from_utf8(bytes).map_err(|_| not_utf_8(path))?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// Little-endian x, y, z at the start of each record of `N` bytes.
-pub(super) fn read_points<const N: usize>(path: &Path) -> Result<Vec<[f32; 3]>, DatasetError> {
+pub(super) fn read_points<const N: usize>(path: &Path) -> Checked<Vec<[f32; 3]>> {
     let bytes = read_units(path, N as u64)?;
     let mut points = Vec::with_capacity(bytes.len() / N);
     for (point, record) in bytes.as_chunks::<N>().0.iter().enumerate() {
@@ -305,32 +324,38 @@ pub(super) fn read_points<const N: usize>(path: &Path) -> Result<Vec<[f32; 3]>, 
 }
 
 /// Refuses a coordinate that is no number.
-pub(super) fn check_finite(path: &Path, point: usize, xyz: [f32; 3]) -> Result<(), DatasetError> {
+pub(super) fn check_finite(path: &Path, point: usize, xyz: [f32; 3]) -> Checked<()> {
     let named = xyz.into_iter().zip(['x', 'y', 'z']);
     match named.into_iter().find(|(value, _)| !value.is_finite()) {
         None => Ok(()),
-        Some((value, axis)) => {
-            Err(DatasetError::NotFinite { path: path.to_owned(), point, axis, value })
-        }
+        Some((value, axis)) => Err(refused!(
+            "{}: point {point} has {axis} = {value}; remove the point and its label",
+            path.display()
+        )),
     }
 }
 
 /// Refuses labels that are not one a point of `unit` bytes.
 pub(super) fn check_count(
-    path: PathBuf,
+    path: &Path,
     labels: usize,
     scan: &Path,
     points: usize,
     unit: usize,
-) -> Result<(), DatasetError> {
+) -> Checked<()> {
     if labels == points {
         return Ok(());
     }
-    let scan = scan.to_owned();
-    let bytes = points * unit;
+    let (path, scan, bytes) = (path.display(), scan.display(), points * unit);
     // Points of three to eight columns, where this many bytes belong to each label.
     match (3..=8).find(|columns| 4 * columns * labels == bytes) {
-        Some(columns) => Err(DatasetError::Columns { path: scan, columns, wanted: unit / 4 }),
-        None => Err(DatasetError::LabelCount { path, labels, scan, points }),
+        Some(columns) => Err(refused!(
+            "{scan} has {columns} numbers for each label, {wanted} are read as one point; write 32-bit floats, {wanted} a \
+             point",
+            wanted = unit / 4
+        )),
+        None => Err(refused!(
+            "{path} has {labels} labels, but {scan} has {points} points; the two must come from the same frame"
+        )),
     }
 }

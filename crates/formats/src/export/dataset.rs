@@ -8,7 +8,7 @@ use sightline_scan::Scan;
 
 use super::folder::{ABOUT, About, Folder, INCOMPLETE};
 use super::plan::{Label, Planned, check_map, of_classes, plan};
-use super::{Checked, DatasetSettings, ExportError, Layout, SceneFacts, kitti, nuscenes, record};
+use super::{Checked, DatasetSettings, FormatError, Layout, SceneFacts, kitti, nuscenes, record};
 
 /// A data set folder that grows scan by scan, of one placement; several scenes are sequences of it.
 ///
@@ -55,7 +55,11 @@ impl PreparedDataset {
         if settings.layout == Layout::SemanticKitti {
             let path = std::path::absolute(dir).map_err(FileError::io(dir))?;
             if path.to_string_lossy().contains("velodyne") {
-                return Err(ExportError::Velodyne { path });
+                return Err(refused!(
+                    "{}: has `velodyne` in its path, which loaders of SemanticKITTI replace by `labels`; name another \
+                     folder",
+                    path.display()
+                ));
             }
         }
         if settings.layout != Layout::Npz {
@@ -79,7 +83,7 @@ impl Dataset {
         dir: &Path,
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
-    ) -> Result<usize, ExportError> {
+    ) -> Result<usize, FormatError> {
         let folder = PreparedDataset::new(dir, settings, scenes)?.folder;
         Ok(missing(&folder, scenes))
     }
@@ -93,7 +97,7 @@ impl Dataset {
         dir: &Path,
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
-    ) -> Result<Self, ExportError> {
+    ) -> Result<Self, FormatError> {
         let PreparedDataset { about, plan, labels, .. } =
             PreparedDataset::new(dir, settings, scenes)?;
         let folder = Folder::open(dir)?;
@@ -131,7 +135,7 @@ impl Dataset {
     ///
     /// # Errors
     /// A full disk.
-    pub fn say_missing(&self) -> Result<(), ExportError> {
+    pub fn say_missing(&self) -> Result<(), FormatError> {
         let missing = self.missing();
         if missing == 0 {
             return Ok(());
@@ -168,17 +172,20 @@ impl Dataset {
     ///
     /// # Errors
     /// A scan that was not announced, a full disk.
-    pub fn write(&self, scene: usize, scan: &Scan) -> Result<(), ExportError> {
+    pub fn write(&self, scene: usize, scan: &Scan) -> Result<(), FormatError> {
         let frame = scan.frame;
-        let unplanned = ExportError::Unplanned { scene, frame };
-        let Some((facts, planned)) = self.scenes.get(scene).zip(self.plan.get(scene)) else {
-            return Err(unplanned);
+        let planned =
+            self.scenes.get(scene).zip(self.plan.get(scene)).and_then(|(facts, planned)| {
+                Some((facts, planned, facts.frames.binary_search(&frame).ok()?))
+            });
+        let Some((facts, planned, at)) = planned else {
+            return Err(refused!(
+                "frame {frame} of scene {scene} is not among those that the data set was made for"
+            ));
         };
-        let at = facts.frames.binary_search(&frame).map_err(|_| unplanned)?;
         if scan.classes[..] != facts.classes[..] {
-            let (scene, what) =
-                (facts.name.clone(), "its classes are others than announced".into());
-            return Err(ExportError::Scan { scene, frame, what });
+            let (name, what) = (&facts.name, "its classes are others than announced");
+            return Err(refused!("frame {frame} of the scene `{name}`: {what}"));
         }
         let (folder, name) = (&self.folder, &planned.name);
         let record = match self.settings.layout {
@@ -217,15 +224,18 @@ impl Dataset {
     ///
     /// # Errors
     /// Frames that are missing, a full disk.
-    pub fn finish(self) -> Result<Summary, ExportError> {
+    pub fn finish(self) -> Result<Summary, FormatError> {
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
         let mut summary = Summary { scenes: self.scenes.len(), frames, points: 0, bytes: 0 };
         for (scene, frame) in all_frames(&self.scenes) {
             let Some(record) = self.folder.whole(scene, frame) else {
                 self.say_missing()?;
-                let (path, missing) = (self.folder.root.clone(), self.missing());
-                let scene = self.scenes[scene].name.clone();
-                return Err(ExportError::Incomplete { path, missing, frames, scene, frame });
+                let (path, name) = (self.folder.root.display(), &self.scenes[scene].name);
+                return Err(refused!(
+                    "{path}: {} of {frames} frames are missing, the first is frame {frame} of `{name}`; run again to \
+                     write them",
+                    self.missing()
+                ));
             };
             summary.points += record.points;
             summary.bytes += record.files.iter().map(|file| file.bytes).sum::<u64>();

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use super::plan::Planned;
 use super::record::{FrameRecord, Written};
-use super::{DatasetSettings, ExportError, SceneFacts, Split};
+use super::{Checked, DatasetSettings, SceneFacts, Split};
 use sightline_files::files::{self, FileError, Input, Temporary};
 
 /// States the folder's content, and whether it is complete.
@@ -47,10 +47,13 @@ impl Folder {
     ///
     /// # Errors
     /// The hidden folder is a link or a file: cleaning up behind a link would delete other users' files.
-    pub(super) fn at(root: &Path) -> Result<Self, ExportError> {
+    pub(super) fn at(root: &Path) -> Checked<Self> {
         let hidden = root.join(HIDDEN);
         match std::fs::symlink_metadata(&hidden) {
-            Ok(meta) if !meta.is_dir() => Err(ExportError::Hidden { path: hidden }),
+            Ok(meta) if !meta.is_dir() => Err(refused!(
+                "{}: is not the folder of records that a data set keeps; take it away, or name another place for the set",
+                hidden.display()
+            )),
             _ => Ok(Self { root: root.to_owned() }),
         }
     }
@@ -59,7 +62,7 @@ impl Folder {
     ///
     /// # Errors
     /// See [`Self::at`], and a place that cannot be written.
-    pub(super) fn open(root: &Path) -> Result<Self, ExportError> {
+    pub(super) fn open(root: &Path) -> Checked<Self> {
         let folder = Self::at(root)?;
         let hidden = root.join(HIDDEN);
         std::fs::create_dir_all(&hidden).map_err(FileError::write(root))?;
@@ -81,7 +84,7 @@ impl Folder {
     }
 
     /// Begins a file, named from the root with `/`.
-    pub(super) fn begin(&self, name: &str) -> Result<StagedFile, ExportError> {
+    pub(super) fn begin(&self, name: &str) -> Checked<StagedFile> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
         let (file, temporary) = files::begin_in(&hidden).map_err(FileError::write(&place))?;
@@ -90,13 +93,13 @@ impl Folder {
     }
 
     /// Writes a file of records of any kind.
-    pub(super) fn put(&self, name: &str, bytes: &[u8]) -> Result<Written, ExportError> {
+    pub(super) fn put(&self, name: &str, bytes: &[u8]) -> Checked<Written> {
         let mut staged = self.begin(name)?;
         staged.write(|out| out.write_all(bytes))?;
         staged.end()
     }
 
-    pub(crate) fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
+    pub(crate) fn put_json(&self, name: &str, value: &impl Serialize) -> Checked<()> {
         let mut text =
             serde_json::to_vec_pretty(value).map_err(FileError::json(&self.root.join(name)))?;
         text.push(b'\n');
@@ -104,7 +107,7 @@ impl Folder {
     }
 
     /// Takes a file away, if it is there.
-    pub(super) fn remove(&self, name: &str) -> Result<(), ExportError> {
+    pub(super) fn remove(&self, name: &str) -> Checked<()> {
         let path = self.root.join(name);
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -133,27 +136,29 @@ impl Folder {
     }
 
     /// Keeps the record of a frame whose files are all in place.
-    pub(super) fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), ExportError> {
+    pub(super) fn keep(&self, scene: usize, record: &FrameRecord) -> Checked<()> {
         let name = Self::record_name(scene, record.frame);
         let text = serde_json::to_vec(record).map_err(FileError::json(&self.root.join(&name)))?;
         self.put(&name, &text).map(drop)
     }
 
-    pub(super) fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
+    pub(super) fn record(&self, scene: usize, frame: usize) -> Checked<FrameRecord> {
         let path = self.root.join(Self::record_name(scene, frame));
         let text = files::read_own(&path, MOST_BYTES).map_err(FileError::io(&path))?;
         Ok(serde_json::from_slice(&text).map_err(FileError::json(&path))?)
     }
 
     /// Checks that the disk holds `need` more bytes, where the system reports its free space.
-    pub(crate) fn check_space(&self, need: u64) -> Result<(), ExportError> {
+    pub(crate) fn check_space(&self, need: u64) -> Checked<()> {
         #[cfg(unix)]
         if let Ok(disk) = rustix::fs::statvfs(&self.root) {
             let free = disk.f_bavail.saturating_mul(disk.f_frsize);
             if free < need {
-                let path = self.root.clone();
-                let (need, free) = (need.div_ceil(1 << 20), free >> 20);
-                return Err(ExportError::Space { path, need, free });
+                let (path, need, free) = (self.root.display(), need.div_ceil(1 << 20), free >> 20);
+                return Err(refused!(
+                    "{path}: the frames to come need about {need} MB, {free} MB are free; make room, or write fewer \
+                     frames"
+                ));
             }
         }
         Ok(())
@@ -165,11 +170,11 @@ impl StagedFile {
     pub(super) fn write<T>(
         &mut self,
         write: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<T>,
-    ) -> Result<T, ExportError> {
+    ) -> Checked<T> {
         Ok(write(&mut self.out).map_err(FileError::write(&self.place))?)
     }
 
-    pub(super) fn end(self) -> Result<Written, ExportError> {
+    pub(super) fn end(self) -> Checked<Written> {
         let Self { out, place, name, _temporary } = self;
         let io = |error| FileError::write(&place)(error);
         files::is_no_input(&place)?;
@@ -225,10 +230,15 @@ impl About {
         }
     }
 
-    pub(super) fn read(dir: &Path) -> Result<Self, ExportError> {
+    pub(super) fn read(dir: &Path) -> Checked<Self> {
         let path = dir.join(ABOUT);
         let text = files::read_own(&path, MOST_BYTES).map_err(FileError::io(&path))?;
-        serde_json::from_slice(&text).map_err(|why| ExportError::About { path, why })
+        serde_json::from_slice(&text).map_err(|why| {
+            let path = path.display();
+            refused!(
+                "{path}: cannot be read ({why}); put it back as it was, or name another folder"
+            )
+        })
     }
 
     /// True if the folder holds this very data set; an empty one or none holds nothing.
@@ -236,7 +246,7 @@ impl About {
     /// # Errors
     /// A folder of something else, of other settings, or of scenes whose files have changed since; a new one within
     /// another data set.
-    pub(super) fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
+    pub(super) fn is_in(&self, dir: &Path) -> Checked<bool> {
         let mut entries = match std::fs::read_dir(dir) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return lies_in_no_set(dir).map(|()| false);
@@ -244,28 +254,38 @@ impl About {
             Err(error) => {
                 // For a place below a file, that file is in the way.
                 return Err(match dir.ancestors().find(|place| place.is_file()) {
-                    Some(file) => ExportError::NoFolder { path: file.to_owned() },
+                    Some(file) => refused!(
+                        "{}: is a file, and a data set is a folder; name another place",
+                        file.display()
+                    ),
                     None => FileError::io(dir)(error).into(),
                 });
             }
             Ok(entries) => entries,
         };
+        let path = dir.display();
         if !dir.join(ABOUT).is_file() {
             // A run that ended before it wrote `dataset.json` leaves only the hidden folder.
             let foreign = entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != HIDDEN));
             return if foreign {
-                Err(ExportError::Foreign { path: dir.to_owned() })
+                Err(refused!(
+                    "{path}: is not empty and holds no data set of this program; name another folder"
+                ))
             } else {
                 lies_in_no_set(dir).map(|()| false)
             };
         }
-        let path = dir.to_owned();
         let found = Self::read(dir)?;
         if let Some(difference) = self.difference(&found) {
-            return Err(ExportError::OtherSettings { path, difference });
+            return Err(refused!(
+                "{path}: holds a data set of other settings ({difference}); name another folder, or take the same \
+                 settings"
+            ));
         }
         match Input::change(&found.settings.files, &self.settings.files) {
-            Some(change) => Err(ExportError::OtherFile { path, change }),
+            Some(change) => Err(refused!(
+                "{path}: {change} since this data set was begun; put it back as it was, or name another folder"
+            )),
             None => Ok(true),
         }
     }
@@ -307,7 +327,7 @@ impl DatasetSettings {
 }
 
 /// Refuses the place of a new data set within the folder of another one; links are followed.
-fn lies_in_no_set(dir: &Path) -> Result<(), ExportError> {
+fn lies_in_no_set(dir: &Path) -> Checked<()> {
     let or_here = |place: &Path| match place.as_os_str().is_empty() {
         true => PathBuf::from("."),
         false => place.to_owned(),
@@ -315,7 +335,11 @@ fn lies_in_no_set(dir: &Path) -> Result<(), ExportError> {
     let there = dir.ancestors().find_map(|place| or_here(place).canonicalize().ok());
     let is_set = |place: &&Path| place.join(HIDDEN).is_dir() && place.join(ABOUT).is_file();
     match there.as_deref().and_then(|there| there.ancestors().find(is_set)) {
-        Some(set) => Err(ExportError::Nested { path: dir.to_owned(), set: set.to_owned() }),
+        Some(set) => Err(refused!(
+            "{}: lies in {}, the folder of another data set, which would hold files of both; name a folder outside it",
+            dir.display(),
+            set.display()
+        )),
         None => Ok(()),
     }
 }

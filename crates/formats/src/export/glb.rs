@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use sightline_scene::scene::{PartOwner, Scene};
 use sightline_scene::vehicle::{Placement, SensorPose, Sensors};
 
-use super::{Checked, ExportError};
+use super::{Checked, FormatError};
 use container::{Container, Frustum, PrimitiveMode};
 
 /// Takes ISO 8855 to glTF: x, y, z, w. A third of a turn about (1, 1, 1), backwards.
@@ -43,10 +43,13 @@ impl Glb {
     /// # Errors
     /// A frame that the scene does not have, a sensor that its vehicle does not have, more bytes than a file
     /// of this format holds.
-    pub fn of(view: &GltfView<'_>) -> Result<Self, ExportError> {
+    pub fn of(view: &GltfView<'_>) -> Result<Self, FormatError> {
         let (scene, frames) = (view.scene, view.scene.frame_count());
         if view.frame >= frames {
-            return Err(ExportError::NoFrame { scene: scene.name().to_owned(), frame: view.frame });
+            let (name, frame) = (scene.name(), view.frame);
+            return Err(refused!(
+                "the scene `{name}` has no frame {frame}; name one of its frames, from 0"
+            ));
         }
         let mut file = Writer { out: Container::default(), view, shapes: HashMap::new() };
         let mut children = file.parts()?;

@@ -14,7 +14,7 @@ use sightline_scan::Scan;
 use super::folder::{Folder, StagedFile};
 use super::plan::{Label, Planned, ScanLabels};
 use super::record::{CloudOrigin, FrameRecord, LidarRecord, Mover, Written, mounts};
-use super::{DatasetSettings, ExportError, SceneFacts, Split};
+use super::{Checked, DatasetSettings, SceneFacts, Split};
 use crate::datasets::kitti::EGO_FROM_LIDAR;
 
 /// Floats of a point.
@@ -36,7 +36,7 @@ pub(super) fn write(
     scan: &Scan,
     classes: &[Label],
     settings: &DatasetSettings,
-) -> Result<FrameRecord, ExportError> {
+) -> Checked<FrameRecord> {
     let labels = ScanLabels::new(classes, &scan.boxes);
     let each = settings.each_lidar;
     let mounts = mounts(scan);
@@ -68,14 +68,14 @@ pub(super) fn finish(
     scenes: &[SceneFacts],
     plan: &[Planned],
     each: bool,
-) -> Result<(), ExportError> {
+) -> Checked<()> {
     let mut lidars = 0;
     for (number, (scene, planned)) in scenes.iter().zip(plan).enumerate() {
         let first = folder.record(number, scene.frames[0])?;
         lidars = lidars.max(first.lidars.len());
         let sources = CloudOrigin::all(first.lidars.len(), each && first.lidars.len() > 1);
         let begun = sources.map(|source| Sequence::begin(folder, &planned.name, source, &first));
-        let mut sequences = begun.collect::<Result<Vec<Sequence>, ExportError>>()?;
+        let mut sequences = begun.collect::<Checked<Vec<Sequence>>>()?;
         for &frame in &scene.frames {
             let record = folder.record(number, frame)?;
             sequences.iter_mut().try_for_each(|sequence| sequence.add(&record))?;
@@ -116,7 +116,7 @@ impl Sequence {
         name: &str,
         source: CloudOrigin,
         first: &FrameRecord,
-    ) -> Result<Self, ExportError> {
+    ) -> Checked<Self> {
         let place = format!("{}sequences/{name}", root_of(source));
         let unit = line(&Pose::IDENTITY);
         let rows = ["P0", "P1", "P2", "P3", "Tr"].map(|name| format!("{name}: {unit}\n"));
@@ -132,14 +132,14 @@ impl Sequence {
         })
     }
 
-    fn add(&mut self, record: &FrameRecord) -> Result<(), ExportError> {
+    fn add(&mut self, record: &FrameRecord) -> Checked<()> {
         let here = self.first_from_world.compose(&world_from_source(record, self.source));
         self.poses.write(|out| writeln!(out, "{}", line(&here)))?;
         let time = record.time - self.begin;
         self.times.write(|out| writeln!(out, "{time:e}"))
     }
 
-    fn end(self) -> Result<(), ExportError> {
+    fn end(self) -> Checked<()> {
         self.poses.end()?;
         self.times.end().map(drop)
     }
@@ -161,7 +161,7 @@ fn infos(
     plan: &[Planned],
     source: CloudOrigin,
     split: Split,
-) -> Result<(), ExportError> {
+) -> Checked<()> {
     let name = format!("{}semantickitti_infos_{}.pkl", root_of(source), split.name());
     let mut staged: StagedFile = folder.begin(&name)?;
     staged.write(|out| {

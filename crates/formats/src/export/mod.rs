@@ -7,7 +7,6 @@
 //! [`Glb`] shows one frame with its rigs in any viewer of glTF.
 
 mod dataset;
-mod error;
 mod folder;
 mod glb;
 mod kitti;
@@ -17,9 +16,9 @@ mod record;
 #[cfg(test)]
 mod tests;
 
+use crate::error::Checked;
+pub use crate::error::FormatError;
 pub use dataset::{Dataset, Summary};
-use error::Checked;
-pub use error::ExportError;
 pub use glb::{Glb, GltfView};
 pub use plan::{DatasetSettings, Layout, SceneFacts, Split, Splits};
 pub use record::record;

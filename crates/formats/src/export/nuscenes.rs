@@ -13,7 +13,7 @@ use sightline_scan::{BOX_MARGIN, Scan};
 use super::folder::Folder;
 use super::plan::{Label, Planned, ScanLabels, of_kind};
 use super::record::{CloudOrigin, FrameRecord, Mover, mounts};
-use super::{DatasetSettings, ExportError, Split};
+use super::{Checked, DatasetSettings, Split};
 
 pub(super) use frames::finish;
 
@@ -86,7 +86,7 @@ pub(super) fn write(
     at: usize,
     scan: &Scan,
     classes: &[Label],
-) -> Result<FrameRecord, ExportError> {
+) -> Checked<FrameRecord> {
     let mounts = mounts(scan);
     let rings = first_rings(scan);
     let mut files = Vec::new();

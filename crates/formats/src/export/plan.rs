@@ -6,13 +6,13 @@ use std::str::FromStr;
 use lidar_cast::maths::mixed;
 use serde::{Deserialize, Serialize};
 use sightline_files::files::{Input, safe_name};
-use sightline_files::json::nearest;
+use sightline_files::json::{did_you_mean, nearest};
 use sightline_scan::{EGO_INSTANCE, Return, TrackedBox};
 use sightline_scene::scene::ActorKind;
 
 use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;
-use super::{Checked, ExportError};
+use super::{Checked, FormatError};
 
 /// Format of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,12 +39,14 @@ impl Layout {
 }
 
 impl FromStr for Layout {
-    type Err = ExportError;
+    type Err = FormatError;
 
     fn from_str(name: &str) -> Checked<Self> {
         let all = [Self::SemanticKitti, Self::Nuscenes, Self::Npz];
         let found = all.into_iter().find(|layout| layout.name() == name);
-        found.ok_or_else(|| ExportError::UnknownLayout { name: name.to_owned() })
+        found.ok_or_else(|| {
+            refused!("`{name}` is no layout; take `semantickitti`, `nuscenes` or `npz`")
+        })
     }
 }
 
@@ -181,32 +183,41 @@ fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Checked<()> {
     let Splits { train, val, test } = settings.splits;
     let shares = [train, val, test];
     if shares.iter().any(|s| !(0.0..1e9).contains(s)) || shares.iter().sum::<f64>() <= 0.0 {
-        return Err(ExportError::Splits { train, val, test });
+        return Err(refused!(
+            "splits {train}, {val}, {test}: take three shares from 0 to below 1e9 whose sum is above 0"
+        ));
     }
     if settings.keyframe_every == 0 {
-        return Err(ExportError::Zero { name: "keyframe_every" });
+        return Err(FormatError::Refused("`keyframe_every` is 0; take 1 or more".to_owned()));
     }
     if scenes.is_empty() {
-        return Err(ExportError::NoScenes);
+        return Err(FormatError::Refused("a data set needs at least one scene".to_owned()));
     }
     for (i, SceneFacts { name: scene, frames, .. }) in scenes.iter().enumerate() {
-        let scene = scene.clone();
         if frames.is_empty() {
-            return Err(ExportError::NoFrames { scene });
+            return Err(refused!(
+                "the scene `{scene}` has no frames to write; name at least one, or leave the scene out"
+            ));
         }
         if !frames.is_sorted_by(|a, b| a < b) {
-            return Err(ExportError::Frames { scene });
+            return Err(refused!(
+                "the frames of the scene `{scene}` do not rise; name each once, from first to last"
+            ));
         }
-        let folder = safe_name(&scene);
+        let folder = safe_name(scene);
         let same = scenes[..i].iter().find(|other| safe_name(&other.name) == folder);
-        if let Some(other) = same.map(|other| other.name.clone()) {
+        if let Some(SceneFacts { name: other, .. }) = same {
             return Err(match other == scene {
-                true => ExportError::SameName { scene },
-                false => ExportError::SameFolder { scene, other, folder },
+                true => refused!("two scenes are called `{scene}`; rename one"),
+                false => refused!(
+                    "the scenes `{other}` and `{scene}` would share the folder `{folder}`; rename one"
+                ),
             });
         }
         if settings.layout == Layout::Npz && [ABOUT, INCOMPLETE].contains(&folder.as_str()) {
-            return Err(ExportError::FolderName { scene, unfit: "a file of the set has it" });
+            return Err(refused!(
+                "no folder of the data set can have the name of the scene `{scene}`: a file of the set has it; rename it"
+            ));
         }
     }
     Ok(())
@@ -220,8 +231,10 @@ fn limited(
     for split in Split::ALL {
         let (scenes, limit) = (wanted[split as usize], names[split as usize].len());
         if scenes > limit {
-            let layout = settings.layout.name();
-            return Err(ExportError::TooManyScenes { scenes, split: split.name(), layout, limit });
+            let (layout, split) = (settings.layout.name(), split.name());
+            return Err(refused!(
+                "{scenes} scenes for {split}: {layout} has {limit} names for those; use fewer, or other splits"
+            ));
         }
     }
     Ok(names)
@@ -325,19 +338,18 @@ pub(super) fn check_map(scenes: &[SceneFacts], map: &[(String, String)]) -> Chec
     known.dedup();
     for (k, (class, second)) in map.iter().enumerate() {
         if let Some((_, first)) = map[..k].iter().find(|(other, _)| other == class) {
-            let [class, first, second] = [class, first, second].map(String::clone);
-            return Err(ExportError::MappedTwice { class, first, second });
+            return Err(refused!(
+                "the class `{class}` is mapped to `{first}` and to `{second}`; map it once"
+            ));
         }
     }
     let Some((class, to)) = map.iter().find(|(class, _)| !known.contains(&class.as_str())) else {
         return Ok(());
     };
-    Err(ExportError::UnknownClass {
-        class: class.clone(),
-        to: to.clone(),
-        nearest: nearest(class, known.iter().copied()),
-        known: known.into_iter().map(str::to_owned).collect(),
-    })
+    let nearest = nearest(class, known.iter().copied());
+    let known: Vec<String> = known.into_iter().map(str::to_owned).collect();
+    let hint = did_you_mean(&nearest, &known);
+    Err(refused!("the map `{class}={to}`: no scene has a class `{class}`{hint}"))
 }
 
 /// Labels of the classes of a scene, in their order.
@@ -348,14 +360,20 @@ pub(super) fn of_classes(scene: &SceneFacts, map: &[(String, String)]) -> Checke
     let known: HashMap<&str, Label> = CLASSES.into_iter().collect();
     for (class, to) in map {
         if !known.contains_key(to.as_str()) {
-            return Err(ExportError::UnknownTarget { class: class.clone(), to: to.clone() });
+            return Err(refused!(
+                "the map `{class}={to}`: `{to}` is no class with a label; take one of the scene format's own, such as \
+                 `building`, `vehicle` or `vegetation`"
+            ));
         }
     }
     let label = |class: &String| {
         let mapped = map.iter().find(|(from, _)| from == class).map_or(class, |(_, to)| to);
-        known.get(mapped.as_str()).copied().ok_or_else(|| ExportError::UnmappedClass {
-            scene: scene.name.clone(),
-            class: class.clone(),
+        known.get(mapped.as_str()).copied().ok_or_else(|| {
+            refused!(
+                "scene `{}`: the class `{class}` has no label in this layout; map it to one that has, as in \
+                 `{class}=building`",
+                scene.name
+            )
         })
     };
     scene.classes.iter().map(label).collect()

@@ -13,7 +13,7 @@ use sightline_scan::{Return, Scan, ScanLidar, Scanner};
 use sightline_scene::psog::{NpzOut, write_npz};
 
 use super::folder::Folder;
-use super::{Checked, Dataset, ExportError};
+use super::{Checked, Dataset, FormatError};
 
 /// A rigid transform: rotation by columns, then translation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -128,7 +128,7 @@ pub fn record(
     scene: usize,
     scanner: &Scanner<'_>,
     watch: impl Fn(&Scan) -> bool + Sync,
-) -> Result<bool, ExportError> {
+) -> Result<bool, FormatError> {
     let frames: Vec<usize> = dataset.missing_of(scene);
     let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
     // Each takes the next frame as soon as its own is written, so that none waits for another's files.
@@ -147,7 +147,7 @@ pub fn record(
             }
             written?;
         }
-        Ok::<(), ExportError>(())
+        Ok::<(), FormatError>(())
     })?;
     match stopped.into_inner() {
         true => Ok(dataset.missing_of(scene).is_empty()),

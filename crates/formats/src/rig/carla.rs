@@ -11,7 +11,7 @@ use sightline_scene::vehicle::{SensorPose, of_degrees};
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::yaml::{Fields, PHASE, wrong};
 use super::{
-    BASE_LINK, Checked, Fan, Models, Mounting, Rig, RigError, RigLidar, RigSource, beams, yaml,
+    BASE_LINK, Checked, Fan, FormatError, Models, Mounting, Rig, RigLidar, RigSource, beams, yaml,
 };
 
 /// Type of the LiDAR that CARLA casts.
@@ -86,8 +86,8 @@ fn degrees(fields: &Fields, frames: &mut FrameTree) -> Checked<SensorPose> {
 }
 
 /// Error of a key of the pose that stands where none is read.
-fn unread(fields: &Fields, key: &str, what: &'static str, mend: &'static str) -> RigError {
-    RigError::Unread { at: Box::new(fields.at.key(key)), what, mend }
+fn unread(fields: &Fields, key: &str, what: &'static str, mend: &'static str) -> FormatError {
+    refused!("{}: {what}, which is not read; {mend}", fields.at.key(key))
 }
 
 /// Content of an entry by its type. Notes name the LiDAR keys that a placement does not keep.

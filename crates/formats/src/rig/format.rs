@@ -11,7 +11,10 @@ use sightline_files::json::{
 
 use super::beams::{Models, RigBeams, TURNS_A_SECOND};
 use super::yaml::PHASE;
-use super::{Fan, Mounting, Rig, RigError, RigLidar, carla, launch, model, sdf, urdf, yaml};
+use super::{
+    Checked, Fan, FormatError, Mounting, Rig, RigLidar, carla, launch, model, sdf, urdf, yaml,
+};
+use crate::error::listed;
 
 /// A format that holds a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -63,12 +66,21 @@ impl RigFormat {
     ///
     /// # Errors
     /// A name that none of them has.
-    pub fn written(name: &str) -> Result<Self, RigError> {
+    pub fn written(name: &str) -> Result<Self, FormatError> {
         match Self::from_str(name) {
             Ok(format) if format.is_written() => Ok(format),
-            Ok(format) => Err(RigError::ReadOnly { format }),
-            Err(_) => Err(RigError::NotWritten { name: name.to_owned() }),
+            Ok(format) => Err(format.read_only()),
+            Err(_) => {
+                let written = formats(Self::is_written);
+                Err(refused!("no format is called `{name}`; rigs are written in {written}"))
+            }
         }
+    }
+
+    /// Error of a format in which no rig is written.
+    fn read_only(self) -> FormatError {
+        let (name, written) = (self.name(), formats(Self::is_written));
+        refused!("{name} is read, but not written; take one of {written}")
     }
 
     /// True if a frame of this format is the foot of its sensor; else it is the optical centre.
@@ -77,14 +89,22 @@ impl RigFormat {
     }
 }
 
+fn formats(is_meant: impl Fn(RigFormat) -> bool) -> String {
+    let meant = RigFormat::ALL.into_iter().filter(|format| is_meant(*format));
+    meant.map(RigFormat::name).collect::<Vec<_>>().join(", ")
+}
+
 /// The format of a text.
 ///
 /// # Errors
 /// XML that does not parse, or a text of no format.
-pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
+pub(super) fn format_of(source: &RigSource) -> Checked<RigFormat> {
     let text = source.text.as_str();
     refuse_program(source)?;
-    let unrecognised = || RigError::Unrecognised { file: source.file.clone() };
+    let unrecognised = || {
+        let (file, all) = (&source.file, formats(|_| true));
+        refused!("{file}: its content is none of {all}; name its format with --format")
+    };
     if text.trim_start().starts_with('<') {
         let text = plain_names(text);
         let document = yaml::parse(&text, &source.file)?;
@@ -132,23 +152,30 @@ pub(super) fn format_of(source: &RigSource) -> Result<RigFormat, RigError> {
 ///
 /// # Errors
 /// A file named as a Python program, or with lines that begin like Python's.
-pub(super) fn refuse_program(source: &RigSource) -> Result<(), RigError> {
+pub(super) fn refuse_program(source: &RigSource) -> Checked<()> {
     let named = source.file.ends_with(".py");
     let starts = ["import ", "from ", "def ", "class ", "#!/usr/bin/env python", "@"];
     let begins = |line: &str| starts.iter().any(|start| line.starts_with(start));
     let is_markup = source.text.trim_start().starts_with(['<', '{', '[']);
     if named || (!is_markup && source.text.lines().any(begins)) {
-        return Err(RigError::Program { file: source.file.clone() });
+        return Err(refused!(
+            "{}: is a Python program, which is not run; write its sensors as JSON with these three lines: `import json`, \
+             `sensors = MyAgent().sensors()` (the list of CARLA, or one made by hand), `json.dump(sensors, \
+             open(\"sensors.json\", \"w\"))`; or give the URDF, or `/tf_static` as `ros2 topic echo /tf_static --once` \
+             prints it",
+            source.file
+        ));
     }
     Ok(())
 }
 
 impl FromStr for RigFormat {
-    type Err = RigError;
+    type Err = FormatError;
 
-    fn from_str(text: &str) -> Result<Self, RigError> {
+    fn from_str(text: &str) -> Checked<Self> {
         let found = Self::ALL.into_iter().find(|format| format.name() == text);
-        found.ok_or_else(|| RigError::UnknownFormat { name: text.to_owned() })
+        let all = || formats(|_| true);
+        found.ok_or_else(|| refused!("no format is called `{text}`; there are {}", all()))
     }
 }
 
@@ -180,17 +207,17 @@ impl RigSource {
     ///
     /// # Errors
     /// The file cannot be read, is too large, or is no UTF-8.
-    pub(super) fn read(path: &Path) -> Result<Self, RigError> {
+    pub(super) fn read(path: &Path) -> Checked<Self> {
         Ok(Self { file: path.display().to_string(), text: read_text(path, MAX_FILE)? })
     }
 
     /// The text as one YAML document; JSON is YAML, too.
-    pub(super) fn yaml(&self) -> Result<YamlDocument, RigError> {
+    pub(super) fn yaml(&self) -> Checked<YamlDocument> {
         Ok(parse_yaml(&self.text, &self.file, quantity)?)
     }
 
     /// All documents of a YAML text that are not empty.
-    pub(super) fn documents(&self) -> Result<Vec<YamlDocument>, RigError> {
+    pub(super) fn documents(&self) -> Checked<Vec<YamlDocument>> {
         Ok(parse_documents(&self.text, &self.file, quantity)?)
     }
 }
@@ -209,7 +236,7 @@ fn quantity(parent: &str, key: &str) -> Option<Quantity> {
 ///
 /// # Errors
 /// A file or folder that cannot be read.
-pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<RigSource>, RigError> {
+pub(super) fn sources(paths: &[PathBuf]) -> Checked<Vec<RigSource>> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {
@@ -259,7 +286,7 @@ pub fn export(
     format: RigFormat,
     mounting: &Mounting,
     models: &Models,
-) -> Result<Exported, RigError> {
+) -> Result<Exported, FormatError> {
     rig.validate()?;
     check_models(rig, models)?;
     refuse_substitutions(rig, format)?;
@@ -279,7 +306,7 @@ pub fn export(
             one("objects.json", pretty(&carla::write_objects(rig, mounting, models)))
         }
         RigFormat::Json => one("placements.json", pretty(&model::rig_json(&[rig]))),
-        RigFormat::Tf | RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),
+        RigFormat::Tf | RigFormat::Pandaset => return Err(format.read_only()),
     };
     let mut warnings = Vec::new();
     if let Some(program) = simulator(format) {
@@ -324,7 +351,7 @@ fn pretty(value: &Value) -> String {
 }
 
 /// Refuses names with `$(` or `${`, for which xacro and launch files put values.
-fn refuse_substitutions(rig: &Rig, format: RigFormat) -> Result<(), RigError> {
+fn refuse_substitutions(rig: &Rig, format: RigFormat) -> Checked<()> {
     let is_robot = format == RigFormat::Urdf;
     if !is_robot && format != RigFormat::Ros2Launch {
         return Ok(());
@@ -335,23 +362,32 @@ fn refuse_substitutions(rig: &Rig, format: RigFormat) -> Result<(), RigError> {
     let frames = rig.lidars.iter().map(|lidar| lidar.frame.as_str());
     let mut names = of_rig.into_iter().chain(sensors).chain(frames);
     match names.find(|name| name.contains("$(") || name.contains("${")) {
-        Some(name) => Err(RigError::Substitution { name: name.to_owned(), format: format.name() }),
+        Some(name) => Err(refused!(
+            "the name `{name}` holds `$(` or `${{`, for which readers of {} put a value; give another one",
+            format.name()
+        )),
         None => Ok(()),
     }
 }
 
 /// Refuses LiDARs without a model where there are several, and models that are none of them.
-fn check_models(rig: &Rig, models: &Models) -> Result<(), RigError> {
+fn check_models(rig: &Rig, models: &Models) -> Checked<()> {
     let known = models.names();
     for lidar in &rig.lidars {
-        let frame = lidar.frame.clone();
+        let frame = &lidar.frame;
         match (&lidar.sensor, models.of(lidar)) {
             (None, _) if models.count() > 1 => {
-                return Err(RigError::UnnamedModel { frame, known });
+                return Err(refused!(
+                    "`{frame}` names no sensor, and the vehicle has {}; give --sensor {frame}={}",
+                    listed(&known),
+                    known[0]
+                ));
             }
             (Some(sensor), RigBeams::Unknown) if !known.is_empty() => {
-                let sensor = sensor.clone();
-                return Err(RigError::UnknownModel { frame, sensor, known });
+                return Err(refused!(
+                    "`{frame}` is a `{sensor}`, and the vehicle has {}; give its own vehicle, or --sensor {frame}=MODEL",
+                    listed(&known)
+                ));
             }
             _ => {}
         }

@@ -10,7 +10,8 @@ use sightline_files::json::Location;
 use sightline_scene::vehicle::SensorPose;
 
 use super::yaml::wrong;
-use super::{Rig, RigError, RigLidar, beams};
+use super::{Checked, FormatError, Rig, RigLidar, beams};
+use crate::error::listed;
 
 /// Content of a frame, as far as the file states it.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,10 +61,11 @@ impl FrameTree {
     ///
     /// # Errors
     /// A frame of this name is there already.
-    pub(super) fn add(&mut self, frame: RigFrame) -> Result<(), RigError> {
+    pub(super) fn add(&mut self, frame: RigFrame) -> Checked<()> {
         if self.index.contains_key(&frame.name) {
-            let RigFrame { name, at, .. } = frame;
-            return Err(RigError::Twice { at: Box::new(at), frame: name });
+            let name = &frame.name;
+            let told = format!("the frame `{name}` is placed a second time; keep one of the two");
+            return Err(FormatError::at(&frame.at, &told));
         }
         self.index.insert(frame.name.clone(), self.list.len());
         self.list.push(frame);
@@ -120,7 +122,7 @@ impl FrameTree {
     ///
     /// # Errors
     /// The first loop.
-    pub(super) fn refuse_loops(&self) -> Result<(), RigError> {
+    pub(super) fn refuse_loops(&self) -> Checked<()> {
         // Each frame is marked with the number of the chain that came to it first.
         let mut marks = vec![0; self.list.len()];
         for start in 0..self.list.len() {
@@ -174,7 +176,7 @@ impl FrameTree {
     ///
     /// # Errors
     /// A loop, or no connection.
-    pub(super) fn in_base(&self, base: &str, frame: &RigFrame) -> Result<SensorPose, RigError> {
+    pub(super) fn in_base(&self, base: &str, frame: &RigFrame) -> Checked<SensorPose> {
         let (pose, end) = self.climb(frame, Some(base))?;
         if end == base {
             return Ok(pose);
@@ -186,13 +188,12 @@ impl FrameTree {
                 return Ok(compose(&inverse(&base_pose), &pose));
             }
         }
-        Err(RigError::Unconnected {
-            at: Box::new(frame.at.clone()),
-            frame: frame.name.clone(),
-            parent: end.to_owned(),
-            base: base.to_owned(),
-            known: self.names(),
-        })
+        let (RigFrame { at, name, .. }, known) = (frame, listed(&self.names()));
+        Err(refused!(
+            "{at}: the frame `{name}` has the parent `{end}`, which no transform connects with `{base}`; read the file of \
+             that transform, too (in ROS and Apollo `frame_id: {base}`, `child_frame_id: {end}`), or give --base-frame \
+             {end}; there are {known}"
+        ))
     }
 
     /// Pose of a frame in the one at the end of its chain, which is the first called `stop`.
@@ -200,7 +201,7 @@ impl FrameTree {
         &'a self,
         frame: &'a RigFrame,
         stop: Option<&str>,
-    ) -> Result<(SensorPose, &'a str), RigError> {
+    ) -> Checked<(SensorPose, &'a str)> {
         let (mut pose, mut at) = (IDENTITY, frame.name.as_str());
         for _ in 0..=self.list.len() {
             match self.get(at).filter(|_| Some(at) != stop) {
@@ -215,7 +216,8 @@ impl FrameTree {
             next = &link.parent;
             frames.push(next.to_owned());
         }
-        Err(RigError::Loop { at: Box::new(frame.at.clone()), frames })
+        let (at, frames) = (&frame.at, listed(&frames));
+        Err(refused!("{at}: the frames {frames} hang on each other in a loop; break it"))
     }
 }
 
@@ -291,7 +293,7 @@ pub(super) fn of_quaternion(
     position: [f64; 3],
     xyzw: [f64; 4],
     at: &Location,
-) -> Result<SensorPose, RigError> {
+) -> Checked<SensorPose> {
     let square: f64 = xyzw.iter().map(|v| v * v).sum();
     // NaN is within no tolerance.
     let is_unit = (square - 1.0).abs() <= LENGTH_TOLERANCE;

@@ -11,9 +11,10 @@ use sightline_scene::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_o
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, compose, up};
 use super::yaml::Fields;
 use super::{
-    BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, beams, carla,
-    format, launch, model, sdf, sources, urdf, yaml,
+    BASE_LINK, Checked, FormatError, MODELS_FILE, Mounting, Rig, RigFormat, RigLidar, RigSource,
+    beams, carla, format, launch, model, sdf, sources, urdf, yaml,
 };
+use crate::error::listed;
 
 /// Words in the names of LiDAR frames, for formats that say no more.
 const WORDS: [&str; 10] = [
@@ -59,7 +60,7 @@ pub struct ImportedRig {
 ///
 /// # Errors
 /// Files that cannot be read, or that give no rig.
-pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<ImportedRig, RigError> {
+pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<ImportedRig, FormatError> {
     let mut settings = settings.clone();
     let mut notes = Vec::new();
     for file in paths.iter().filter(|path| path.is_dir()).map(|folder| folder.join(MODELS_FILE)) {
@@ -73,7 +74,7 @@ pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<ImportedRi
 }
 
 /// Adds the models that `rig export` wrote beside files without a place for them, where none is given.
-fn add_models(source: &RigSource, known: &mut BTreeMap<String, String>) -> Result<Note, RigError> {
+fn add_models(source: &RigSource, known: &mut BTreeMap<String, String>) -> Checked<Note> {
     let UniqueKeys(document) = json::parse(&source.text, &source.file)?;
     let lidars = Fields::of(&document, Location::top(&source.file))?.inner("lidars")?;
     for (frame, _, _) in lidars.each() {
@@ -90,17 +91,19 @@ fn add_models(source: &RigSource, known: &mut BTreeMap<String, String>) -> Resul
 pub fn import_texts(
     sources: &[RigSource],
     settings: &ImportSettings,
-) -> Result<ImportedRig, RigError> {
+) -> Result<ImportedRig, FormatError> {
     let Some(first) = sources.first() else {
-        return Err(RigError::NoLidar { file: "no file".to_owned(), known: Vec::new() });
+        return Err(no_lidar("no file", &[]));
     };
     let format = match settings.format {
         Some(format) => format,
         None => format::format_of(first)?,
     };
     if let (Some(second), false) = (sources.get(1), format.holds_feet()) {
-        let file = second.file.clone();
-        return Err(RigError::OneFile { file, format: format.name() });
+        let (file, format) = (&second.file, format.name());
+        return Err(refused!(
+            "{file}: {format} rigs stand in one file each; read them one at a time"
+        ));
     }
     if format == RigFormat::Json {
         return of_placements(first, settings);
@@ -121,7 +124,7 @@ pub fn import_texts(
 pub fn from_carla_sensors(
     sensors: &Value,
     settings: &ImportSettings,
-) -> Result<ImportedRig, RigError> {
+) -> Result<ImportedRig, FormatError> {
     let (name, mut frames) = ("sensors", FrameTree::default());
     carla::read_list(sensors, &Location::top("CARLA").key(name), &mut frames)?;
     rig_of(frames, RigFormat::Carla, settings, name)
@@ -133,7 +136,7 @@ fn rig_of(
     format: RigFormat,
     settings: &ImportSettings,
     file: &str,
-) -> Result<ImportedRig, RigError> {
+) -> Checked<ImportedRig> {
     frames.refuse_loops()?;
     let base = base(format, &mut frames, settings, file)?;
     frames.add_root(&base);
@@ -169,7 +172,7 @@ fn rig_of(
     }
     rig.validate().map_err(|source| match settings.name {
         Some(_) => source,
-        None => RigError::Within { file: file.to_owned(), source: Box::new(source) },
+        None => refused!("{file}: {source}"),
     })?;
     notes.extend(below_ground(&rig, file));
     Ok(ImportedRig { rig, format, left_out, notes })
@@ -204,7 +207,7 @@ fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
     .collect()
 }
 
-fn of_placements(source: &RigSource, settings: &ImportSettings) -> Result<ImportedRig, RigError> {
+fn of_placements(source: &RigSource, settings: &ImportSettings) -> Checked<ImportedRig> {
     let mut rig = model::rig_of(source, settings.name.as_deref())?;
     for lidar in &mut rig.lidars {
         let sensor = settings.sensors.get(&lidar.frame).cloned();
@@ -228,7 +231,7 @@ fn read(
     source: &RigSource,
     settings: &ImportSettings,
     frames: &mut FrameTree,
-) -> Result<(), RigError> {
+) -> Checked<()> {
     match format {
         RigFormat::Autoware => yaml::read(source, frames, yaml::read_frames),
         RigFormat::Urdf => urdf::read(source, frames),
@@ -249,7 +252,7 @@ fn base(
     frames: &mut FrameTree,
     settings: &ImportSettings,
     file: &str,
-) -> Result<String, RigError> {
+) -> Checked<String> {
     if let Some(base) = &settings.base_frame {
         if frames.mentions(base) {
             return Ok(base.clone());
@@ -262,7 +265,7 @@ fn base(
             _ => {}
         }
         let (file, frame) = (file.to_owned(), base.clone());
-        return Err(RigError::UnknownFrame { file, frame, known: frames.names() });
+        return Err(FormatError::UnknownFrame { file, frame, known: frames.names() });
     }
     let own = match format {
         RigFormat::Pandaset => yaml::PANDASET_BASE,
@@ -326,17 +329,24 @@ fn lidars(frames: &FrameTree) -> Vec<&RigFrame> {
     if upper.is_empty() { named } else { upper }
 }
 
+fn no_lidar(file: &str, known: &[String]) -> FormatError {
+    let known = listed(known);
+    refused!(
+        "{file}: no frame is a LiDAR by its type or name; pick frames with --frame; there are {known}"
+    )
+}
+
 /// The LiDARs, and the names of all other frames.
 fn picked<'a>(
     frames: &'a FrameTree,
     settings: &ImportSettings,
     file: &str,
-) -> Result<(Vec<&'a RigFrame>, Vec<String>), RigError> {
-    let file = file.to_owned();
+) -> Checked<(Vec<&'a RigFrame>, Vec<String>)> {
     let find = |name: &String| {
-        let unknown =
-            |known| RigError::UnknownFrame { file: file.clone(), frame: name.clone(), known };
-        frames.get(name).ok_or_else(|| unknown(frames.names()))
+        frames.get(name).ok_or_else(|| {
+            let (file, frame, known) = (file.to_owned(), name.clone(), frames.names());
+            FormatError::UnknownFrame { file, frame, known }
+        })
     };
     settings.sensors.keys().try_for_each(|name| find(name).map(drop))?;
     let lidars: Vec<&RigFrame> = if settings.frames.is_empty() {
@@ -345,10 +355,13 @@ fn picked<'a>(
         settings.frames.iter().map(find).collect::<Result<_, _>>()?
     };
     if lidars.is_empty() {
-        return Err(RigError::NoLidar { file, known: frames.names() });
+        return Err(no_lidar(file, &frames.names()));
     }
     if lidars.len() > MAX_LIDARS {
-        return Err(RigError::TooManyLidars { file, count: lidars.len(), most: MAX_LIDARS });
+        return Err(refused!(
+            "{file}: {} frames are LiDARs, at most {MAX_LIDARS} are read; pick some with --frame",
+            lidars.len()
+        ));
     }
     let taken: HashSet<&str> = lidars.iter().map(|frame| frame.name.as_str()).collect();
     let is_other =
@@ -394,7 +407,7 @@ fn lidar(
     format: RigFormat,
     settings: &ImportSettings,
     unknown: &mut Vec<String>,
-) -> Result<RigLidar, RigError> {
+) -> Checked<RigLidar> {
     let (said, optical) = match &frame.holds {
         FrameContent::Lidar { sensor, optical } => (sensor.clone(), *optical),
         _ => (None, None),

@@ -9,8 +9,8 @@ use sightline_files::json::{Location, quoted, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
-use super::yaml::{number, wrong};
-use super::{BASE_LINK, Mounting, Rig, RigError, RigSource, yaml};
+use super::yaml::{missing, number, wrong};
+use super::{BASE_LINK, Checked, Mounting, Rig, RigSource, yaml};
 
 /// Program of `tf2_ros` that publishes a transform.
 const PUBLISHER: &str = "static_transform_publisher";
@@ -29,7 +29,7 @@ const ROS_ARGS: &str = "--ros-args";
 const MOST_VALUE: usize = 4096;
 
 /// Reads every publisher of a launch file that its `if` and `unless` leave on.
-pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Result<(), RigError> {
+pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let document = yaml::parse(&source.text, &source.file)?;
     let mut launch = Launch {
         file: &source.file,
@@ -101,12 +101,12 @@ struct Launch<'a> {
 
 impl Launch<'_> {
     /// True if `if` and `unless` leave an element on.
-    fn is_on(&self, node: Node) -> Result<bool, RigError> {
+    fn is_on(&self, node: Node) -> Checked<bool> {
         Ok(self.truth(node, "if")?.unwrap_or(true) && !self.truth(node, "unless")?.unwrap_or(false))
     }
 
     /// Truth of an attribute, if it is there.
-    fn truth(&self, node: Node, key: &str) -> Result<Option<bool>, RigError> {
+    fn truth(&self, node: Node, key: &str) -> Checked<Option<bool>> {
         let Some(text) = node.attribute(key) else { return Ok(None) };
         let at = yaml::place(node, self.file).key(key);
         match self.resolved(text, &at)?.trim().to_lowercase().as_str() {
@@ -117,7 +117,7 @@ impl Launch<'_> {
     }
 
     /// Keeps the value of an argument: `value`, or the `default`, which counts where nothing has set one before.
-    fn argument(&mut self, node: Node) -> Result<(), RigError> {
+    fn argument(&mut self, node: Node) -> Checked<()> {
         let at = yaml::place(node, self.file);
         let is_set = node.attribute("name").is_some_and(|name| self.values.contains_key(name));
         let default = node.attribute("default").filter(|_| !is_set);
@@ -143,7 +143,7 @@ impl Launch<'_> {
     }
 
     /// A text with the values of `$(arg NAME)` and `$(var NAME)` in their places.
-    fn resolved(&self, text: &str, at: &Location) -> Result<String, RigError> {
+    fn resolved(&self, text: &str, at: &Location) -> Checked<String> {
         let (mut done, mut rest) = (String::new(), text);
         while let Some((before, behind)) = rest.split_once("$(") {
             let unknown = || wrong(at, text, "a text whose arguments have a default in this file");
@@ -163,7 +163,7 @@ impl Launch<'_> {
     }
 
     /// Keeps the name of an included file, as far as it can be told.
-    fn include(&mut self, node: Node) -> Result<(), RigError> {
+    fn include(&mut self, node: Node) -> Checked<()> {
         let at = yaml::place(node, self.file);
         let name = yaml::attribute(node, "file", &at)?;
         // A package has another path on each machine, so its part stays as written.
@@ -187,7 +187,7 @@ impl Launch<'_> {
     }
 
     /// The frame of a node or of an executable that publishes one.
-    fn node(&mut self, node: Node) -> Result<Option<RigFrame>, RigError> {
+    fn node(&mut self, node: Node) -> Checked<Option<RigFrame>> {
         let tag = node.tag_name().name();
         let at = Location::top(self.file).key(&format!("<{tag}>")).item(self.nodes);
         self.nodes += 1;
@@ -223,7 +223,7 @@ impl Launch<'_> {
 
 /// The frame of a publisher's arguments: flags, or `x y z yaw pitch roll PARENT CHILD` as before ROS 2
 /// Humble, or that with a quaternion x y z w.
-fn publisher(words: Vec<String>, at: Location) -> Result<RigFrame, RigError> {
+fn publisher(words: Vec<String>, at: Location) -> Checked<RigFrame> {
     let end = words.iter().position(|word| word == ROS_ARGS).unwrap_or(words.len());
     let words = &words[..end];
     let positional: &[&str] = match words.len() {
@@ -254,17 +254,16 @@ fn publisher(words: Vec<String>, at: Location) -> Result<RigFrame, RigError> {
         return Err(wrong(&at, words.join(" "), "a list of flags as --x 1 --frame-id base_link"));
     };
     let frame = |flag: &str| {
-        let missing = || RigError::Missing { at: Box::new(at.clone()), key: flag.to_owned() };
         // `tf` of ROS 1 began names with a slash; they are those without.
         let bare = |name: &&str| name.strip_prefix('/').unwrap_or(name).to_owned();
-        given.get(flag).map(bare).ok_or_else(missing)
+        given.get(flag).map(bare).ok_or_else(|| missing(&at, flag))
     };
     let (name, parent) = (frame("--child-frame-id")?, frame("--frame-id")?);
     Ok(RigFrame { name, parent, pose: pose(&given, &at)?, holds: FrameContent::Unsaid, at })
 }
 
 /// Transform from flags; a missing flag is 0; angles and a quaternion exclude each other.
-fn pose(given: &HashMap<&str, &str>, at: &Location) -> Result<SensorPose, RigError> {
+fn pose(given: &HashMap<&str, &str>, at: &Location) -> Checked<SensorPose> {
     let value = |flag: &str, other: f64| match given.get(flag) {
         Some(text) => number(&at.key(flag), text),
         None => Ok(other),

@@ -5,7 +5,6 @@
 
 mod beams;
 mod carla;
-mod error;
 mod format;
 mod frames;
 mod import;
@@ -15,11 +14,11 @@ mod sdf;
 mod urdf;
 mod yaml;
 
+use crate::error::Checked;
+pub use crate::error::FormatError;
 use beams::Fan;
 pub use beams::Models;
 pub(crate) use carla::mirrored;
-use error::Checked;
-pub use error::RigError;
 use format::sources;
 pub use format::{Exported, MODELS_FILE, NamedText, RigFormat, RigSource, export};
 pub use frames::Mounting;

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::frames::{tilt, turn};
-use super::{RigError, RigSource};
+use super::yaml::missing;
+use super::{Checked, FormatError, RigSource};
+use crate::error::listed;
 use sightline_files::json::{self, DescriptionError, FileKind, Location};
 use sightline_scene::vehicle::{
     Placement, SensorName, SensorPose, Vehicle, placement_to_nanometres,
@@ -73,7 +75,7 @@ impl Rig {
     ///
     /// # Errors
     /// The first fault found.
-    pub fn validate(&self) -> Result<(), RigError> {
+    pub fn validate(&self) -> Result<(), FormatError> {
         self.placement().validate()?;
         let mut names = HashSet::from([BASE_LINK]);
         // Characters that XML cannot hold, escaped or not.
@@ -82,14 +84,20 @@ impl Rig {
             if let Some(name) = sensor
                 && (name.trim().is_empty() || name.len() > MAX_FRAME || name.contains(unwritable))
             {
-                return Err(RigError::BadSensor { sensor: name.clone(), most: MAX_FRAME });
+                return Err(refused!(
+                    "{name:?} is not a name of a sensor: use 1 to {MAX_FRAME} bytes without control characters"
+                ));
             }
             let odd = |c: char| c.is_whitespace() || unwritable(c);
             if frame.is_empty() || frame.len() > MAX_FRAME || frame.contains(odd) {
-                return Err(RigError::BadFrame { frame: frame.clone(), most: MAX_FRAME });
+                return Err(refused!(
+                    "`{frame}` is not a name of a frame: use 1 to {MAX_FRAME} bytes without spaces"
+                ));
             }
             if !names.insert(frame) {
-                return Err(RigError::SharedFrame { frame: frame.clone() });
+                return Err(refused!(
+                    "the frame `{frame}` is used twice, or is that of the vehicle; names must differ"
+                ));
             }
         }
         Ok(())
@@ -115,12 +123,12 @@ struct RigFile {
 ///
 /// # Errors
 /// A file that cannot be read, or none or several placements to pick from.
-pub fn read_rig(path: &Path, name: Option<&str>) -> Result<Rig, RigError> {
+pub fn read_rig(path: &Path, name: Option<&str>) -> Result<Rig, FormatError> {
     rig_of(&RigSource::read(path)?, name)
 }
 
 /// Reads one placement of a text, a document or one placement a line.
-pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigError> {
+pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Checked<Rig> {
     let RigSource { file, text } = source;
     let mut all = if file.ends_with(".jsonl") {
         let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
@@ -136,14 +144,15 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
     };
     let Some(picked) = picked else {
         if all.is_empty() {
-            let at = Box::new(Location::top(file));
-            return Err(RigError::Missing { at, key: "a placement".to_owned() });
+            return Err(missing(&Location::top(file), "a placement"));
         }
-        return Err(RigError::PickPlacement {
-            file: file.clone(),
-            name: name.map(str::to_owned),
-            known: all.into_iter().map(|placement| placement.name).collect(),
-        });
+        let fault = name.map(|name| format!("no placement is called `{name}`"));
+        let fault = fault.unwrap_or_else(|| "holds several placements".to_owned());
+        let known: Vec<String> = all.into_iter().map(|placement| placement.name).collect();
+        let known = listed(&known);
+        return Err(refused!(
+            "{file}: {fault}; pick one of {known} as FILE:NAME (in Python name=NAME)"
+        ));
     };
     let Placement { name, lidars } = all.swap_remove(picked);
     let lidar = |(index, pose): (usize, SensorPose)| RigLidar {
@@ -152,8 +161,7 @@ pub(super) fn rig_of(source: &RigSource, name: Option<&str>) -> Result<Rig, RigE
         pose: SensorPose { sensor: SensorName::default(), ..pose },
     };
     let rig = Rig { name, lidars: lidars.into_iter().enumerate().map(lidar).collect() };
-    rig.validate()
-        .map_err(|source| RigError::Within { file: file.clone(), source: Box::new(source) })?;
+    rig.validate().map_err(|fault| refused!("{file}: {fault}"))?;
     Ok(rig)
 }
 

@@ -8,11 +8,12 @@ use sightline_files::json::{plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
-use super::yaml::{PHASE, number, wrong};
+use super::yaml::{PHASE, missing, number, wrong};
 use super::{
-    BASE_LINK, Checked, ImportSettings, Models, Mounting, Rig, RigError, RigLidar, RigSource,
-    beams, carla, import, yaml,
+    BASE_LINK, Checked, ImportSettings, Models, Mounting, Rig, RigLidar, RigSource, beams, carla,
+    import, yaml,
 };
+use crate::error::listed;
 
 /// Frame that everything in a model hangs on unless it says otherwise.
 pub(super) const MODEL: &str = "__model__";
@@ -53,9 +54,7 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
             "joint" if !joints_are_frames(node) => continue,
             "joint" => match child.as_deref().map(str::trim).filter(|child| !child.is_empty()) {
                 Some(child) => child,
-                None => {
-                    return Err(RigError::Missing { at: Box::new(at), key: "<child>".to_owned() });
-                }
+                None => return Err(missing(&at, "<child>")),
             },
             "include" => {
                 let uri = yaml::child(node, "uri").map(yaml::text).unwrap_or_default();
@@ -68,8 +67,8 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
             _ => continue,
         };
         if node.attribute("placement_frame").is_some_and(|frame| !frame.is_empty()) {
-            let (what, mend) = ("has a placement_frame", "give its pose without one");
-            return Err(RigError::Unread { at: Box::new(at), what, mend });
+            let told = "has a placement_frame, which is not read; give its pose without one";
+            return Err(refused!("{at}: {told}"));
         }
         let name = yaml::attribute(node, "name", &at)?;
         let (pose, parent) = pose(node, file, frames)?;
@@ -312,15 +311,22 @@ fn vehicle<'a, 'i>(
     let nothing = found.is_none();
     let found = found.unwrap_or_else(|| models.clone());
     if nothing && settings.frames.is_empty() && !included.is_empty() {
-        return Err(RigError::Included { file: file.to_owned(), included });
+        return Err(refused!(
+            "{file}: no model in it has a LiDAR, and its <include>s are not read: {}; merge the files with `gz sdf -p \
+             {file}`",
+            listed(&included)
+        ));
     }
     let Some(&model) = found.first() else {
-        let at = Box::new(yaml::place(document.root_element(), file));
-        return Err(RigError::Missing { at, key: "<model>".to_owned() });
+        return Err(missing(&yaml::place(document.root_element(), file), "<model>"));
     };
     if found.len() > 1 && !nothing {
-        let models = found.iter().map(|model| name(model).to_owned()).collect();
-        return Err(RigError::SeveralModels { file: file.to_owned(), models });
+        let models: Vec<String> = found.iter().map(|model| name(model).to_owned()).collect();
+        return Err(refused!(
+            "{file}: several of its models have LiDARs: {}; pick one with --base-frame {}",
+            listed(&models),
+            models[0]
+        ));
     }
     let others: Vec<&str> = models
         .iter()

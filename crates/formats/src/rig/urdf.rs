@@ -14,8 +14,8 @@ use sightline_files::json::{Location, has_no_prefix, plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
-use super::yaml::wrong;
-use super::{BASE_LINK, Checked, Models, Mounting, Rig, RigError, RigSource, sdf, yaml};
+use super::yaml::{missing, wrong};
+use super::{BASE_LINK, Checked, Models, Mounting, Rig, RigSource, sdf, yaml};
 
 /// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
 const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "revolute"];
@@ -31,13 +31,17 @@ const OF_JOINT: [&str; 10] = [
 /// Reads every joint, and the LiDARs that Gazebo is told of.
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let file = &source.file;
-    let unexpanded = || RigError::Xacro { file: file.clone() };
+    let unexpanded = || {
+        refused!(
+            "{file}: holds elements or values of xacro, which is a program; expand it first, `xacro {file} > \
+             robot.urdf`, and read that"
+        )
+    };
     let text = plain_names(&source.text);
-    let document = yaml::parse(&text, file).map_err(|error| match error {
-        // A prefix that no attribute declares is no XML with namespaces.
-        RigError::Syntax { .. } if source.text.contains("<xacro:") => unexpanded(),
-        error => error,
-    })?;
+    // A prefix that no attribute declares is no XML with namespaces.
+    let has_macros = source.text.contains("<xacro:");
+    let document =
+        yaml::parse(&text, file).map_err(|error| if has_macros { unexpanded() } else { error })?;
     if document.descendants().any(is_xacro) {
         return Err(unexpanded());
     }
@@ -176,9 +180,8 @@ fn pose_of(origin: Option<Node>, at: &Location) -> Checked<SensorPose> {
 fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
     let at = yaml::place(joint, file);
     let link = |key: &str| {
-        let missing = || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
         let mut all = joint.children().filter(|node| node.has_tag_name(key));
-        let element = all.next().ok_or_else(missing)?;
+        let element = all.next().ok_or_else(|| missing(&at, &format!("<{key}>")))?;
         if all.next().is_some() {
             let (value, wanted) = (format!("a second <{key}>"), "one of each element");
             return Err(wrong(&at.key(key), value, wanted));

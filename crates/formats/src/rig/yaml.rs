@@ -7,11 +7,11 @@
 use roxmltree::{Document, Node, ParsingOptions};
 use serde_json::{Map, Value};
 use sightline_files::Note;
-use sightline_files::json::{Location, check_xml, has_no_prefix, nearest, written};
+use sightline_files::json::{Location, check_xml, did_you_mean, has_no_prefix, nearest, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
-use super::{BASE_LINK, Checked, Mounting, NamedText, Rig, RigError, RigSource};
+use super::{BASE_LINK, Checked, FormatError, Mounting, NamedText, Rig, RigSource};
 
 /// Frame of Autoware's sensor kit.
 const KIT: &str = "sensor_kit_base_link";
@@ -246,12 +246,17 @@ pub(super) fn pose_entries(pose: &SensorPose) -> impl Iterator<Item = (String, V
 }
 
 /// Error of a value that is not `wanted`.
-pub(super) fn wrong(at: &Location, value: impl ToString, wanted: &'static str) -> RigError {
+pub(super) fn wrong(at: &Location, value: impl ToString, wanted: &'static str) -> FormatError {
     let mut value = value.to_string();
     if value.chars().count() > MOST_SHOWN {
         value = value.chars().take(MOST_SHOWN).chain(['…']).collect();
     }
-    RigError::Value { at: Box::new(at.clone()), value: format!("`{value}`"), wanted }
+    FormatError::at(at, &format!("`{value}` stands where {wanted} belongs"))
+}
+
+/// Error of a key, element or placement that the place lacks.
+pub(super) fn missing(at: &Location, key: &str) -> FormatError {
+    FormatError::at(at, &format!("`{key}` is missing; add it"))
 }
 
 pub(super) fn number(at: &Location, text: &str) -> Checked<f64> {
@@ -277,13 +282,12 @@ impl<'a> Fields<'a> {
     pub(super) fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Checked<()> {
         let is_known = |key: &&String| read.iter().chain(passed).any(|known| known == key);
         let Some(key) = self.map.keys().find(|key| !is_known(key)) else { return Ok(()) };
-        Err(RigError::UnknownKey {
-            at: Box::new(self.at.clone()),
-            // A key that is there already was not meant.
-            nearest: nearest(key, read.iter().copied().filter(|key| !self.has(key))),
-            key: key.chars().take(MOST_SHOWN).collect(),
-            known: read.iter().map(|&key| key.to_owned()).collect(),
-        })
+        // A key that is there already was not meant.
+        let nearest = nearest(key, read.iter().copied().filter(|key| !self.has(key)));
+        let known: Vec<String> = read.iter().map(|&key| key.to_owned()).collect();
+        let key: String = key.chars().take(MOST_SHOWN).collect();
+        let told = format!("{}: unknown key `{key}`{}", self.at, did_you_mean(&nearest, &known));
+        Err(FormatError::At { path: self.at.key(&key).path, told })
     }
 
     pub(super) fn has(&self, key: &str) -> bool {
@@ -292,9 +296,7 @@ impl<'a> Fields<'a> {
 
     /// The value of a key that must be there.
     pub(super) fn value(&self, key: &str) -> Checked<&'a Value> {
-        self.map
-            .get(key)
-            .ok_or_else(|| RigError::Missing { at: Box::new(self.at.clone()), key: key.to_owned() })
+        self.map.get(key).ok_or_else(|| missing(&self.at, key))
     }
 
     pub(super) fn inner(&self, key: &str) -> Checked<Self> {
@@ -340,8 +342,7 @@ const MAX_NODES: u32 = 1_000_000;
 
 /// Parses a text. Documents with a DTD are refused, since entities of entities grow without bounds.
 pub(super) fn parse<'a>(text: &'a str, file: &str) -> Checked<Document<'a>> {
-    let fault =
-        |problem| RigError::Syntax { at: Box::new(Location::top(file)), what: "XML", problem };
+    let fault = |problem: String| refused!("{file}: is no XML: {problem}");
     check_xml(text).map_err(fault)?;
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text, options).map_err(|error| fault(error.to_string()))
@@ -378,8 +379,7 @@ pub(super) fn text(node: Node) -> String {
 
 /// An attribute that must be there.
 pub(super) fn attribute<'a>(node: Node<'a, '_>, key: &str, at: &Location) -> Checked<&'a str> {
-    let missing = || RigError::Missing { at: Box::new(at.clone()), key: key.to_owned() };
-    node.attribute(key).ok_or_else(missing)
+    node.attribute(key).ok_or_else(|| missing(at, key))
 }
 
 /// `N` numbers with spaces between them.

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::error::refused;
 use super::{PsogError, Roi};
 use crate::scene::RoiBounds;
 use sightline_files::json::check::MOST_CHARACTERS;
@@ -46,12 +47,16 @@ impl Psog {
         counts: Vec<u16>,
     ) -> Result<Self, PsogError> {
         if frames == 0 {
-            return Err(PsogError::NoFrames);
+            let told = "frames is 0; a P-SOG needs at least one frame";
+            return Err(PsogError::Refused(told.to_owned()));
         }
         check_classes(&classes)?;
         if index.len().checked_mul(classes.len()) != Some(counts.len()) {
-            let (voxels, classes) = (index.len(), classes.len());
-            return Err(PsogError::CountsLength { found: counts.len(), voxels, classes });
+            let (found, voxels, classes) = (counts.len(), index.len(), classes.len());
+            let need = voxels as u128 * classes as u128;
+            return Err(refused!(
+                "counts has {found} values; {voxels} voxels × {classes} classes need {need}"
+            ));
         }
         let mut previous = None;
         for (position, &value) in index.iter().enumerate() {
@@ -59,10 +64,13 @@ impl Psog {
             previous = Some(value);
         }
         for (position, row) in counts.chunks_exact(classes.len()).enumerate() {
-            let sum = row.iter().map(|&c| u64::from(c)).sum();
+            let sum: u64 = row.iter().map(|&c| u64::from(c)).sum();
             if sum > u64::from(frames) {
                 let voxel = index[position];
-                return Err(PsogError::CountsOverFrames { position, voxel, sum, frames });
+                return Err(refused!(
+                    "counts[{position}] (voxel {voxel}) adds up to {sum} frames, but frames is {frames}; a voxel has one \
+                     class a frame"
+                ));
             }
         }
         Ok(Self { roi, frames, classes, index, counts })
@@ -126,7 +134,10 @@ impl Psog {
     pub fn merge(&self, other: &Self) -> Result<Self, PsogError> {
         self.check_mergeable(other)?;
         let total = u64::from(self.frames) + u64::from(other.frames);
-        let frames = u32::try_from(total).map_err(|_| PsogError::MergeFrames { frames: total })?;
+        let frames = u32::try_from(total).map_err(|_| {
+            let limit = u32::MAX;
+            refused!("the merged P-SOG would have {total} frames, at most {limit} fit; merge fewer")
+        })?;
         let classes = self.classes.len();
         let mut index = Vec::with_capacity(self.index.len().max(other.index.len()));
         let mut counts = Vec::with_capacity(index.capacity() * classes);
@@ -147,8 +158,10 @@ impl Psog {
                 for (c, (sum, &add)) in counts[row..].iter_mut().zip(other.row(b)).enumerate() {
                     let count = u32::from(*sum) + u32::from(add);
                     *sum = u16::try_from(count).map_err(|_| {
-                        let class = self.classes[c].clone();
-                        PsogError::MergeCount { voxel, class, count }
+                        let (class, limit) = (&self.classes[c], u16::MAX);
+                        refused!(
+                            "voxel {voxel} would have class {class:?} in {count} frames, at most {limit} fit; merge fewer"
+                        )
                     })?;
                 }
                 b += 1;
@@ -165,14 +178,19 @@ impl Psog {
             ("shape", shape(&self.roi), shape(&other.roi)),
         ] {
             if left != right {
-                return Err(PsogError::MergeGrid { field, left, right });
+                return Err(refused!(
+                    "the P-SOGs have different {field} ({left:?} and {right:?}); only P-SOGs of one grid can be merged"
+                ));
             }
         }
         for position in 0..self.classes.len().max(other.classes.len()) {
             let [left, right] = [self, other].map(|p| p.classes.get(position));
             if left != right {
-                let [left, right] = [left, right].map(|c| c.cloned().unwrap_or_default());
-                return Err(PsogError::MergeClasses { position, left, right });
+                let [left, right] = [left, right].map(|c| c.map_or("", String::as_str));
+                return Err(refused!(
+                    "the P-SOGs differ at classes[{position}] ({left:?} and {right:?}); only P-SOGs with the same classes in \
+                     the same order can be merged"
+                ));
             }
         }
         Ok(())
@@ -182,23 +200,30 @@ impl Psog {
 /// Checks the class names of a P-SOG.
 pub(crate) fn check_classes(classes: &[String]) -> Result<(), PsogError> {
     if classes.is_empty() {
-        return Err(PsogError::NoClasses);
+        return Err(PsogError::Refused("classes is empty; name at least one class".to_owned()));
     }
     if classes.len() > Psog::CLASS_LIMIT {
-        let limit = Psog::CLASS_LIMIT;
-        return Err(PsogError::TooManyClasses { classes: classes.len(), limit });
+        let (count, limit) = (classes.len(), Psog::CLASS_LIMIT);
+        return Err(refused!("classes has {count} names, at most {limit} fit; merge some classes"));
     }
     let mut seen = HashMap::new();
     for (position, name) in classes.iter().enumerate() {
         let is_long = name.chars().count() > MOST_CHARACTERS;
         if name.is_empty() || is_long || name.contains(char::is_control) {
-            return Err(PsogError::ClassName { position, name: name.clone() });
+            return Err(refused!(
+                "classes[{position}] is {name:?}; a class name has 1 to 200 characters and holds no control character (names \
+                 are joined by line breaks, the last one ends without)"
+            ));
         }
         if name == "empty" {
-            return Err(PsogError::ClassEmpty { position });
+            return Err(refused!(
+                "classes[{position}] is \"empty\"; empty is what the counts leave over, so remove that class and its column"
+            ));
         }
         if let Some(first) = seen.insert(name.as_str(), position) {
-            return Err(PsogError::ClassTwice { position, first, name: name.clone() });
+            return Err(refused!(
+                "classes[{position}] repeats the name {name:?} of classes[{first}]; give every class its own name"
+            ));
         }
     }
     Ok(())
@@ -212,12 +237,16 @@ pub(crate) fn check_index(
     voxels: u64,
 ) -> Result<(), PsogError> {
     if value >= voxels {
-        return Err(PsogError::IndexRange { position, value, voxels });
+        let last = voxels - 1;
+        return Err(refused!(
+            "index[{position}] is {value}, but the grid has {voxels} voxels, so the last index is {last}"
+        ));
     }
     match previous {
-        Some(previous) if previous >= value => {
-            Err(PsogError::IndexOrder { position, value, previous })
-        }
+        Some(previous) if previous >= value => Err(refused!(
+            "index[{position}] is {value}, not above index[{}] = {previous}; list every voxel once, in rising order",
+            position - 1
+        )),
         _ => Ok(()),
     }
 }

@@ -1,6 +1,7 @@
 //! `.npz` archives: one array found, checked against the expected type and shape, and read; arrays written as NumPy
 //! writes them.
 
+use std::fmt::Display;
 use std::fs::File;
 use std::io;
 use std::io::{BufReader, Read as _, Seek, Write};
@@ -17,8 +18,11 @@ use zip::write::FileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::counts::{check_classes, check_index};
-use super::error::{ARRAYS, ArrayFault};
+use super::error::refused;
 use super::{Psog, PsogError, Roi};
+
+/// The arrays of a P-SOG file, in the order they are written.
+const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
 
 /// An element type of the P-SOG file.
 trait Element: Deserialize + Copy {
@@ -57,9 +61,11 @@ impl Archive {
     fn open(path: &Path) -> Result<Self, PsogError> {
         let to_open = |source| PsogError::Open { path: path.to_owned(), source };
         let file = sightline_files::files::open(path).map_err(to_open)?;
-        let to_archive = |error: zip::result::ZipError| PsogError::Archive {
-            path: path.to_owned(),
-            cause: error.to_string(),
+        let to_archive = |cause: zip::result::ZipError| {
+            refused!(
+                "{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again",
+                path.display()
+            )
         };
         let mut zip = ZipArchive::new(BufReader::new(file)).map_err(to_archive)?;
         let mut members: Vec<(&'static str, usize)> = Vec::new();
@@ -68,16 +74,20 @@ impl Archive {
             let array = member.name().strip_suffix(".npy");
             let Some(&array) = ARRAYS.iter().find(|&&known| Some(known) == array) else {
                 let member = member.name().escape_debug().to_string();
-                return Err(PsogError::UnknownArray { path: path.to_owned(), member });
+                return Err(refused!(
+                    "{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out",
+                    path.display(),
+                    ARRAYS.join(", ")
+                ));
             };
             if members.iter().any(|&(name, _)| name == array) {
-                return Err(ArrayFault::Twice.of(path, array));
+                return Err(of_array(path, array, "is in the archive twice; keep one"));
             }
             members.push((array, position));
         }
-        let is_missing = |array: &&&str| !members.iter().any(|(name, _)| name == *array);
-        match ARRAYS.iter().find(is_missing) {
-            Some(&array) => Err(ArrayFault::Missing.of(path, array)),
+        let is_absent = |array: &&&str| !members.iter().any(|(name, _)| name == *array);
+        match ARRAYS.iter().find(is_absent) {
+            Some(array) => Err(of_array(path, array, &is_missing())),
             None => Ok(Self { path: path.to_owned(), zip, members }),
         }
     }
@@ -93,20 +103,54 @@ impl Archive {
         value: impl FnMut(usize, T) -> Result<(), PsogError>,
     ) -> Result<Vec<T>, PsogError> {
         let read = self.member(array).and_then(|member| read_member(member, shape, value));
-        read.map_err(|fault| fault.of(&self.path, array))
+        read.map_err(|fault| match fault {
+            ArrayFault::OfArray(fault) => of_array(&self.path, array, &fault),
+            ArrayFault::OfElement(fault) => fault.in_file(&self.path),
+        })
     }
 
     fn member(&mut self, array: &'static str) -> Result<ZipFile<'_>, ArrayFault> {
         let position = self.members.iter().find(|&&(name, _)| name == array);
-        let position = position.ok_or(ArrayFault::Missing)?.1;
-        let method = self.zip.by_index_raw(position).map_err(ArrayFault::damaged)?.compression();
+        let position = position.ok_or_else(|| ArrayFault::OfArray(is_missing()))?.1;
+        let method = self.zip.by_index_raw(position).map_err(damaged)?.compression();
         if method != CompressionMethod::Stored && method != CompressionMethod::Deflated {
-            return Err(ArrayFault::Method { method: packing(method) });
+            return Err(packed(&packing(method)));
         }
         // With a password the library reports encrypted members; without one it may panic on them.
-        let opened = self.zip.by_index_decrypt(position, b"").map_err(ArrayFault::damaged)?;
-        opened.map_err(|_| ArrayFault::Method { method: "encryption".into() })
+        let opened = self.zip.by_index_decrypt(position, b"").map_err(damaged)?;
+        opened.map_err(|_| packed("encryption"))
     }
+}
+
+/// Fault with an array of a P-SOG file, or with an element of one, whose sentence names the array.
+enum ArrayFault {
+    OfArray(String),
+    OfElement(PsogError),
+}
+
+fn of_array(path: &Path, array: &str, fault: &str) -> PsogError {
+    refused!("{}: array `{array}` {fault}", path.display())
+}
+
+fn is_missing() -> String {
+    format!("is missing; a P-SOG holds {}", ARRAYS.join(", "))
+}
+
+fn packed(method: &str) -> ArrayFault {
+    let mend = "write the file with np.savez or np.savez_compressed";
+    ArrayFault::OfArray(format!("is packed with {method}; {mend}"))
+}
+
+fn damaged(cause: impl Display) -> ArrayFault {
+    ArrayFault::OfArray(format!("is damaged ({cause}); copy or write the file again"))
+}
+
+/// How to come from one element type to another in NumPy, whose `astype` takes no texts for bytes.
+fn conversion(found: &str, wanted: &str) -> String {
+    if wanted == "uint8" && found.contains(['U', 'S', 'O']) {
+        return "join the names by \\n and write np.frombuffer(text.encode(), np.uint8)".to_owned();
+    }
+    format!("convert it with .astype(np.{wanted})")
 }
 
 /// The name of a packing that is not read; `zip` names only packings that it was built with.
@@ -124,30 +168,40 @@ fn read_member<T: Element>(
     shape: impl FnOnce(&[u64]) -> Result<(), String>,
     mut value: impl FnMut(usize, T) -> Result<(), PsogError>,
 ) -> Result<Vec<T>, ArrayFault> {
-    let (header, length) =
-        read_header(&mut member).map_err(|cause| ArrayFault::Header { cause })?;
-    check_dtype::<T>(&header).map_err(|found| ArrayFault::Dtype { found, wanted: T::NAME })?;
-    shape(header.shape())
-        .map_err(|wanted| ArrayFault::Shape { found: show_shape(header.shape()), wanted })?;
+    let (header, length) = read_header(&mut member).map_err(|cause| {
+        let mend = "write the file with np.savez";
+        ArrayFault::OfArray(format!("has no usable .npy header ({cause}); {mend}"))
+    })?;
+    check_dtype::<T>(&header).map_err(|found| {
+        let (wanted, mend) = (T::NAME, conversion(&found, T::NAME));
+        ArrayFault::OfArray(format!("has dtype {found}, wanted {wanted}; {mend}"))
+    })?;
+    shape(header.shape()).map_err(|wanted| {
+        let found = show_shape(header.shape());
+        ArrayFault::OfArray(format!("has shape {found}, wanted {wanted}"))
+    })?;
+    let other_size = |need: u64, have: u64| {
+        Err(ArrayFault::OfArray(format!(
+            "is promised {need} bytes by its header, the archive holds {have}; write the file again"
+        )))
+    };
     let need = header.len() * T::KIND.1; // cannot overflow: read_header bounds the elements
     let have = member.size().saturating_sub(length as u64);
     if need != have {
-        return Err(ArrayFault::Size { need, have });
+        return other_size(need, have);
     }
     let (order, dimensions) = (header.order(), header.shape().to_vec());
     let mut member = BufReader::with_capacity(1 << 16, member);
     let mut data = Vec::new();
-    let elements =
-        NpyFile::with_header(header, &mut member).data::<T>().map_err(ArrayFault::damaged)?;
+    let elements = NpyFile::with_header(header, &mut member).data::<T>().map_err(damaged)?;
     for element in elements {
-        let element = element.map_err(ArrayFault::damaged)?;
-        value(data.len(), element).map_err(|fault| ArrayFault::Value(Box::new(fault)))?;
+        let element = element.map_err(damaged)?;
+        value(data.len(), element).map_err(ArrayFault::OfElement)?;
         data.push(element);
     }
     // The checksum is compared at the end of the member, so read up to it.
-    match member.read(&mut [0]).map_err(ArrayFault::damaged)? {
-        0 => {}
-        _ => return Err(ArrayFault::Size { need, have: need + 1 }),
+    if member.read(&mut [0]).map_err(damaged)? > 0 {
+        return other_size(need, need + 1);
     }
     Ok(match (order, &dimensions[..]) {
         (Order::Fortran, [_, columns]) => transpose(&data, *columns as usize),
@@ -243,7 +297,7 @@ const CLASS_BYTES: u64 = 1 << 24;
 /// # Errors
 /// See [`PsogError`]; each names the file, the array and a remedy.
 pub fn read_psog(path: &Path) -> Result<Psog, PsogError> {
-    let invalid = |fault| PsogError::InFile { path: path.to_owned(), fault: Box::new(fault) };
+    let invalid = |fault: PsogError| fault.in_file(path);
     let mut archive = Archive::open(path)?;
     let three = |s: &[u64]| if s == [3] { Ok(()) } else { Err("(3,)".to_owned()) };
 
@@ -262,8 +316,10 @@ pub fn read_psog(path: &Path) -> Result<Psog, PsogError> {
         _ => Err(format!("(n,) with n at most {CLASS_BYTES}")),
     };
     let names = archive.read("classes", names, accept::<u8>)?;
-    let classes =
-        split_classes(names).map_err(|at| ArrayFault::NotUtf8 { at }.of(path, "classes"))?;
+    let classes = split_classes(names).map_err(|at| {
+        let fault = format!("is not UTF-8 from byte {at} on; encode the names as UTF-8");
+        of_array(path, "classes", &fault)
+    })?;
     check_classes(&classes).map_err(invalid)?;
 
     let voxels = roi.voxel_count();

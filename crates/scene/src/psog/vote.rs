@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::counts::check_classes;
+use super::error::refused;
 use super::{Psog, PsogError, Roi};
 
 /// Votes that [`FrameVotes`] adds up before it lists them, a power of two.
@@ -162,8 +163,10 @@ impl PsogBuilder {
         let first = self.report.frames;
         let after = first + votes.len() as u64;
         if after > u64::from(u16::MAX) {
-            let frame = u64::from(u16::MAX) + 1;
-            return Err(PsogError::TooManyFrames { frame, limit: u16::MAX.into() });
+            let (limit, frame) = (u16::MAX, u64::from(u16::MAX) + 1);
+            return Err(refused!(
+                "frame {frame} is one too many: a voxel's count holds at most {limit} frames; build from fewer frames"
+            ));
         }
         let voted = votes.into_par_iter().enumerate();
         let runs: Vec<(Vec<u64>, BuildReport)> = voted
@@ -234,10 +237,15 @@ impl PsogBuilder {
         for &entry in entries {
             let (voxel, class) = (entry >> 32, (entry >> 16) as u16);
             if usize::from(class) >= classes {
-                return Err(PsogError::VoteClass { frame, class, classes });
+                return Err(refused!(
+                    "a point of frame {frame} votes for class {class}, but there are {classes} classes; map its label first"
+                ));
             }
             if voxel >= voxels {
-                return Err(PsogError::VoteVoxel { frame, voxel, voxels });
+                return Err(refused!(
+                    "a point of frame {frame} votes in voxel {voxel}, but the grid has {voxels}; vote in the grid the P-SOG \
+                     is built on"
+                ));
             }
         }
         Ok(())

@@ -36,16 +36,11 @@ pub struct RoiBounds {
 
 impl RoiBounds {
     pub(crate) fn new(at: &Location, roi: &RoiDescription) -> Checked<Self> {
-        let min = check::point(&at.key("min"), roi.min)?;
-        let max = check::point(&at.key("max"), roi.max)?;
+        let empty = ": the ROI would have no voxels; give max > min";
+        let [min, max] = check::corners(at, roi.min, roi.max, empty)?;
         let voxel = check::size(&at.key("voxel"), roi.voxel)?;
         let mut shape = [0u32; 3];
         for i in 0..3 {
-            if min[i] >= max[i] {
-                let wanted =
-                    format!("above min ({}): the ROI would have no voxels; give max > min", min[i]);
-                return Err(bad(&at.key("max").item(i), max[i], wanted));
-            }
             let exact = (max[i] - min[i]) / voxel[i];
             let whole = exact.round();
             let n = if (exact - whole).abs() <= 1e-6 * whole { whole } else { exact.ceil() };

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::{ForeignLidar, Placement, SensorError};
+use PlacementFileError::Refused;
 use sightline_files::files;
 use sightline_files::json::{
     self, FileKind, ForeignJson, Objects, comma_too_many, did_you_mean, from_text, kind_of_bytes,
@@ -33,56 +34,31 @@ pub enum PlacementFileError {
     Io { path: PathBuf, source: std::io::Error },
     #[error("{}: {source}; give a file of placements, such as the placements.json of a run", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
-    /// The text is no JSON, or no placement.
-    #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
-    Json { path: PathBuf, line: u64, column: usize, near: Option<String>, problem: String },
-    #[error("{}: line {line} is a comment, and JSON has no comments; remove it", path.display())]
-    Comment { path: PathBuf, line: u64 },
-    #[error("{}{}: {told}; a file of placements begins with {{", path.display(), at_line(*line))]
-    NotJson { path: PathBuf, line: Option<u64>, told: String },
-    #[error("{}: is a bare list; write {{\"placements\": [ … ]}} around it", path.display())]
-    BareList { path: PathBuf },
-    /// A scene or a vehicle in the place of placements.
-    #[error(
-        "{}: is {found}; give a file of placements, {{\"placements\": [ … ]}}, here, and this one {}",
-        path.display(),
-        found.place()
-    )]
-    OtherKind { path: PathBuf, found: FileKind },
-    /// The result of a run, or a mesh, in the place of placements.
-    #[error("{}: is {found}; {}", path.display(), found.mend())]
-    Foreign { path: PathBuf, found: ForeignJson },
-    #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
-    NotText { path: PathBuf, byte: usize },
-    /// A placement that cannot be used.
-    #[error("{}{}: {source}", path.display(), at_line(*line))]
-    Placement { path: PathBuf, line: Option<u64>, source: SensorError },
     /// A LiDAR of a model that the vehicle does not have.
     #[error("{}: {source}", path.display())]
     Sensor { path: PathBuf, source: ForeignLidar },
-    #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]
-    LineNotText { path: PathBuf, line: u64 },
-    #[error("{}, line {line}: longer than {MAX_LINE} bytes; give one placement a line", path.display())]
-    LongLine { path: PathBuf, line: u64 },
-    #[error(
-        "{}: larger than {MAX_DOCUMENT} bytes; give one placement a line in a .jsonl file, which is \
-         read as a stream",
-        path.display()
-    )]
-    TooLarge { path: PathBuf },
-    /// No placement of the name behind the file's colon.
-    #[error("{}: has no placement `{name}`; it has {known}", path.display())]
-    NoSuch { path: PathBuf, name: String, known: String },
     #[error("{}: holds no placement; add at least one", path.display())]
     Empty { path: PathBuf },
+    /// Any other text or placement; the sentence names file, line and mend.
+    #[error("{0}")]
+    Refused(String),
 }
 
 fn at_line(line: Option<u64>) -> String {
     line.map(|l| format!(", line {l}")).unwrap_or_default()
 }
 
-fn in_placement(name: &Option<String>) -> String {
-    name.as_ref().map(|n| format!(", placement `{n}`")).unwrap_or_default()
+/// Error of a text that is no object of JSON, from a line on if one is given.
+fn no_json(path: &Path, line: Option<u64>, told: &str) -> PlacementFileError {
+    let place = format!("{}{}", path.display(), at_line(line));
+    Refused(format!("{place}: {told}; a file of placements begins with {{"))
+}
+
+fn too_large(path: &Path) -> PlacementFileError {
+    Refused(format!(
+        "{}: larger than {MAX_DOCUMENT} bytes; give one placement a line in a .jsonl file, which is read as a stream",
+        path.display()
+    ))
 }
 
 /// The `index`-th name in a text that need not be JSON: an error in the text still names its placement.
@@ -97,18 +73,18 @@ fn name_in(text: &str, index: usize) -> Option<String> {
 fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
     // Parsing with the place takes longer, so it runs on errors alone.
     from_text(text).map_err(|error| {
+        let shown = path.display();
         if let Some(at) = leading_comment(text) {
-            return PlacementFileError::Comment {
-                path: path.to_owned(),
-                line: line + at as u64 - 1,
-            };
+            let line = line + at as u64 - 1;
+            return Refused(format!(
+                "{shown}: line {line} is a comment, and JSON has no comments; remove it"
+            ));
         }
         if let Some(told) = not_json(text) {
-            let line = (line > 1).then_some(line);
-            return PlacementFileError::NotJson { path: path.to_owned(), line, told };
+            return no_json(path, (line > 1).then_some(line), &told);
         }
         if let Some(found) = ForeignJson::of(text) {
-            return PlacementFileError::Foreign { path: path.to_owned(), found };
+            return Refused(format!("{shown}: is {found}; {}", found.mend()));
         }
         let mut json = serde_json::Deserializer::from_str(text);
         let place = match serde_path_to_error::deserialize::<_, T>(Objects(&mut json)) {
@@ -118,7 +94,10 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         let full = error.to_string();
         let words = full.rsplit_once(" at line ").map_or(&full[..], |(words, _)| words);
         if let Some(found) = FileKind::of(text).filter(|kind| *kind != FileKind::Placements) {
-            return PlacementFileError::OtherKind { path: path.to_owned(), found };
+            return Refused(format!(
+                "{shown}: is {found}; give a file of placements, {{\"placements\": [ … ]}}, here, and this one {}",
+                found.place()
+            ));
         }
         let problem = match unknown_key(words) {
             Some((key, known)) => {
@@ -134,13 +113,11 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         let is_document = FileKind::of(text).is_some();
         let index = index.map_or((!is_document).then_some(0), |index| index.parse().ok());
         let near = index.filter(|_| !(place.is_empty() || problem.contains("`name`")));
-        PlacementFileError::Json {
-            path: path.to_owned(),
-            line: line - 1 + error.line() as u64,
-            column: error.column(),
-            near: near.and_then(|index| name_in(text, index)),
-            problem: if place.is_empty() { problem } else { format!("{place}: {problem}") },
-        }
+        let (line, column) = (line - 1 + error.line() as u64, error.column());
+        let near = near.and_then(|index| name_in(text, index));
+        let near = near.map(|name| format!(", placement `{name}`")).unwrap_or_default();
+        let place = if place.is_empty() { String::new() } else { format!("{place}: ") };
+        Refused(format!("{shown}, line {line}, column {column}{near}: {place}{problem}"))
     })
 }
 
@@ -299,7 +276,7 @@ impl PlacementReader {
             }
         };
         if is_document && length > MAX_DOCUMENT {
-            return Err(PlacementFileError::TooLarge { path: path.to_owned() });
+            return Err(too_large(path));
         }
         let source = if is_document {
             PlacementSource::Whole(document(reader, path)?.placements.into_iter())
@@ -324,11 +301,10 @@ impl PlacementReader {
                 Err(SensorError::UsedTwice { name: placement.name.clone() })
             }
         });
+        let place = || format!("{}{}", self.path.display(), at_line(line));
         Some(match checked {
             Ok(()) => Ok(placement),
-            Err(source) => {
-                Err(PlacementFileError::Placement { path: self.path.clone(), line, source })
-            }
+            Err(fault) => Err(Refused(format!("{}: {fault}", place()))),
         })
     }
 }
@@ -336,8 +312,7 @@ impl PlacementReader {
 /// Error for the bytes of a mesh, a point cloud or an archive.
 fn foreign(bytes: &[u8], path: &Path) -> Option<PlacementFileError> {
     let kind = kind_of_bytes(bytes, path)?;
-    let told = format!("is not JSON, it looks like {kind}");
-    Some(PlacementFileError::NotJson { path: path.to_owned(), line: None, told })
+    Some(no_json(path, None, &format!("is not JSON, it looks like {kind}")))
 }
 
 fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, PlacementFileError> {
@@ -345,19 +320,21 @@ fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, PlacementFi
     let read = reader.take(MAX_DOCUMENT + 1).read_to_end(&mut bytes);
     read.map_err(|source| PlacementFileError::Io { path: path.to_owned(), source })?;
     if bytes.len() as u64 > MAX_DOCUMENT {
-        return Err(PlacementFileError::TooLarge { path: path.to_owned() });
+        return Err(too_large(path));
     }
+    let shown = path.display();
     let text = std::str::from_utf8(&bytes).map_err(|error| {
-        let byte = error.valid_up_to();
-        let not_text = || PlacementFileError::NotText { path: path.to_owned(), byte };
-        foreign(&bytes, path).unwrap_or_else(not_text)
+        let (byte, mend) = (error.valid_up_to(), "save it as UTF-8");
+        let told = format!("{shown}: is not UTF-8 text from byte {byte} on; {mend}");
+        foreign(&bytes, path).unwrap_or(Refused(told))
     })?;
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     if text.trim_ascii().is_empty() {
         return Err(PlacementFileError::Empty { path: path.to_owned() });
     }
     if text.trim_start().starts_with('[') {
-        return Err(PlacementFileError::BareList { path: path.to_owned() });
+        let mend = "write {\"placements\": [ … ]} around it";
+        return Err(Refused(format!("{shown}: is a bare list; {mend}")));
     }
     parse(text, 1, path)
 }
@@ -378,15 +355,16 @@ fn next_line(
             Ok(_) => *line += 1,
         }
         if bytes.len() as u64 > MAX_LINE {
-            return Some(Err(PlacementFileError::LongLine { path: path.to_owned(), line: *line }));
+            let told = format!("longer than {MAX_LINE} bytes; give one placement a line");
+            return Some(Err(Refused(format!("{}, line {line}: {told}", path.display()))));
         }
         let text = match std::str::from_utf8(&bytes) {
             Ok(text) => text.trim_start_matches(BYTE_ORDER_MARK),
             Err(_) => {
-                let (path, line) = (path.to_owned(), *line);
-                let other = (line == 1).then(|| foreign(&bytes, &path)).flatten();
-                let not_text = || PlacementFileError::LineNotText { path, line };
-                return Some(Err(other.unwrap_or_else(not_text)));
+                let other = (*line == 1).then(|| foreign(&bytes, path)).flatten();
+                let told = "is not UTF-8 text; save it as UTF-8";
+                let told = format!("{}, line {line}: {told}", path.display());
+                return Some(Err(other.unwrap_or(Refused(told))));
             }
         };
         if text.starts_with('#') {
@@ -419,9 +397,10 @@ impl Iterator for PlacementReader {
                 Some(Ok(_)) => {}
                 None if !picked.is_found && !self.names.is_empty() => {
                     picked.is_found = true;
-                    let (path, name) = (self.path.clone(), picked.name.clone());
-                    let known = picked.known.join(", ");
-                    return Some(Err(PlacementFileError::NoSuch { path, name, known }));
+                    let (name, known) = (&picked.name, picked.known.join(", "));
+                    let path = self.path.display();
+                    let told = format!("{path}: has no placement `{name}`; it has {known}");
+                    return Some(Err(Refused(told)));
                 }
                 other => return other,
             }

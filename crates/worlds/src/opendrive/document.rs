@@ -155,7 +155,7 @@ fn refused(file: &str, node: Node<'_, '_>, what: String) -> WorldError {
         node.tag_name().name(),
         along.unwrap_or_default()
     );
-    WorldError::Element { file: file.to_owned(), place, what }
+    WorldError::Refused(format!("{file}: {place} {what}"))
 }
 
 /// A value as an error repeats it.
@@ -169,7 +169,7 @@ pub(super) fn shown(value: &str) -> String {
 /// # Errors
 /// A number that is missing, none or not finite; a geometry or another element that cannot be read.
 pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
-    check_xml(text).map_err(|what| WorldError::Xml { file: file.to_owned(), what })?;
+    check_xml(text).map_err(|what| WorldError::Refused(format!("{file}: {what}")))?;
     let xml = Document::parse(text).map_err(|source| WorldError::OpenDrive {
         file: file.to_owned(),
         source: Box::new(source.into()),
@@ -407,12 +407,13 @@ fn check_density(
         return Err(WorldError::too_large(file, what, points.round(), most));
     }
     match cells.into_iter().find(|(_, count)| *count > MOST_IN_CELL) {
-        Some((cell, count)) => Err(WorldError::TooDense {
-            file: file.to_owned(),
-            count: count.round(),
-            place: cell.map(|v| (v as f64 + 0.5) * CELL),
-            most: MOST_IN_CELL,
-        }),
+        Some((cell, count)) => {
+            let ([x, y], count) = (cell.map(|v| (v as f64 + 0.5) * CELL), count.round());
+            Err(WorldError::Refused(format!(
+                "{file}: {count} points of its lanes lie within 4 m of x = {x}, y = {y}, at most {MOST_IN_CELL} are read; \
+                 correct the curvature of the road that turns there, or take roads out that lie on one another"
+            )))
+        }
         None => Ok(()),
     }
 }

@@ -124,7 +124,8 @@ pub(super) fn notes(warnings: &[Warning], file: &str) -> Result<Vec<Note>, World
     for warning in warnings {
         match taken(warning) {
             Severity::Error => {
-                return Err(WorldError::Part { file: file.to_owned(), what: warning.to_string() });
+                let mend = "correct it, or take it out of the map";
+                return Err(WorldError::Refused(format!("{file}: {warning}; {mend}")));
             }
             Severity::Passed => continue,
             Severity::Told => {}

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec2, DVec3};
 use npyz::{DType, Endianness, TypeChar};
 
 use super::Tag;
-use crate::datasets::{BoxTrack, DatasetError, TrackPose, sequence};
+use crate::datasets::{BoxTrack, Checked, TrackPose, sequence};
 use crate::rig::mirrored;
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
@@ -34,7 +34,7 @@ pub(super) struct Record {
 }
 
 /// Reads a scan; its name tells its form.
-pub(super) fn read_points(path: &Path) -> Result<Vec<Record>, DatasetError> {
+pub(super) fn read_points(path: &Path) -> Checked<Vec<Record>> {
     let records = match path.extension().and_then(|ending| ending.to_str()) {
         Some("ply") => ply(path, &sequence::read_text(path)?)?,
         Some("npy") => array(path, &sequence::read_bytes(path)?)?,
@@ -63,7 +63,7 @@ fn of_bytes(record: &[u8], places: [usize; 5]) -> Record {
 }
 
 /// An array `[N]` of records that name x, y, z, ObjIdx and ObjTag, in any order.
-fn array(path: &Path, bytes: &[u8]) -> Result<Vec<Record>, DatasetError> {
+fn array(path: &Path, bytes: &[u8]) -> Checked<Vec<Record>> {
     let mut data = bytes;
     let mut split = || {
         let (header, _) = read_header(&mut data).ok()?;
@@ -91,14 +91,19 @@ fn array(path: &Path, bytes: &[u8]) -> Result<Vec<Record>, DatasetError> {
         let places = [x, y, z, object, tag];
         Some(data.chunks_exact(size).map(|record| of_bytes(record, places)).collect())
     };
-    split().ok_or_else(|| DatasetError::Array { path: path.to_owned() })
+    split().ok_or_else(|| {
+        refused!(
+            "{}: is no one-dimensional little-endian array of records x, y, z, CosAngle (f4), ObjIdx, ObjTag (u4), as \
+             CARLA's raw data has it",
+            path.display()
+        )
+    })
 }
 
 /// An ASCII PLY whose only element are vertices of numbers.
-fn ply(path: &Path, text: &str) -> Result<Vec<Record>, DatasetError> {
-    let line_error = |line: usize, fault: String| {
-        Err(DatasetError::Line { path: path.to_owned(), line: line + 1, fault })
-    };
+fn ply(path: &Path, text: &str) -> Checked<Vec<Record>> {
+    let line_error =
+        |line: usize, fault: String| Err(refused!("{} line {}: {fault}", path.display(), line + 1));
     let mut lines = text.lines().enumerate();
     let (columns, count) = match header(&mut lines) {
         Ok(found) => found,
@@ -252,10 +257,10 @@ impl PoseColumns {
 }
 
 /// Reads the poses by frame. The world is CARLA's with y to the left.
-pub(super) fn read_poses(path: &Path) -> Result<PoseTable, DatasetError> {
+pub(super) fn read_poses(path: &Path) -> Checked<PoseTable> {
     let text = sequence::read_text(path)?;
     let at = |line: usize| {
-        move |fault: String| DatasetError::Line { path: path.to_owned(), line: line + 1, fault }
+        move |fault: String| refused!("{} line {}: {fault}", path.display(), line + 1)
     };
     let mut rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let titles = rows.next().map_or("", |(_, line)| line);

@@ -10,9 +10,10 @@ use super::tables::{
 };
 use super::{Category, Keyframe, NuscenesScene, category, known};
 use crate::datasets::sequence::entries;
-use crate::datasets::{BoxTrack, Checked, DatasetError, TrackPose, ground};
+use crate::datasets::{BoxTrack, Checked, FormatError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
+use sightline_files::json::quoted;
 
 /// The channel whose keyframes lidarseg labels.
 const CHANNEL: &str = "LIDAR_TOP";
@@ -22,12 +23,12 @@ const CHANNEL: &str = "LIDAR_TOP";
 ///
 /// # Errors
 /// Missing or malformed tables, rows that name others that are not there, categories without a class, a
-/// scene that is not there or is named twice; see [`DatasetError`].
+/// scene that is not there or is named twice; see [`FormatError`].
 pub fn read_nuscenes(
     folder: &Path,
     version: Option<&str>,
     names: &[String],
-) -> Result<Vec<NuscenesScene>, DatasetError> {
+) -> Result<Vec<NuscenesScene>, FormatError> {
     let version = version.map_or_else(|| only_version(folder), |version| Ok(version.to_owned()))?;
     let tables = SourceTables::new(folder.join(version));
     let scenes = scenes(&tables, names)?;
@@ -67,7 +68,11 @@ fn only_version(folder: &Path) -> Checked<String> {
     let found: Vec<String> = found.into_iter().map(name).collect();
     match <[String; 1]>::try_from(found) {
         Ok([only]) => Ok(only),
-        Err(found) => Err(DatasetError::Version { path: folder.to_owned(), found }),
+        Err(found) => {
+            let none = found.is_empty().then(|| "no folder with a scene.json".to_owned());
+            let (folder, held) = (folder.display(), none.unwrap_or_else(|| quoted(found)));
+            Err(refused!("{folder} holds {held}; name the version, as --version v1.0-mini"))
+        }
     }
 }
 
@@ -96,7 +101,10 @@ fn times_doubted(tables: &SourceTables, scene: &str, times: &[f64]) -> Option<No
 /// Token and name of the scenes, in the requested order or the table's.
 fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, String)>> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
-        return Err(DatasetError::SceneTwice { name: names[k].clone() });
+        let name = &names[k];
+        return Err(refused!(
+            "the scene {name:?} is named twice; its scans count once, so name it once"
+        ));
     }
     let (mut all, mut tokens, mut known) = (Vec::new(), HashSet::new(), HashSet::new());
     tables.rows("scene", |row: SceneRow| {
@@ -106,13 +114,16 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, Strin
         Ok(())
     })?;
     if all.is_empty() {
-        return Err(DatasetError::NoSceneRow { path: tables.path("scene") });
+        let path = tables.path("scene");
+        return Err(refused!("{}: lists no scene; give a set of at least one", path.display()));
     }
     let find = |name: &String| {
-        all.iter().find(|(_, known)| known == name).cloned().ok_or_else(|| DatasetError::NoScene {
-            path: tables.path("scene"),
-            name: name.clone(),
-            known: all.iter().map(|(_, name)| name.clone()).collect(),
+        all.iter().find(|(_, known)| known == name).cloned().ok_or_else(|| {
+            let known = quoted(all.iter().map(|(_, name)| name));
+            refused!(
+                "{}: no scene is called {name:?}; it has {known}",
+                tables.path("scene").display()
+            )
         })
     };
     let wanted: Result<Vec<_>, _> = names.iter().map(find).collect();
@@ -169,14 +180,15 @@ fn categories(tables: &SourceTables) -> Checked<(LabelCategories, ByToken)> {
         tables.rows(table, |CategoryRow { token, name, index, .. }| {
             tables.refuse_twice(table, &token, !tokens.insert(token.clone()))?;
             let Some(found) = category(&name) else {
-                let path = tables.path(table);
-                return Err(DatasetError::Category { path, name, known: known() });
+                let (path, known) = (tables.path(table), quoted(known()));
+                let path = path.display();
+                return Err(refused!("{path}: category {name:?} is unknown; known are {known}"));
             };
             if let Some(index) = index {
                 let label = usize::from(index);
                 if !here.insert(index) && labels[label] != Some(found) {
                     let fault = "its `index` is that of another category; give each its own";
-                    return Err(DatasetError::Row { path: tables.path(table), token, fault });
+                    return Err(tables.refused(table, &token, fault));
                 }
                 labels[label] = Some(found);
             }
@@ -185,7 +197,10 @@ fn categories(tables: &SourceTables) -> Checked<(LabelCategories, ByToken)> {
         })?;
     }
     if labels.iter().all(Option::is_none) {
-        return Err(DatasetError::NoIndex { path: tables.path("category") });
+        return Err(refused!(
+            "{}: no category has an `index`, the label of its points; take category.json of nuScenes-lidarseg",
+            tables.path("category").display()
+        ));
     }
     Ok((labels, by_token))
 }
@@ -206,9 +221,8 @@ fn keyframes(
             let token = row.token.clone();
             tables.refuse_twice("sample_data", &token, !tokens.insert(token.clone()))?;
             if data.insert(row.sample_token.clone(), row).is_some() {
-                let path = tables.path("sample_data");
                 let fault = "its sample has a keyframe of LIDAR_TOP already; leave one out";
-                return Err(DatasetError::Row { path, token, fault });
+                return Err(tables.refused("sample_data", &token, fault));
             }
         }
         Ok(())
@@ -279,16 +293,14 @@ fn tracks(
             tables.pose("sample_annotation", &row.token, row.translation, row.rotation)?;
         let [width, length, height] = row.size;
         if !row.size.iter().all(|edge| (1e-3..=1e3).contains(edge)) {
-            let (path, token) = (tables.path("sample_annotation"), row.token);
             let fault = "its size is not three edges from 0.001 to 1000 m";
-            return Err(DatasetError::Row { path, token, fault });
+            return Err(tables.refused("sample_annotation", &row.token, fault));
         }
         let (poses, size) = seen.entry((sample.scene, row.instance_token)).or_default();
         let pose = TrackPose { frame: sample.frame, world_from_box };
         if poses.insert(sample.frame, pose).is_some() {
-            let (path, token) = (tables.path("sample_annotation"), row.token);
             let fault = "its instance has another row of the same sample; leave one out";
-            return Err(DatasetError::Row { path, token, fault });
+            return Err(tables.refused("sample_annotation", &row.token, fault));
         }
         for (most, edge) in size.iter_mut().zip([length, width, height]) {
             *most = most.max(edge);

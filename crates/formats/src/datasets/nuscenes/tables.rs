@@ -15,7 +15,7 @@ use sightline_files::Note;
 use sightline_files::files::stays_inside;
 use sightline_files::json::{is_utf_16, quoted};
 
-use crate::datasets::{Checked, DatasetError, sequence};
+use crate::datasets::{Checked, FormatError, sequence};
 
 /// Most bytes of a row; rows of nuScenes have up to 800.
 const MOST_OF_A_ROW: usize = 1 << 20;
@@ -145,10 +145,8 @@ impl SourceTables {
 
     /// The file that a row names, in the folder of the set.
     pub(super) fn file(&self, table: &str, folder: &Path, name: &str) -> Checked<PathBuf> {
-        stays_inside(folder, name).map_err(|fault| DatasetError::Outside {
-            path: self.path(table),
-            fault: fault.to_string(),
-        })
+        stays_inside(folder, name)
+            .map_err(|fault| refused!("{}: {fault}", self.path(table).display()))
     }
 
     /// Reads a table row by row; `keep` takes each row.
@@ -159,7 +157,7 @@ impl SourceTables {
     ) -> Checked<()> {
         let path = self.path(name);
         let file = sequence::open(&path).map_err(|error| match error {
-            DatasetError::Read { path, source } => DatasetError::Table { path, source },
+            FormatError::Read { path, source } => FormatError::Table { path, source },
             other => other,
         })?;
         let (mut row, mut refused, mut unknown) = (0, None, BTreeSet::new());
@@ -175,9 +173,9 @@ impl SourceTables {
         };
         let mut file = BufReader::new(file);
         let head = file.fill_buf();
-        let head = head.map_err(|source| DatasetError::Read { path: path.clone(), source })?;
+        let head = head.map_err(|source| FormatError::Read { path: path.clone(), source })?;
         if is_utf_16(head) {
-            return Err(DatasetError::NotUtf8 { path });
+            return Err(sequence::not_utf_8(&path));
         }
         let marked = head.starts_with("\u{feff}".as_bytes());
         file.consume(if marked { "\u{feff}".len() } else { 0 });
@@ -186,7 +184,10 @@ impl SourceTables {
         let read = each.deserialize(&mut json).and_then(|()| json.end());
         match (refused, read) {
             (Some(error), _) => Err(error),
-            (None, Err(cause)) => Err(DatasetError::Json { path, row, cause }),
+            (None, Err(cause)) => Err(refused!(
+                "{}: row {row}: {cause}; a table is a list of objects, as nuScenes has it",
+                path.display()
+            )),
             (None, Ok(())) if unknown.is_empty() => Ok(()),
             (None, Ok(())) => {
                 let (path, names) = (path.display(), quoted(unknown));
@@ -221,10 +222,15 @@ impl SourceTables {
 
     /// Refuses a row whose token comes `again`: nothing says which of the two counts.
     pub(super) fn refuse_twice(&self, name: &str, token: &str, again: bool) -> Checked<()> {
-        let fault = "it comes twice; leave one out";
-        let refused =
-            || DatasetError::Row { path: self.path(name), token: token.to_owned(), fault };
-        if again { Err(refused()) } else { Ok(()) }
+        match again {
+            true => Err(self.refused(name, token, "it comes twice; leave one out")),
+            false => Ok(()),
+        }
+    }
+
+    /// Error of the row of a token.
+    pub(super) fn refused(&self, name: &str, token: &str, fault: &str) -> FormatError {
+        refused!("{}: the row {token:?}: {fault}", self.path(name).display())
     }
 
     /// The transform of a row: position, and a quaternion w, x, y, z.
@@ -244,20 +250,22 @@ impl SourceTables {
             let rotation = DMat3::from_quat(rotation.normalize());
             return Ok(Pose { rotation, translation: DVec3::from(translation) });
         };
-        Err(DatasetError::Row { path: self.path(name), token: token.to_owned(), fault })
+        Err(self.refused(name, token, fault))
     }
 
     /// A row that another table names is not there.
-    pub(super) fn no_row(&self, name: &str, token: &str, wanted: &str) -> DatasetError {
-        let (path, token, wanted) = (self.path(name), token.to_owned(), wanted.to_owned());
-        DatasetError::NoRow { path, token, wanted }
+    pub(super) fn no_row(&self, name: &str, token: &str, wanted: &str) -> FormatError {
+        refused!(
+            "{}: has no row for {token:?}, which {wanted} names; take all tables from one version of the set",
+            self.path(name).display()
+        )
     }
 }
 
 /// Visits the rows of a list one by one.
 struct EachRow<'a, R, F> {
     row: &'a mut usize,
-    refused: &'a mut Option<DatasetError>,
+    refused: &'a mut Option<FormatError>,
     keep: &'a mut F,
     left: &'a Cell<usize>,
     passed: &'static [&'static str],

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3, Vec3};
 
+use super::faults::{Spoil, begins, put, remove};
 use crate::datasets::carla::class_of_name;
 use crate::datasets::{
-    CarlaSequence, CarlaTags, DatasetError, ImportOptions, LabelledSequence, PsogOptions,
+    CarlaSequence, CarlaTags, FormatError, ImportOptions, LabelledSequence, PsogOptions,
     build_psog, to_scene,
 };
 use sightline_scene::psog::Roi;
@@ -72,7 +73,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn open(folder: &Path) -> Result<CarlaSequence, DatasetError> {
+fn open(folder: &Path) -> Result<CarlaSequence, FormatError> {
     CarlaSequence::open(folder, &folder.join("poses.csv"), None, None)
 }
 
@@ -241,10 +242,13 @@ fn tables_of_poses_say_what_is_not_read() {
     }
 }
 
-type Spoil = fn(&Path);
-
 fn poses(folder: &Path, text: &str) {
-    std::fs::write(folder.join("poses.csv"), text).unwrap();
+    put(folder, "poses.csv", text);
+}
+
+/// Replaces a text in the PLY of the first frame.
+fn in_ply(folder: &Path, from: &str, to: &str) {
+    put(folder, "lidar_000007.ply", ply(&scan(0.0)).replacen(from, to, 1));
 }
 
 /// Faults planted in good scans, and how each error begins.
@@ -252,8 +256,8 @@ const SPOILT: [(Spoil, &str); 18] = [
     (
         |d| {
             for (old, new) in [("lidar_000007.ply", "7.bin"), ("000008.bin", "8.bin")] {
-                std::fs::remove_file(d.join(old)).unwrap();
-                std::fs::write(d.join(new), records(&[(3.0, 0.0, -1.0, 0, 99)])).unwrap();
+                remove(d, old);
+                put(d, new, records(&[(3.0, 0.0, -1.0, 0, 99)]));
             }
         },
         "DIR/7.bin: point 0 has tag 99; tags of CARLA 0.9.14 end at 28,",
@@ -267,21 +271,15 @@ const SPOILT: [(Spoil, &str); 18] = [
         "DIR/poses.csv line 1: has two columns \"x\"; leave one out",
     ),
     (
-        |d| {
-            std::fs::write(
-                d.join("lidar_000007.ply"),
-                ply(&scan(0.0)).replacen(" 0.5000", " 0.5000 7", 1),
-            )
-            .unwrap()
-        },
+        |d| in_ply(d, " 0.5000", " 0.5000 7"),
         "DIR/lidar_000007.ply line 11: has more than the 6 numbers of the header",
     ),
     (
-        |d| std::fs::write(d.join("last.ply"), "ply\n").unwrap(),
+        |d| put(d, "last.ply", "ply\n"),
         "DIR/last.ply: a scan of CARLA is named by its frame, at most 4294967295, like 000123.ply;",
     ),
     (
-        |d| std::fs::write(d.join("4294967296.bin"), []).unwrap(),
+        |d| put(d, "4294967296.bin", []),
         "DIR/4294967296.bin: a scan of CARLA is named by its frame, at most 4294967295,",
     ),
     (|d| poses(d, ""), "DIR/poses.csv line 1: give a first row with frame (or file)"),
@@ -299,40 +297,22 @@ const SPOILT: [(Spoil, &str); 18] = [
         |d| poses(d, &POSES.replace("\n8,", "\nlast,")),
         "DIR/poses.csv line 3: \"last\" ends with no frame number",
     ),
+    (|d| put(d, "8.ply", "ply\n"), "DIR has two scans of frame 8; keep one"),
+    (|d| put(d, "000008.bin", [0; 25]), "DIR/000008.bin has 25 bytes, not a multiple of 24,"),
     (
-        |d| std::fs::write(d.join("8.ply"), "ply\n").unwrap(),
-        "DIR has two scans of frame 8; keep one",
-    ),
-    (
-        |d| std::fs::write(d.join("000008.bin"), [0; 25]).unwrap(),
-        "DIR/000008.bin has 25 bytes, not a multiple of 24,",
-    ),
-    (
-        |d| std::fs::write(d.join("000008.bin"), records(&[(0.0, f32::NAN, 0.0, 0, 1)])).unwrap(),
+        |d| put(d, "000008.bin", records(&[(0.0, f32::NAN, 0.0, 0, 1)])),
         "DIR/000008.bin: point 0 has y = NaN;",
     ),
     (
-        |d| std::fs::write(d.join("000008.bin"), records(&[(0.0, 1.0, 0.0, 0, 29)])).unwrap(),
+        |d| put(d, "000008.bin", records(&[(0.0, 1.0, 0.0, 0, 29)])),
         "DIR/000008.bin: point 0 has tag 29; tags of CARLA 0.9.14 end at 28,",
     ),
     (
-        |d| {
-            std::fs::write(
-                d.join("lidar_000007.ply"),
-                ply(&scan(0.0)).replace("uint32 ObjTag", "uint32 Tag"),
-            )
-            .unwrap()
-        },
+        |d| in_ply(d, "uint32 ObjTag", "uint32 Tag"),
         "DIR/lidar_000007.ply line 10: the header has no property ObjTag",
     ),
     (
-        |d| {
-            std::fs::write(
-                d.join("lidar_000007.ply"),
-                ply(&scan(0.0)).replacen("vertex 920", "vertex 921", 1),
-            )
-            .unwrap()
-        },
+        |d| in_ply(d, "vertex 920", "vertex 921"),
         "DIR/lidar_000007.ply line 930: 921 points are announced, and 920 follow",
     ),
 ];
@@ -340,15 +320,11 @@ const SPOILT: [(Spoil, &str); 18] = [
 #[test]
 fn bad_scans_are_refused() {
     assert_eq!(scan(0.0).len(), 920);
+    let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).unwrap();
     for (spoil, wanted) in SPOILT {
         let folder = folder();
-        spoil(folder.path());
-        let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).unwrap();
-        let message = open(folder.path())
-            .and_then(|sequence| build_psog(&[sequence], &PsogOptions::new(roi)))
-            .unwrap_err()
-            .to_string()
-            .replace(&folder.path().display().to_string(), "DIR");
-        assert!(message.starts_with(wanted), "{message}\n  wanted {wanted}");
+        begins(folder.path(), spoil, wanted, || {
+            build_psog(&[open(folder.path())?], &PsogOptions::new(roi)).map(drop)
+        });
     }
 }

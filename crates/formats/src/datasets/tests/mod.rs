@@ -1,6 +1,7 @@
 //! Tests of data sets.
 
 mod carla;
+mod faults;
 mod kitti;
 mod kitti_real;
 mod nuscenes;

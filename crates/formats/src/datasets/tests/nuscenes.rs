@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::faults::{Spoil, begins, put, read_text, remove};
 use super::nuscenes_set::{BoxRow, Keyframe, lidar, write};
 use crate::datasets::nuscenes::ScanBox;
 use crate::datasets::{
@@ -259,174 +260,150 @@ fn slow_actors_move_as_they_are_annotated() {
     assert!((pose(3, 2).translation.z - pose(3, 1).translation.z).abs() < 1e-9);
 }
 
-type Spoil = fn(&Path);
-
 fn edit(folder: &Path, table: &str, from: &str, to: &str) {
-    let path = folder.join(format!("v1.0-mini/{table}.json"));
-    let text = std::fs::read_to_string(&path).unwrap();
+    let name = format!("v1.0-mini/{table}.json");
+    let text = read_text(folder, &name);
     assert!(text.contains(from), "{table} {from}");
-    std::fs::write(path, text.replacen(from, to, 1)).unwrap();
+    put(folder, &name, text.replacen(from, to, 1));
 }
 
-/// Faults planted in a good set, and how each error begins.
-const SPOILT: [(Spoil, &str); 32] = [
+/// Texts of a table that are replaced, and how the error goes on behind the name of its file.
+const EDITED: [(&str, &str, &str, &str); 17] = [
+    ("scene", r#""other""#, r#""wanted""#, r#": the row "wanted": it comes twice; leave one out"#),
+    ("scene", "scene-0103", "scene-0061", r#": the row "scene-0061": it comes twice"#),
+    ("sample", r#""sample-1""#, r#""sample-0""#, r#": the row "sample-0": it comes twice"#),
     (
-        |d| edit(d, "scene", "\"other\"", "\"wanted\""),
-        "DIR/v1.0-mini/scene.json: the row \"wanted\": it comes twice; leave one out",
+        "category",
+        r#""c-flat.sidewalk""#,
+        r#""c-vehicle.car""#,
+        r#": the row "c-vehicle.car": it comes twice"#,
+    ),
+    ("sensor", r#""camera""#, r#""lidar""#, r#": the row "lidar": it comes twice"#),
+    (
+        "calibrated_sensor",
+        r#""cs-camera""#,
+        r#""cs-lidar""#,
+        r#": the row "cs-lidar": it comes twice"#,
     ),
     (
-        |d| edit(d, "scene", "scene-0103", "scene-0061"),
-        "DIR/v1.0-mini/scene.json: the row \"scene-0061\": it comes twice",
+        "sample_annotation",
+        r#""sample-2""#,
+        r#""sample-0""#,
+        r#": the row "box-1": its instance has another row"#,
+    ),
+    ("sample", r#""timestamp""#, "timestamp", ": row 0: key must be a string at line 4 column 5;"),
+    ("ego_pose", r#""rotation""#, r#""turned""#, ": row 0: missing field `rotation` at line"),
+    (
+        "scene",
+        "scene-0061",
+        "scene-0001",
+        r#": no scene is called "scene-0061"; it has `scene-0103`, `scene-0001`"#,
+    ),
+    ("ego_pose", "ego-1", "ego-x", r#": has no row for "ego-1", which sample_data.json names;"#),
+    (
+        "lidarseg",
+        r#""sample_data_token": "data-2""#,
+        r#""sample_data_token": "data-9""#,
+        r#": has no row for "data-2""#,
     ),
     (
-        |d| edit(d, "sample", "\"sample-1\"", "\"sample-0\""),
-        "DIR/v1.0-mini/sample.json: the row \"sample-0\": it comes twice",
+        "instance",
+        r#""token": "parked""#,
+        r#""token": "left""#,
+        r#": has no row for "parked", which sample_annotation.json names;"#,
     ),
     (
-        |d| edit(d, "category", "\"c-flat.sidewalk\"", "\"c-vehicle.car\""),
-        "DIR/v1.0-mini/category.json: the row \"c-vehicle.car\": it comes twice",
+        "category",
+        r#""name": "static.manmade""#,
+        r#""name": "static.man""#,
+        r#": category "static.man" is unknown; known are `noise`, `animal`,"#,
     ),
+    ("category", r#""index": 24"#, r#""index": 28"#, r#": the row ""#),
+    ("sample_data", "samples/LIDAR_TOP/1.pcd.bin", "../x.bin", r#": "../x.bin" leaves the folder"#),
     (
-        |d| edit(d, "sensor", "\"camera\"", "\"lidar\""),
-        "DIR/v1.0-mini/sensor.json: the row \"lidar\": it comes twice",
+        "sample_annotation",
+        "612.0",
+        "1e300",
+        r#": the row "box-0": its translation is farther than 1e7 m"#,
     ),
+];
+
+/// Other faults planted in a good set, and how each error begins.
+const SPOILT: [(Spoil, &str); 15] = [
     (
-        |d| edit(d, "calibrated_sensor", "\"cs-camera\"", "\"cs-lidar\""),
-        "DIR/v1.0-mini/calibrated_sensor.json: the row \"cs-lidar\": it comes twice",
-    ),
-    (
-        |d| edit(d, "sample_annotation", "\"sample-2\"", "\"sample-0\""),
-        "DIR/v1.0-mini/sample_annotation.json: the row \"box-1\": its instance has another row",
-    ),
-    (
-        |d| std::fs::write(d.join("v1.0-mini/scene.json"), "[]").unwrap(),
+        |d| put(d, "v1.0-mini/scene.json", "[]"),
         "DIR/v1.0-mini/scene.json: lists no scene; give a set of at least one",
     ),
     (
         |d| {
-            let path = d.join("v1.0-mini/sample.json");
-            let text = std::fs::read_to_string(&path).unwrap();
+            let text = read_text(d, "v1.0-mini/sample.json");
             let bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
-            std::fs::write(path, bytes).unwrap();
+            put(d, "v1.0-mini/sample.json", bytes);
         },
         "DIR/v1.0-mini/sample.json is not UTF-8 text; save it as UTF-8",
     ),
     (
-        |d| std::fs::remove_file(d.join("v1.0-mini/scene.json")).unwrap(),
+        |d| remove(d, "v1.0-mini/scene.json"),
         "DIR holds no folder with a scene.json; name the version",
     ),
     (
-        |d| std::fs::remove_file(d.join("v1.0-mini/lidarseg.json")).unwrap(),
+        |d| remove(d, "v1.0-mini/lidarseg.json"),
         "DIR/v1.0-mini/lidarseg.json: the table is missing (",
     ),
     (
-        |d| std::fs::remove_file(d.join("v1.0-mini/ego_pose.json")).unwrap(),
+        |d| remove(d, "v1.0-mini/ego_pose.json"),
         "DIR/v1.0-mini/ego_pose.json: the table is missing (",
     ),
     (
-        |d| edit(d, "sample", "\"timestamp\"", "timestamp"),
-        "DIR/v1.0-mini/sample.json: row 0: key must be a string at line 4 column 5;",
-    ),
-    (
-        |d| edit(d, "ego_pose", "\"rotation\"", "\"turned\""),
-        "DIR/v1.0-mini/ego_pose.json: row 0: missing field `rotation` at line",
-    ),
-    (
-        |d| std::fs::write(d.join("v1.0-mini/sample.json"), "{}").unwrap(),
+        |d| put(d, "v1.0-mini/sample.json", "{}"),
         "DIR/v1.0-mini/sample.json: row 0: invalid type: map, expected a list of rows",
-    ),
-    (
-        |d| edit(d, "scene", "scene-0061", "scene-0001"),
-        "DIR/v1.0-mini/scene.json: no scene is called \"scene-0061\"; it has `scene-0103`, `scene-0001`",
-    ),
-    (
-        |d| edit(d, "ego_pose", "ego-1", "ego-x"),
-        "DIR/v1.0-mini/ego_pose.json: has no row for \"ego-1\", which sample_data.json names;",
-    ),
-    (
-        |d| {
-            edit(
-                d,
-                "lidarseg",
-                "\"sample_data_token\": \"data-2\"",
-                "\"sample_data_token\": \"data-9\"",
-            )
-        },
-        "DIR/v1.0-mini/lidarseg.json: has no row for \"data-2\"",
-    ),
-    (
-        |d| edit(d, "instance", "\"token\": \"parked\"", "\"token\": \"left\""),
-        "DIR/v1.0-mini/instance.json: has no row for \"parked\", which sample_annotation.json names;",
-    ),
-    (
-        |d| edit(d, "category", "\"name\": \"static.manmade\"", "\"name\": \"static.man\""),
-        "DIR/v1.0-mini/category.json: category \"static.man\" is unknown; known are `noise`, `animal`,",
     ),
     (
         |d| edit(d, "category", "\"index\": 24", "\"index\": 99"),
         "DIR/lidarseg/v1.0-mini/data-0_lidarseg.bin: point 3 has label 24, and category.json has no category",
     ),
     (
-        |d| edit(d, "category", "\"index\": 24", "\"index\": 28"),
-        "DIR/v1.0-mini/category.json: the row \"",
-    ),
-    (
         |d| {
-            let path = d.join("v1.0-mini/category.json");
-            let text = std::fs::read_to_string(&path).unwrap().replace("\"index\"", "\"number\"");
-            std::fs::write(path, text).unwrap();
+            let text = read_text(d, "v1.0-mini/category.json").replace("\"index\"", "\"number\"");
+            put(d, "v1.0-mini/category.json", text);
         },
         "DIR/v1.0-mini/category.json: no category has an `index`",
-    ),
-    (
-        |d| edit(d, "sample_data", "samples/LIDAR_TOP/1.pcd.bin", "../x.bin"),
-        "DIR/v1.0-mini/sample_data.json: \"../x.bin\" leaves the folder",
     ),
     (
         |d| edit(d, "lidarseg", "lidarseg/v1.0-mini/data-1", "/etc/data-1"),
         "DIR/v1.0-mini/lidarseg.json: \"/etc/data-1_lidarseg.bin\" leaves the folder",
     ),
     (
-        |d| {
-            let row = format!("{{\"token\": \"{}", "x".repeat(2 << 20));
-            edit(d, "scene", "{", &row);
-        },
+        |d| edit(d, "scene", "{", &format!("{{\"token\": \"{}", "x".repeat(2 << 20))),
         "DIR/v1.0-mini/scene.json: row 0: is longer than 1024 KiB",
     ),
     (
         |d| {
-            let path = d.join("v1.0-mini/sample_data.json");
-            let text =
-                std::fs::read_to_string(&path).unwrap().replace("\"sample-1\"", "\"sample-0\"");
-            std::fs::write(path, text).unwrap();
+            let name = "v1.0-mini/sample_data.json";
+            put(d, name, read_text(d, name).replace("\"sample-1\"", "\"sample-0\""));
         },
         "DIR/v1.0-mini/sample_data.json: the row \"data-1\": its sample has a keyframe",
     ),
     (
         |d| {
             let labels = std::fs::read(d.join("lidarseg/v1.0-mini/data-1_lidarseg.bin")).unwrap();
-            std::fs::write(d.join("samples/LIDAR_TOP/1.pcd.bin"), vec![0; 16 * labels.len()])
-                .unwrap();
+            put(d, "samples/LIDAR_TOP/1.pcd.bin", vec![0; 16 * labels.len()]);
         },
         "DIR/samples/LIDAR_TOP/1.pcd.bin has 4 numbers for each label, 5 are read as one point;",
     ),
     (
-        |d| edit(d, "sample_annotation", "612.0", "1e300"),
-        "DIR/v1.0-mini/sample_annotation.json: the row \"box-0\": its translation is farther than 1e7 m",
-    ),
-    (
-        |d| std::fs::write(d.join("samples/LIDAR_TOP/1.pcd.bin"), [0; 42]).unwrap(),
+        |d| put(d, "samples/LIDAR_TOP/1.pcd.bin", [0; 42]),
         "DIR/samples/LIDAR_TOP/1.pcd.bin has 42 bytes, not a multiple of 20,",
     ),
     (
-        |d| std::fs::write(d.join("lidarseg/v1.0-mini/data-1_lidarseg.bin"), [24; 7]).unwrap(),
+        |d| put(d, "lidarseg/v1.0-mini/data-1_lidarseg.bin", [24; 7]),
         "DIR/lidarseg/v1.0-mini/data-1_lidarseg.bin has 7 labels, but DIR/samples/LIDAR_TOP/1.pcd.bin has 4000 points;",
     ),
     (
         |d| {
             let mut bytes = std::fs::read(d.join("samples/LIDAR_TOP/2.pcd.bin")).unwrap();
             bytes[24..28].copy_from_slice(&f32::NAN.to_le_bytes());
-            std::fs::write(d.join("samples/LIDAR_TOP/2.pcd.bin"), bytes).unwrap();
+            put(d, "samples/LIDAR_TOP/2.pcd.bin", bytes);
         },
         "DIR/samples/LIDAR_TOP/2.pcd.bin: point 1 has y = NaN;",
     ),
@@ -435,16 +412,19 @@ const SPOILT: [(Spoil, &str); 32] = [
 #[test]
 fn bad_sets_are_refused() {
     let keyframes = set();
-    for (spoil, wanted) in SPOILT {
+    let refused = |spoil: &dyn Fn(&Path), wanted: &str| {
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), &keyframes, &BOXES);
-        spoil(folder.path());
-        let message = read_nuscenes(folder.path(), None, &["scene-0061".into()])
-            .and_then(|scenes| build_psog(&scenes, &PsogOptions::new(roi())))
-            .map_or_else(|error| error.to_string(), |_| "nothing is refused".to_owned())
-            .replace(&folder.path().display().to_string(), "DIR");
-        assert!(message.starts_with(wanted), "{message}\n  wanted {wanted}");
+        begins(folder.path(), spoil, wanted, || {
+            let scenes = read_nuscenes(folder.path(), None, &["scene-0061".into()])?;
+            build_psog(&scenes, &PsogOptions::new(roi())).map(drop)
+        });
+    };
+    for (table, from, to, fault) in EDITED {
+        let wanted = format!("DIR/v1.0-mini/{table}.json{fault}");
+        refused(&|d: &Path| edit(d, table, from, to), &wanted);
     }
+    SPOILT.into_iter().for_each(|(spoil, wanted)| refused(&spoil, wanted));
 }
 
 #[test]

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use sightline_scene::scene::DEFAULT_CLASSES;
 use sightline_scene::vehicle::BeamTable;
 
-use super::super::ExportError;
+use super::super::Checked;
 
 /// Most bytes: lengths are 32-bit.
 const MOST_BYTES: u64 = u32::MAX as u64;
@@ -90,7 +90,7 @@ impl Container {
     ///
     /// # Errors
     /// The file would be too large.
-    pub(super) fn positions(&mut self, positions: &[[f32; 3]]) -> Result<usize, ExportError> {
+    pub(super) fn positions(&mut self, positions: &[[f32; 3]]) -> Checked<usize> {
         let view = self.view(bytemuck::cast_slice(positions), ARRAY_BUFFER)?;
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for position in positions {
@@ -112,7 +112,7 @@ impl Container {
     ///
     /// # Errors
     /// The file would be too large.
-    pub(super) fn indices(&mut self, indices: &[u32]) -> Result<usize, ExportError> {
+    pub(super) fn indices(&mut self, indices: &[u32]) -> Checked<usize> {
         let view = self.view(bytemuck::cast_slice(indices), ELEMENT_ARRAY_BUFFER)?;
         Ok(add(
             &mut self.accessors,
@@ -122,11 +122,13 @@ impl Container {
     }
 
     /// A stretch of the buffer; all numbers have four bytes, so that all stretches are aligned.
-    fn view(&mut self, bytes: &[u8], target: u32) -> Result<usize, ExportError> {
+    fn view(&mut self, bytes: &[u8], target: u32) -> Checked<usize> {
         let offset = self.binary.len();
-        let need = offset as u64 + bytes.len() as u64;
-        if need > MOST_BYTES - JSON_ROOM {
-            return Err(ExportError::GltfTooLarge { need, limit: MOST_BYTES - JSON_ROOM });
+        let (need, limit) = (offset as u64 + bytes.len() as u64, MOST_BYTES - JSON_ROOM);
+        if need > limit {
+            return Err(refused!(
+                "the glTF would have more than {need} bytes, at most {limit} fit; show fewer placements, or no points"
+            ));
         }
         self.binary.extend_from_slice(bytes);
         Ok(add(

@@ -12,7 +12,7 @@ use super::{SceneExport, channels, right_forward, token};
 use crate::export::folder::{Folder, StagedFile};
 use crate::export::plan::{MOVES, Planned};
 use crate::export::record::{CloudOrigin, FrameRecord};
-use crate::export::{DatasetSettings, ExportError, SceneFacts, Split};
+use crate::export::{Checked, DatasetSettings, SceneFacts, Split};
 
 /// An actor's row while its scene is read.
 struct ActorRow {
@@ -38,7 +38,7 @@ fn scene_rows(
     number: usize,
     scene: &SceneFacts,
     tables: &mut OutputTables,
-) -> Result<usize, ExportError> {
+) -> Checked<usize> {
     let first = folder.record(number, scene.frames[0])?;
     let lidars = first.lidars.len();
     let channels = channels(lidars, about.settings.each_lidar).collect();
@@ -87,7 +87,7 @@ impl Rows<'_> {
         at.map_or(String::new(), |at| self.token(table, at))
     }
 
-    fn scene(&mut self, scene: &SceneFacts) -> Result<(), ExportError> {
+    fn scene(&mut self, scene: &SceneFacts) -> Checked<()> {
         let (name, step) = (&self.about.planned.name, self.about.settings.keyframe_every);
         let last = (self.frames - 1) / step * step;
         let log = token(&["log", name]);
@@ -103,7 +103,7 @@ impl Rows<'_> {
         }))
     }
 
-    fn sensors(&mut self, record: &FrameRecord) -> Result<(), ExportError> {
+    fn sensors(&mut self, record: &FrameRecord) -> Checked<()> {
         let mounts: Vec<Pose> =
             record.lidars.iter().map(|lidar| lidar.ego_from_mount.pose()).collect();
         for (channel, source) in &self.channels {
@@ -133,7 +133,7 @@ impl Rows<'_> {
         Ok(())
     }
 
-    fn clouds(&mut self, at: usize, record: &FrameRecord) -> Result<(), ExportError> {
+    fn clouds(&mut self, at: usize, record: &FrameRecord) -> Checked<()> {
         let about = self.about;
         let (pose, stamp) = (record.world_from_ego.pose(), about.timestamp(record.time));
         let ego_pose = self.token("ego_pose", at);
@@ -170,7 +170,7 @@ impl Rows<'_> {
         Ok(())
     }
 
-    fn sample(&mut self, at: usize, record: &FrameRecord) -> Result<(), ExportError> {
+    fn sample(&mut self, at: usize, record: &FrameRecord) -> Checked<()> {
         let step = self.about.settings.keyframe_every;
         self.tables.sample.push(&json!({
             "token": self.token("sample", at), "timestamp": self.about.timestamp(record.time),
@@ -190,7 +190,7 @@ impl Rows<'_> {
         here: &FrameRecord,
         before: Option<&FrameRecord>,
         ahead: Option<&FrameRecord>,
-    ) -> Result<(), ExportError> {
+    ) -> Checked<()> {
         let (step, scene) = (self.about.settings.keyframe_every, &self.about.planned.name);
         let name = |instance: u16, at: usize| {
             token(&["sample_annotation", scene, &format!("{instance}/{at}")])
@@ -226,7 +226,7 @@ impl Rows<'_> {
         Ok(())
     }
 
-    fn instances(&mut self) -> Result<(), ExportError> {
+    fn instances(&mut self) -> Checked<()> {
         for (instance, row) in std::mem::take(&mut self.instances) {
             let category = CATEGORIES[usize::from(row.category).min(CATEGORIES.len() - 1)];
             self.tables.instance.push(&json!({
@@ -256,7 +256,7 @@ pub(in crate::export) fn finish(
     settings: &DatasetSettings,
     scenes: &[SceneFacts],
     plan: &[Planned],
-) -> Result<(), ExportError> {
+) -> Checked<()> {
     let counts = Split::ALL.map(|split| plan.iter().filter(|at| at.split == split).count());
     let mut versions = Split::ALL.map(|split| super::version(counts, split)).to_vec();
     versions.dedup();
@@ -283,7 +283,7 @@ fn whole(
     version: &str,
     name: &str,
     rows: impl IntoIterator<Item = Value>,
-) -> Result<(), ExportError> {
+) -> Checked<()> {
     let mut table = OutputTable::begin(folder, version, name)?;
     for row in rows {
         table.push(&row)?;
@@ -298,7 +298,7 @@ fn fixed_tables<'a>(
     version: &str,
     lidars: usize,
     scenes: impl Iterator<Item = &'a Planned>,
-) -> Result<(), ExportError> {
+) -> Checked<()> {
     let categories = (0..).zip(CATEGORIES).map(|(index, name): (u8, _)| {
         json!({"token": token(&["category", name]), "name": name, "description": "", "index": index})
     });
@@ -331,12 +331,12 @@ struct OutputTable {
 }
 
 impl OutputTable {
-    fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, ExportError> {
+    fn begin(folder: &Folder, version: &str, name: &str) -> Checked<Self> {
         let staged = folder.begin(&format!("{version}/{name}.json"))?;
         Ok(Self { staged, empty: true })
     }
 
-    fn push(&mut self, row: &Value) -> Result<(), ExportError> {
+    fn push(&mut self, row: &Value) -> Checked<()> {
         let before: &[u8] = if std::mem::take(&mut self.empty) { b"[\n" } else { b",\n" };
         self.staged.write(|out| {
             out.write_all(before)?;
@@ -344,7 +344,7 @@ impl OutputTable {
         })
     }
 
-    fn end(mut self) -> Result<(), ExportError> {
+    fn end(mut self) -> Checked<()> {
         let end: &[u8] = if self.empty { b"[]\n" } else { b"\n]\n" };
         self.staged.write(|out| out.write_all(end))?;
         self.staged.end().map(drop)
@@ -359,11 +359,11 @@ macro_rules! tables {
         }
 
         impl OutputTables {
-            fn begin(folder: &Folder, version: &str) -> Result<Self, ExportError> {
+            fn begin(folder: &Folder, version: &str) -> Checked<Self> {
                 Ok(Self { $($name: OutputTable::begin(folder, version, stringify!($name))?,)* })
             }
 
-            fn end(self) -> Result<(), ExportError> {
+            fn end(self) -> Checked<()> {
                 $(self.$name.end()?;)*
                 Ok(())
             }

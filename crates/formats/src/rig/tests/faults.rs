@@ -4,7 +4,7 @@ use sightline_scene::vehicle::SensorPose;
 
 use super::{read, source};
 use crate::rig::{
-    ImportSettings, Models, Mounting, Rig, RigError, RigFormat, RigLidar, RigSource, export,
+    FormatError, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, RigSource, export,
     import_texts,
 };
 
@@ -60,7 +60,7 @@ fn what_is_passed_over_is_named_or_on_the_list() {
 fn each_fault_is_a_sentence() {
     let robot = |joints: &[String]| format!("<robot name='r'>{}</robot>", joints.concat());
     let lidar = |numbers: &str| autoware(&format!("lidar: {{{numbers}}}"));
-    let cases: Vec<(String, &[&str])> = vec![
+    let made: Vec<(String, &[&str])> = vec![
         (lidar("x: 1, y: 0, z: 0, roll: 0, yaw: 0"), &["file: kit.lidar: `pitch` is missing"]),
         (
             lidar("x: .inf, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0"),
@@ -69,12 +69,6 @@ fn each_fault_is_a_sentence() {
         (
             lidar("x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0, phase: soon"),
             &["kit.lidar.phase", "`soon`", "finite"],
-        ),
-        (
-            "<robot xmlns:s='urn:sightline'><gazebo reference='a'><sensor name='b' type='ray' \
-             s:phase='soon'/></gazebo></robot>"
-                .to_owned(),
-            &["<sensor> `b`.phase", "`soon`", "finite"],
         ),
         (lidar("x: front, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0"), &["kit.lidar.x", "`front`"]),
         (
@@ -107,100 +101,96 @@ fn each_fault_is_a_sentence() {
             ],
         ),
         (robot(&[joint("a", "lidar"), joint("b", "lidar")]), &["`lidar` is placed a second time"]),
+        (pandaset("'offset': 1", "", ""), &["main_pandar64: unknown key `offset`"]),
+        (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
+        (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),
+    ];
+    let written: [(&str, &[&str]); 28] = [
         (
-            "<robot><joint type='fixed'><parent link='a'/></joint></robot>".to_owned(),
+            "<robot xmlns:s='urn:sightline'><gazebo reference='a'><sensor name='b' type='ray' \
+             s:phase='soon'/></gazebo></robot>",
+            &["<sensor> `b`.phase", "`soon`", "finite"],
+        ),
+        (
+            "<robot><joint type='fixed'><parent link='a'/></joint></robot>",
             &["<joint>: `<child>` is missing"],
         ),
         (
-            "<robot><joint type='fixed' name='j'><origin xyz='1 2'/></joint></robot>".to_owned(),
+            "<robot><joint type='fixed' name='j'><origin xyz='1 2'/></joint></robot>",
             &["<joint> `j`.origin.xyz: `1 2`", "three numbers"],
         ),
         (
-            "<robot><joint type='fixed' name='j'><origin xyz='1 2 ${h}'/></joint></robot>"
-                .to_owned(),
+            "<robot><joint type='fixed' name='j'><origin xyz='1 2 ${h}'/></joint></robot>",
             &["xacro", "expand it first"],
         ),
-        ("<robot><joint".to_owned(), &["file: is no XML"]),
-        ("<!DOCTYPE r [<!ENTITY a 'b'>]><robot/>".to_owned(), &["is no XML", "DTD"]),
-        ("<sdf/>".to_owned(), &["<sdf>: `<model>` is missing"]),
+        ("<robot><joint", &["file: is no XML"]),
+        ("<!DOCTYPE r [<!ENTITY a 'b'>]><robot/>", &["is no XML", "DTD"]),
+        ("<sdf/>", &["<sdf>: `<model>` is missing"]),
         (
-            "<sdf><model><link name='lidar'><pose>1 2 3 4 5 nan</pose></link></model></sdf>"
-                .to_owned(),
+            "<sdf><model><link name='lidar'><pose>1 2 3 4 5 nan</pose></link></model></sdf>",
             &["<link> `lidar`.pose: `nan` stands where a finite number belongs"],
         ),
         (
-            "from launch import LaunchDescription\nNode(executable='static_transform_publisher')"
-                .to_owned(),
+            "from launch import LaunchDescription\nNode(executable='static_transform_publisher')",
             &["file: is a Python program", "json.dump"],
         ),
         (
-            "class Agent:\n    def sensors(self):\n        return [{'type': 'sensor.lidar.x'}]"
-                .to_owned(),
+            "class Agent:\n    def sensors(self):\n        return [{'type': 'sensor.lidar.x'}]",
             &["file: is a Python program"],
         ),
         (
-            "<launch><node exec='static_transform_publisher' args='--x $(arg x)'/></launch>"
-                .to_owned(),
+            "<launch><node exec='static_transform_publisher' args='--x $(arg x)'/></launch>",
             &["<node>[0]: `--x $(arg x)`", "default"],
         ),
+        ("<launch><group if='$(eval 1)'/></launch>", &["<group>.if: `$(eval 1)`", "default"]),
         (
-            "<launch><group if='$(eval 1)'/></launch>".to_owned(),
-            &["<group>.if: `$(eval 1)`", "default"],
-        ),
-        (
-            "<launch><node exec='static_transform_publisher' args='1 2 3'/></launch>".to_owned(),
+            "<launch><node exec='static_transform_publisher' args='1 2 3'/></launch>",
             &["<node>[0]: `1 2 3`", "a list of flags"],
         ),
         (
-            "<launch><node exec='static_transform_publisher' args='--x 1 --pich 0.1 --frame-id a'/></launch>"
-                .to_owned(),
+            "<launch><node exec='static_transform_publisher' args='--x 1 --pich 0.1 --frame-id a'/></launch>",
             &["<node>[0]: `--pich`", "--pitch"],
         ),
-        ("<launch><include/></launch>".to_owned(), &["<include>: `file` is missing"]),
+        ("<launch><include/></launch>", &["<include>: `file` is missing"]),
         (
-            "<launch><node exec='static_transform_publisher' args='--z 1 --z 2 --frame-id a'/></launch>"
-                .to_owned(),
+            "<launch><node exec='static_transform_publisher' args='--z 1 --z 2 --frame-id a'/></launch>",
             &["<node>[0]: `--z`", "each flag once"],
         ),
         (
             "<launch><node exec='static_transform_publisher' args='--yaw 1 --qw 1 --frame-id a \
-             --child-frame-id b'/></launch>"
-                .to_owned(),
+             --child-frame-id b'/></launch>",
             &["<node>[0]: `--yaw`", "no angle beside a quaternion"],
         ),
         (
-            "<sdf><model><link name='lidar'><pose>1 0 0 0 0 0</pose><pose>2 0 0 0 0 0</pose></link></model></sdf>"
-                .to_owned(),
+            "<sdf><model><link name='lidar'><pose>1 0 0 0 0 0</pose><pose>2 0 0 0 0 0</pose></link></model></sdf>",
             &["<link> `lidar`.pose: `a second <pose>`"],
         ),
         (
-            r#"[{"type": "sensor.lidar.ray_cast", "id": "a", "x": 1, "y": 2, "z": 2, "Yaw": 90}]"#.to_owned(),
+            r#"[{"type": "sensor.lidar.ray_cast", "id": "a", "x": 1, "y": 2, "z": 2, "Yaw": 90}]"#,
             &["[0].Yaw: `Yaw`", "small letters"],
         ),
-        (pandaset("'offset': 1", "", ""), &["main_pandar64: unknown key `offset`"]),
-        (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
-        (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),
         (
-            r#"[{"type": "sensor.lidar.ray_cast", "x": 1, "y": 2, "id": "a"}]"#.to_owned(),
+            r#"[{"type": "sensor.lidar.ray_cast", "x": 1, "y": 2, "id": "a"}]"#,
             &["file: [0]: `z` is missing"],
         ),
-        (r#"[{"type": "sensor.lidar.ray_cast", "x": 1"#.to_owned(), &["file", "the file ends"]),
-        ("{\"spawn_point\": 1}".to_owned(), &["file: `objects` is missing"]),
+        (r#"[{"type": "sensor.lidar.ray_cast", "x": 1"#, &["file", "the file ends"]),
+        ("{\"spawn_point\": 1}", &["file: `objects` is missing"]),
         (
-            "{\"objects\": [{\"sensors\": [1]}], \"spawn_point\": 1}".to_owned(),
+            "{\"objects\": [{\"sensors\": [1]}], \"spawn_point\": 1}",
             &["objects[0].sensors[0]: `1`"],
         ),
-        ("{\"placements\": [{\"name\": \"a\", \"lidars\": []}]}".to_owned(), &["`a` has 0 LiDARs"]),
-        ("{\"placements\": [], \"lidars\": 1}".to_owned(), &["unknown key `lidars`"]),
-        ("nothing: known".to_owned(), &["file: its content is none of autoware, urdf", "--format"]),
-        (String::new(), &["file: its content is none of"]),
-        ("<xml/>".to_owned(), &["its content is none of"]),
+        ("{\"placements\": [{\"name\": \"a\", \"lidars\": []}]}", &["`a` has 0 LiDARs"]),
+        ("{\"placements\": [], \"lidars\": 1}", &["unknown key `lidars`"]),
+        ("nothing: known", &["file: its content is none of autoware, urdf", "--format"]),
+        ("", &["file: its content is none of"]),
+        ("<xml/>", &["its content is none of"]),
     ];
     let twice = source("file.yaml", &lidar("x: 1, x: 2"));
     let error = import_texts(&[twice], &ImportSettings::default()).unwrap_err().to_string();
     assert!(error.contains("file.yaml: ") && error.contains("duplicate"), "{error}");
     let mut lacking = Vec::new();
-    for (text, parts) in cases {
+    let written = written.into_iter().map(|(text, parts)| (text.to_owned(), parts));
+    for (text, parts) in made.into_iter().chain(written) {
         let error = read(&text).expect_err(&text).to_string();
         let missing = parts.iter().filter(|part| !error.contains(**part));
         lacking.extend(missing.map(|part| format!("{error}\n  lacks {part}")));
@@ -322,7 +312,7 @@ fn a_large_file_is_not_read() {
     let path = folder.path().join("large.urdf");
     std::fs::File::create(&path).unwrap().set_len(17 << 20).unwrap();
     let error = crate::rig::import(&[path], &ImportSettings::default()).unwrap_err();
-    assert!(matches!(error, RigError::File(_)), "{error}");
+    assert!(matches!(error, FormatError::Description(_)), "{error}");
     assert!(error.to_string().contains("larger than the limit"), "{error}");
     let path = folder.path().join("wide.urdf");
     std::fs::write(

@@ -10,7 +10,7 @@ mod worked;
 mod worlds;
 mod yaml;
 
-use super::{ImportSettings, ImportedRig, RigError, RigSource, import_texts};
+use super::{FormatError, ImportSettings, ImportedRig, RigSource, import_texts};
 use sightline_scene::vehicle::SensorPose;
 
 /// A 4 × 4 matrix, row by row.
@@ -42,6 +42,6 @@ fn source(file: &str, text: &str) -> RigSource {
     RigSource { file: file.to_owned(), text: text.to_owned() }
 }
 
-fn read(text: &str) -> Result<ImportedRig, RigError> {
+fn read(text: &str) -> Result<ImportedRig, FormatError> {
     import_texts(&[source("file", text)], &ImportSettings::default())
 }

@@ -1,7 +1,7 @@
 //! SDF worlds of several models, and names with prefixes.
 
 use super::{read, source};
-use crate::rig::{ImportSettings, ImportedRig, RigError, import_texts};
+use crate::rig::{FormatError, ImportSettings, ImportedRig, import_texts};
 
 /// A model with a LiDAR 0.5 m above its link, which is 1 m along x.
 fn robot(name: &str, pose: &str) -> String {
@@ -18,7 +18,7 @@ fn world(models: &str) -> String {
     format!("<sdf version='1.6'><world name='w'>{ground}{models}{state}</world></sdf>")
 }
 
-fn with_base(text: &str, base: &str) -> Result<ImportedRig, RigError> {
+fn with_base(text: &str, base: &str) -> Result<ImportedRig, FormatError> {
     let base_frame = Some(base.to_owned());
     import_texts(&[source("file", text)], &ImportSettings { base_frame, ..Default::default() })
 }

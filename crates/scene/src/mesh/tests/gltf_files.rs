@@ -212,12 +212,11 @@ fn places_that_are_none_are_refused() {
 
 #[test]
 fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
+    const OF_COPIES: &str = "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes";
+    let rotation = format!("{OF_COPIES}/ROTATION");
+    let two = serde_json::json!([0.5, 0.5]);
     let cases: [(&str, serde_json::Value, &str); 10] = [
-        (
-            "/nodes/5/weights",
-            serde_json::json!([0.5, 0.5]),
-            "has 1 morph targets and 2 weights; give each its own",
-        ),
+        ("/nodes/5/weights", two, "has 1 morph targets and 2 weights; give each its own"),
         (
             "/extensionsRequired/0",
             "KHR_draco_mesh_compression".into(),
@@ -229,21 +228,9 @@ fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
             "requires the extension ACME_unknown, which is not read; export the model without it",
         ),
         ("/skins/0/joints/1", 6.into(), "joints outside of its scene"),
-        (
-            "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes/ROTATION",
-            0.into(),
-            "Vec3, not Vec4",
-        ),
-        (
-            "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes/ROTATION",
-            99.into(),
-            "ROTATION is no accessor",
-        ),
-        (
-            "/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes",
-            serde_json::json!({}),
-            "without TRANSLATION",
-        ),
+        (rotation.as_str(), 0.into(), "Vec3, not Vec4"),
+        (rotation.as_str(), 99.into(), "ROTATION is no accessor"),
+        (OF_COPIES, serde_json::json!({}), "without TRANSLATION"),
         ("/accessors/8/sparse/count", 3.into(), "reaches past its buffer"),
         ("/accessors/8/count", 2.into(), "sparse index 3 is past its 2 items"),
         ("/accessors/8/count", 4_000_000_000_u64.into(), "one too many"),

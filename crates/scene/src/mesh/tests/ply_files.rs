@@ -23,82 +23,37 @@ fn ply_faces_keep_their_labels() {
 #[test]
 fn ply_faults_are_told_before_memory_is_spent() {
     let body = "0 0 0\n1 0 0\n1 1 0\n3 0 1 2 40\n3 0 1 7 50\n";
+    let with = |from: &str, to: &str| ascii_ply("3", body).replace(from, to);
+    let inner = |from: &str, to: &str| ascii_ply("3", &body.replace(from, to));
+    let of_version_2 = with("ascii 1.0", "ascii 2.0");
+    let not_a_number = ascii_ply("3", &body.replace("1 1 0", "1 NaN 0").replace('7', "2"));
+    let longer = ascii_ply("3", &(body.replace('7', "2") + "3 0 1 2 50\n"));
+    let of_nothing = with("element face", "element none 9\nelement face");
+    let twice = with("element face", "element vertex 1\nproperty int x\nelement face");
+    let plural = with("element vertex", "element vertices");
     let cases = [
         (ascii_ply("4000000000", body), "element vertex", "4000000000 announced"),
-        (
-            ascii_ply("3", body).replace("ascii 1.0", "ascii 2.0"),
-            "header line 2",
-            "is of version \"2.0\"; export PLY 1.0",
-        ),
+        (of_version_2, "header line 2", "is of version \"2.0\"; export PLY 1.0"),
         (ascii_ply("3", body), "face 1", "refers to vertex 7, there are 3"),
-        (ascii_ply("3", &body.replace("3 0 1 7 50\n", "")), "face 1", "unexpected end"),
-        (ascii_ply("3", &body.replace("1 1 0", "1 NaN 0").replace('7', "2")), "vertex 2", "NaN"),
-        (ascii_ply("3", &body.replace("1 1 0", "1 x 0")), "vertex 2", "\"x\" is not a number"),
-        (
-            ascii_ply("3", &body.replace("0 1 7", "0 -1 2")),
-            "face 1",
-            "refers to vertex -1, there are 3",
-        ),
-        (
-            ascii_ply("3", &body.replace("7 50", "2 50.5")),
-            "face 1",
-            "label 50.5, which is not a whole number",
-        ),
-        (
-            ascii_ply("3", &body.replace("7 50", "2 nan")),
-            "face 1",
-            "label NaN, which is not a whole number",
-        ),
-        (ascii_ply("3", &body.replace("7 50", "2 50 1")), "face 1", "more values"),
-        (ascii_ply("3", &body.replace("7 50", "2")), "face 1", "fewer values"),
-        (
-            ascii_ply("3", &(body.replace('7', "2") + "3 0 1 2 50\n")),
-            "file",
-            "behind its last element",
-        ),
-        (
-            ascii_ply("3", body).replace("vertex_indices", "corners"),
-            "element face",
-            "no list `vertex_indices`",
-        ),
-        (
-            ascii_ply("3", body).replace("element face", "element tetrahedra"),
-            "element tetrahedra",
-            "not read",
-        ),
-        (ascii_ply("3", body).replace("property double x\n", ""), "element vertex", "lacks one"),
-        (
-            ascii_ply("3", body).replace("double y", "double x"),
-            "element vertex",
-            "two properties \"x\"",
-        ),
-        (
-            ascii_ply("3", body).replace("element face", "element none 9\nelement face"),
-            "element none",
-            "without properties",
-        ),
-        (
-            ascii_ply("3", body)
-                .replace("element face", "element vertex 1\nproperty int x\nelement face"),
-            "element vertex",
-            "twice",
-        ),
-        (
-            ascii_ply("3", body).replace("uchar label", "text label"),
-            "header line 9",
-            "unknown type \"text\"",
-        ),
-        (ascii_ply("3", body).replace("ascii", "ASCII"), "header line 2", "write ascii, binary"),
-        (
-            ascii_ply("3", body).replace("element vertex", "element vertices"),
-            "face 0",
-            "there are 0; name the element of points `vertex`",
-        ),
-        (
-            ascii_ply("3", body).replace("double x", "double X"),
-            "element vertex",
-            "name them so, in small letters",
-        ),
+        (inner("3 0 1 7 50\n", ""), "face 1", "unexpected end"),
+        (not_a_number, "vertex 2", "NaN"),
+        (inner("1 1 0", "1 x 0"), "vertex 2", "\"x\" is not a number"),
+        (inner("0 1 7", "0 -1 2"), "face 1", "refers to vertex -1, there are 3"),
+        (inner("7 50", "2 50.5"), "face 1", "label 50.5, which is not a whole number"),
+        (inner("7 50", "2 nan"), "face 1", "label NaN, which is not a whole number"),
+        (inner("7 50", "2 50 1"), "face 1", "more values"),
+        (inner("7 50", "2"), "face 1", "fewer values"),
+        (longer, "file", "behind its last element"),
+        (with("vertex_indices", "corners"), "element face", "no list `vertex_indices`"),
+        (with("element face", "element tetrahedra"), "element tetrahedra", "not read"),
+        (with("property double x\n", ""), "element vertex", "lacks one"),
+        (with("double y", "double x"), "element vertex", "two properties \"x\""),
+        (of_nothing, "element none", "without properties"),
+        (twice, "element vertex", "twice"),
+        (with("uchar label", "text label"), "header line 9", "unknown type \"text\""),
+        (with("ascii", "ASCII"), "header line 2", "write ascii, binary"),
+        (plural, "face 0", "there are 0; name the element of points `vertex`"),
+        (with("double x", "double X"), "element vertex", "name them so, in small letters"),
         ("ply\nformat ascii 1.0\n".to_owned(), "header", ""),
         (String::new(), "header", ""),
     ];

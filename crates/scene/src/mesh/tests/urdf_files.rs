@@ -87,6 +87,9 @@ fn faults_name_their_link_or_joint_and_the_mend() {
     let geometry = |inner: &str| shape(&format!("<geometry>{inner}</geometry>"));
     let two = link("a") + &link("b");
     let fixed = |parent: &str, child: &str| joint("fixed", parent, child, "");
+    let of_kind = |kind: &str, origin: &str| robot(&(two.clone() + &joint(kind, "a", "b", origin)));
+    let turned = |origin: &str| of_kind("fixed", origin);
+    let two_parents = fixed("a", "b").replace("<child", "<parent link=\"b\"/><child");
     let circle = link("root") + &two + &fixed("a", "b") + &fixed("b", "a");
     let both = link("c") + &two + &fixed("a", "b") + &fixed("c", "b");
     let cases = [
@@ -110,26 +113,11 @@ fn faults_name_their_link_or_joint_and_the_mend() {
             robot(&(two.clone() + &fixed("a", "bb"))),
             "joint `a_bb`: no link is called \"bb\", its child; did you mean `b`?",
         ),
-        (
-            robot(&(two.clone() + &joint("ball", "a", "b", ""))),
-            "joint `a_b`: type \"ball\" is none of fixed, ",
-        ),
-        (
-            robot(&(two.clone() + &joint("fixed", "a", "b", "xyz=\"1 2\""))),
-            "joint `a_b`: xyz of \"1 2\" is not 3 numbers",
-        ),
-        (
-            robot(&(two.clone() + &joint("fixed", "a", "b", "rpy=\"0 0 nan\""))),
-            "joint `a_b`: rpy of \"0 0 nan\" is not",
-        ),
-        (
-            robot(&(two.clone() + &joint("fixed", "a", "b", "quat_xyzw=\"1 1 0 0\""))),
-            "is no unit quaternion",
-        ),
-        (
-            robot(&(two.clone() + &joint("fixed", "a", "b", "rotation=\"1\""))),
-            "<origin> has \"rotation\"; give xyz, rpy or quat_xyzw",
-        ),
+        (of_kind("ball", ""), "joint `a_b`: type \"ball\" is none of fixed, "),
+        (turned("xyz=\"1 2\""), "joint `a_b`: xyz of \"1 2\" is not 3 numbers"),
+        (turned("rpy=\"0 0 nan\""), "joint `a_b`: rpy of \"0 0 nan\" is not"),
+        (turned("quat_xyzw=\"1 1 0 0\""), "is no unit quaternion"),
+        (turned("rotation=\"1\""), "<origin> has \"rotation\"; give xyz, rpy or quat_xyzw"),
         (robot("<link/>"), "link: <link> lacks `name`; add it"),
         (shape(""), "link `l`: <visual> has no <geometry>; give a box, cylinder, sphere or mesh"),
         (
@@ -140,12 +128,7 @@ fn faults_name_their_link_or_joint_and_the_mend() {
             shape("<geometry><sphere radius=\"1\"/></geometry><geometry/>"),
             "link `l`: has a second <geometry>; leave one out",
         ),
-        (
-            robot(
-                &(two.clone() + &fixed("a", "b").replace("<child", "<parent link=\"b\"/><child")),
-            ),
-            "joint `a_b`: has a second <parent>; leave one out",
-        ),
+        (robot(&(two.clone() + &two_parents)), "joint `a_b`: has a second <parent>; leave one out"),
         (geometry("<capsule/>"), "link `l`: <capsule> is not read; give a box,"),
         (geometry("<box size=\"1 0 1\"/>"), "link `l`: size of 0 is not a length above 0"),
         (geometry("<sphere/>"), "link `l`: <sphere> lacks `radius`; add it"),

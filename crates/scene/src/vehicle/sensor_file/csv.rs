@@ -1,6 +1,4 @@
-//! Sensor files with a line or a record a beam: CSV, and the binary tables of RGL.
-//!
-//! Sensor files of plain numbers: NumPy arrays of angles, and patterns of RGL.
+//! Sensor files with a line or a record a beam: CSV, NumPy arrays of angles, and the binary tables of RGL.
 //!
 //! An `.npy` holds azimuth and elevation of each beam in radians, counter-clockwise. RGL has rays as 3×4 matrices, `f32` in
 //! little-endian byte order, row by row. A ray leaves the matrix's last column along its third one, in the frame x forward,
@@ -15,9 +13,9 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check};
 use sightline_files::npy::{read_header, transpose};
 
-use super::pattern;
 use super::pattern::{
-    Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, direction, quoted,
+    self, Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, direction,
+    quoted,
 };
 
 /// Largest azimuth of an array, radians: a turn as `f32` rounds it.
@@ -83,6 +81,13 @@ fn sole_column(at: &Location, titles: &[&str], title: &str) -> Checked<Option<us
     }
 }
 
+/// Like [`sole_column`], for a column that must be there.
+fn needed_column(at: &Location, titles: &[&str], title: &str) -> Checked<usize> {
+    sole_column(at, titles, title)?.ok_or_else(|| {
+        bad(at, quoted(&titles.join(",")), format!("a row of titles with `{title}`"))
+    })
+}
+
 /// True if a title begins with a word, whatever its case.
 fn begins(cell: &str, word: &str) -> bool {
     cell.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
@@ -133,9 +138,7 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Checked<SensorPattern> {
     let (line, titles) = rows.next().unwrap_or_default();
     let title_at = at_line(at, line);
     let find = |title| {
-        let column = sole_column(&title_at, &titles, title)?.ok_or_else(|| {
-            bad(&title_at, quoted(&titles.join(",")), format!("a row of titles with `{title}`"))
-        })?;
+        let column = needed_column(&title_at, &titles, title)?;
         in_degrees(&title_at, titles[column]).map(|()| column)
     };
     let elevation = find("elevation")?;
@@ -284,12 +287,7 @@ fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64)
 
 /// Columns of time, azimuth and zenith by their titles.
 fn columns_of(at: &Location, titles: &[&str]) -> Checked<[usize; 3]> {
-    let find = |title| {
-        sole_column(at, titles, title)?.ok_or_else(|| {
-            let wanted = format!("a row of titles with `{title}`");
-            bad(at, quoted(&titles.join(",")), wanted)
-        })
-    };
+    let find = |title| needed_column(at, titles, title);
     let columns = [find("time")?, find("azimuth")?, find("zenith")?];
     let title = titles[columns[0]].to_ascii_lowercase();
     let unit = title.trim_start_matches("time").trim_matches(|c: char| !c.is_alphabetic());
