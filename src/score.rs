@@ -211,7 +211,7 @@ impl Seen {
 
     /// Its name, followed by [`ANY_LOST`] where it must hold whichever one LiDAR is lost and its name does not say so.
     pub(crate) fn title(&self) -> String {
-        let suffix = self.lost.as_ref().filter(|_| !self.name.contains("LiDAR lost"));
+        let suffix = self.lost.as_ref().filter(|_| !self.name.contains(" lost"));
         let suffix = suffix.map_or("", |_| ANY_LOST);
         format!("{}{suffix}", self.name)
     }
@@ -441,6 +441,9 @@ mod tests {
         // A name that does not say so is followed by it.
         seen.name = "ring".into();
         assert_eq!(seen.to_string(), words.replace("ground to 3 m", "ring"));
+        seen.name = "ring, one lost".into();
+        assert_eq!(seen.title(), seen.name, "a name that says so in other words");
+        seen.name = "ring".into();
         let json = serde_json::to_value(&seen).unwrap();
         assert_eq!(
             (json["intact"].as_f64(), json["worst_without"].as_u64()),

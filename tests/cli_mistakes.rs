@@ -36,6 +36,32 @@ fn files_of_a_search_are_named_as_they_were_given() {
     }
 }
 
+#[test]
+fn errors_that_need_no_scene_come_before_it_is_read() {
+    let dir = named();
+    fs::write(dir.path().join("bad.json"), "{ \"sightline\": 1, ").unwrap();
+    fs::create_dir(dir.path().join("taken")).unwrap();
+    for name in ["f.html", "f.npz"] {
+        fs::write(dir.path().join("taken").join(name), "").unwrap();
+    }
+    for (line, word) in [
+        ("optimize bad.json --vehicle cart.json --budget 2", "2 is below the cheapest rig"),
+        ("optimize bad.json nope.json", "nope.json: cannot be read: "),
+        ("optimize bad.json --out taken", "taken: is not empty"),
+        (
+            "optimize bad.json --vehicle cart.json --front price,near_gain --out taken",
+            "taken: is not empty",
+        ),
+        ("view bad.json p.json --out taken/f.html", "taken/f.html: already exists"),
+        ("cast bad.json p.json --out taken/f.npz", "taken/f.npz: already exists"),
+        ("study loss bad.json p.json --out taken", "taken: is not empty"),
+        ("study loss bad.json p.json:q", "p.json: has no placement `q`"),
+    ] {
+        let told = fails(dir.path(), &words(line));
+        assert!(told.contains(word) && !told.contains("bad.json"), "{line}: {told}");
+    }
+}
+
 const SCORE: &str = "score room.json p.json --vehicle cart.json --backend cpu";
 
 #[test]

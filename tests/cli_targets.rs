@@ -101,6 +101,30 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
 }
 
 #[test]
+fn distances_that_are_not_given_go_to_the_range_of_the_sensors() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    let path = dir.path().join("cart.json");
+    let cart = fs::read_to_string(&path).unwrap();
+    let asked = [&STUDY[..], &["--target", "car", "--bearings", "0"]].concat();
+    for (range, last) in [(80.0, 80.0), (42.5, 40.0), (250.0, 200.0)] {
+        fs::write(&path, cart.replace("\"range\":80", &format!("\"range\":{range}"))).unwrap();
+        let found = ok(dir.path(), &asked);
+        let distances = rows(&found, "one", "car").into_iter().map(|row| row["distance"].as_f64());
+        let distances: Vec<f64> = distances.flatten().collect();
+        assert_eq!((distances[0], distances.last()), (5.0, Some(&last)));
+        assert_eq!(found["reach"], json!(range));
+        let run = sightline(dir.path(), &asked);
+        let words = format!(
+            "{last} m is the farthest distance looked at; the sensors reach {range} m (--distances)."
+        );
+        let text = String::from_utf8(run.stdout).unwrap();
+        assert_eq!(text.lines().last(), Some(&*words), "{text}");
+        assert!(!String::from_utf8_lossy(&run.stderr).contains("beyond their range"));
+    }
+}
+
+#[test]
 fn the_own_body_hides_a_target_and_the_card_says_so() {
     let dir = TempDir::new().unwrap();
     let wall =

@@ -40,7 +40,7 @@ pub(super) fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
         |found| targets_csv(&found.table),
         |found| {
             let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
-            let table = targets_text(&found.table, beams);
+            let table = targets_text(&found.table, beams, found.reach);
             format!(
                 "Distances from the origin. {beams} beams or more meet a target, {over}{under}\n\n{table}"
             )

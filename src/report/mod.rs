@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `record` | all of `result.json`; a run as text; convergence of the search |
 //! | `words`, `blind` | the findings of a run as sentences; what it does not see, as a list where that is much |
+//! | `warnings` | kinds of warnings, and the ones that two placements share |
 //! | `next_steps` | steps to take next where a result misses requirements |
 //! | `svg` | parts of every drawing: page, colours, signs of LiDARs, axes |
 //! | `plot`, `study` | plain charts of some series |
@@ -49,6 +50,7 @@ pub(crate) mod tables;
 pub(crate) mod targets;
 pub(crate) mod text;
 mod view;
+mod warnings;
 pub(crate) mod words;
 
 pub use front::{FrontContext, FrontRecord};

@@ -4,6 +4,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::RunRecord;
+use crate::csv::rounded;
 use crate::search::{OpenMount, PLAIN, Scored};
 
 /// Mounts with room that are named.
@@ -27,8 +28,8 @@ pub(super) fn next_in_text(run: &RunRecord) -> Vec<String> {
 }
 
 /// Next steps for a user: more time if it ended before the sensors were chosen; requirements out of reach; then
-/// money and mounts that are left, and changes that let a search find more. Where all requirements are met: that a baseline
-/// meets them, too, for which fewer sensors may be enough.
+/// money and mounts that are left, and changes that let a search find more. Where all requirements are met: how to make them
+/// hold in copies, and that a baseline meets them, too, for which less may be enough.
 pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
     let cut = cut_in_words(&run.settings);
     let is_cut = cut.is_some();
@@ -38,6 +39,7 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
         required.filter(|seen| !seen.is_met()).map(|seen| format!("{}: ", seen.name)).collect();
     if unmet.is_empty() {
         let best = run.best.as_ref();
+        steps.extend(best.and_then(|best| firmer_in_words(best, run.seed)));
         steps.extend(best.and_then(|best| fewer_in_words(best, &run.baselines, &run.settings)));
         return steps;
     }
@@ -70,18 +72,40 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
     steps
 }
 
-/// Advice to look for fewer sensors where a baseline meets all requirements, too: `plain`, or one that costs less than the
-/// result. `None` where nothing is required, and where the sensors were given or are the fewest.
+/// Advice where requirements hold on paper only; `None` elsewhere.
+fn firmer_in_words(best: &Scored, seed: u64) -> Option<String> {
+    best.scores.holds_on_paper()?;
+    let half = best.scores.copies_off.map(|[mm, deg]| format!("{}mm,{}deg", mm / 2.0, deg / 2.0));
+    let half = half.map_or(String::new(), |half| format!(" (`--tolerance {half}` for half of it)"));
+    Some(format!(
+        "Next, since requirements hold on paper only, one of these: a bracket with a smaller tolerance{half}; a larger \
+         `share` or more `beams` than you need in `require`, so that the search leaves room; another seed (`--seed {}`).",
+        seed + 1
+    ))
+}
+
+/// Advice to look for less where a baseline meets all requirements, too, on more than paper: for fewer sensors than those of
+/// `plain`, or at the price of one that costs less than the result. `None` where nothing is required, and where the sensors
+/// were given or are the fewest.
 fn fewer_in_words(best: &Scored, baselines: &[Scored], settings: &Value) -> Option<String> {
     let is_chosen = settings["equipped"].is_object() && settings["fewest"] != true;
     if !is_chosen || best.scores.required.is_empty() {
         return None;
     }
-    let is_cheaper = |of: &&Scored| of.price.zip(best.price).is_some_and(|(a, b)| a < b);
+    let firm = |of: &&Scored| of.is_honest() && of.scores.holds_on_paper().is_none();
+    let mut priced =
+        baselines.iter().filter(firm).filter_map(|of| Some((of, of.price?, best.price?)));
+    if let Some((of, price, ours)) = priced.find(|(_, price, ours)| price < ours) {
+        let [price, ours] = [price, ours].map(|price| rounded(price, 2));
+        return Some(format!(
+            "`{}` meets all requirements for {price} in place of {ours}; `--budget {price}` looks for the best rig at that \
+             price.",
+            of.placement.name
+        ));
+    }
     let is_own = |of: &&Scored| of.placement.name == PLAIN && of.placement.lidars.len() > 1;
-    let mut honest = baselines.iter().filter(|of| of.is_honest());
-    let name = &honest.find(|of| is_cheaper(of) || is_own(of))?.placement.name;
-    Some(format!("`{name}` meets all requirements, too; `--fewest` looks for fewer sensors."))
+    baselines.iter().filter(firm).find(is_own)?;
+    Some(format!("`{PLAIN}` meets all requirements, too; `--fewest` looks for fewer sensors."))
 }
 
 /// Advice to spend more; none where what is left pays for a LiDAR on a mount with room.
@@ -164,13 +188,14 @@ mod tests {
         };
         let (best, chosen) = (rig("found", 1.0, 900.0), json!({ "equipped": {} }));
         let told = |baseline: Scored| fewer_in_words(&best, &[baseline], &chosen);
-        let words = |name: &str| {
-            Some(format!(
-                "`{name}` meets all requirements, too; `--fewest` looks for fewer sensors."
-            ))
-        };
-        assert_eq!(told(rig("plain", 1.0, 900.0)), words("plain"));
-        assert_eq!(told(rig("by-hand", 1.0, 800.0)), words("by-hand"));
+        let words = "`plain` meets all requirements, too; `--fewest` looks for fewer sensors.";
+        assert_eq!(told(rig("plain", 1.0, 900.0)).as_deref(), Some(words));
+        let words = "`by-hand` meets all requirements for 800 in place of 900; `--budget 800` looks for the best rig at that \
+                     price.";
+        assert_eq!(told(rig("by-hand", 1.0, 800.0)).as_deref(), Some(words));
+        let mut on_paper = rig("by-hand", 1.0, 800.0);
+        on_paper.scores.requirements_hold_in = Some(0.8);
+        assert_eq!(told(on_paper), None);
         assert_eq!(told(rig("by-hand", 1.0, 900.0)), None);
         assert_eq!(told(rig("plain", 0.5, 900.0)), None);
         let plain = [rig("plain", 1.0, 900.0)];
@@ -179,6 +204,21 @@ mod tests {
         }
         let free = planted("found", 1.0, 500.0);
         assert_eq!(fewer_in_words(&free, &plain, &chosen), None);
+    }
+
+    #[test]
+    fn requirements_on_paper_only_have_a_next_step() {
+        let mut best = planted("found", 1.0, 500.0);
+        best.scores.required = vec![Seen::of("child", 1.0)];
+        best.scores.copies_off = Some([5.0, 0.5]);
+        best.scores.requirements_hold_in = Some(0.96);
+        assert_eq!(firmer_in_words(&best, 4), None);
+        best.scores.requirements_hold_in = Some(0.9);
+        let words = firmer_in_words(&best, 4).unwrap();
+        for told in ["(`--tolerance 2.5mm,0.25deg` for half of it)", "larger `share`", "`--seed 5`"]
+        {
+            assert!(words.contains(told), "{words}");
+        }
     }
 
     #[test]

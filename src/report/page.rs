@@ -94,7 +94,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                 (heading(subject.scene, subject.conditions, &subject.verdict))
                 main {
                     (scores::required(subject))
-                    @for step in run.map(next_in_words).unwrap_or_default() { p { (step) } }
+                    @for step in run.map(next_in_words).unwrap_or_default() { p { (layout::prose(&step)) } }
                     @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     (scores::usual(subject))
                     (layout::stage(subject, figures))

@@ -123,7 +123,8 @@ impl Plot {
         };
         let turned = matches!(self.x, Axis::Names(_)) && marks.iter().any(is_wide);
         let x_title = TOP + HEIGHT + UNDER + drop_of(&marks, turned) + UNDER;
-        let names: Vec<PlotLabels> = self.series.iter().map(|s| named(s, &axes)).collect();
+        let names: Vec<PlotLabels> =
+            self.series.iter().map(|series| self.named(series, &axes)).collect();
         let listed = names.iter().filter_map(PlotLabels::list).flatten();
         let listed: Vec<(f64, &String)> =
             (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
@@ -175,6 +176,16 @@ impl Plot {
 
     fn colour(&self, index: usize) -> &'static str {
         if self.series.len() == 1 { ACCENT } else { colour(index) }
+    }
+
+    /// Words beside the points of a series, clear of other points.
+    fn named(&self, series: &Series, axes: &Axes) -> PlotLabels {
+        let area = [LEFT, LEFT + WIDTH, TOP, TOP + HEIGHT];
+        let others = self.series.iter().filter(|of| !of.line && !std::ptr::eq(*of, series));
+        let all = series.points.iter().chain(others.flat_map(|of| &of.points));
+        let points: Vec<(f64, f64)> = all.map(|point| axes.at(*point)).collect();
+        let labels = series.labels.iter().map(|(point, words)| (*point, words.as_str()));
+        PlotLabels::new(&points, labels, area, ALL)
     }
 
     /// Names along x; `None` where numbers stand there.
@@ -237,14 +248,6 @@ impl Plot {
             }
         }
     }
-}
-
-/// Words beside the points of a series.
-fn named(series: &Series, axes: &Axes) -> PlotLabels {
-    let area = [LEFT, LEFT + WIDTH, TOP, TOP + HEIGHT];
-    let points: Vec<(f64, f64)> = series.points.iter().map(|point| axes.at(*point)).collect();
-    let labels = series.labels.iter().map(|(point, words)| (*point, words.as_str()));
-    PlotLabels::new(&points, labels, area, ALL)
 }
 
 /// Pixels that names reach down from where they begin under the axis.

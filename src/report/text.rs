@@ -55,12 +55,23 @@ pub(super) fn scores_text_by(all: &[Scores], objective: &str) -> String {
         vec![columns.iter().map(|column| column.title().to_owned()).collect()];
     rows.extend(all.iter().map(cells));
     let table = align_with_notes(&rows, &all.iter().map(notes).collect::<Vec<_>>());
-    let requires = all.iter().any(|scores| !scores.required.is_empty());
-    if requires { format!("{table}{COUNTED_FROM}\n") } else { table }
+    requirements_in_words(all).into_iter().fold(table, |text, words| text + &words + "\n")
+}
+
+/// Sentences below the requirements of some placements: where metres begin, and how far copies are off. None without
+/// requirements.
+pub(super) fn requirements_in_words<'a>(all: impl IntoIterator<Item = &'a Scores>) -> Vec<String> {
+    let required: Vec<_> = all.into_iter().filter(|scores| !scores.required.is_empty()).collect();
+    let from = required.first().map(|_| COUNTED_FROM.to_owned());
+    let off = required.iter().find_map(|scores| scores.copies_off);
+    let copies = off.map(|[mm, deg]| {
+        format!("Copies are mounted up to {mm} mm and {deg}° off, at random (--tolerance).")
+    });
+    from.into_iter().chain(copies).collect()
 }
 
 /// Lines below the scores of a placement.
-fn notes(scores: &Scores) -> Vec<String> {
+pub(super) fn notes(scores: &Scores) -> Vec<String> {
     let required = scores.required.iter();
     let required =
         required.map(|seen| format!("  {} {seen}", if seen.is_met() { "+" } else { "!" }));

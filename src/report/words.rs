@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::RunRecord;
 use super::blind::{Blind, blind_in_words, unseen_in_words};
 use super::text::value_in_words;
+use super::warnings::kinds_beside;
 use crate::csv::rounded;
 use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
 use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored};
@@ -235,9 +236,12 @@ fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) 
     let rival = Scored::yardstick(baselines)?;
     let theirs = rival.objective?;
     let name = &rival.placement.name;
-    let clean = match honest().count() == baselines.len() {
-        true => "",
-        false => " without a warning or a broken rule",
+    let warned = kinds_beside(rival, best, "as here");
+    let clean = match (honest().count() == baselines.len(), warned.is_empty()) {
+        (true, true) => String::new(),
+        (true, false) => format!(" ({warned})"),
+        (false, true) => " without a warning or a broken rule".to_owned(),
+        (false, false) => format!(" that keeps every rule and requirement ({warned})"),
     };
     let shown = match baselines.len() {
         1 if name == PLAIN => format!("`{PLAIN}`, the same sensors placed without a search"),
@@ -372,25 +376,32 @@ fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String
     }
 }
 
+/// Things that decide before the value: a move that makes more copies meet the requirements may cost value.
+fn before_value_in_words(best: &Scored) -> &'static str {
+    match (best.scores.required.is_empty(), best.scores.requirements_hold_in) {
+        (true, _) => "guards",
+        (false, None) => "requirements, then guards",
+        (false, Some(_)) => "requirements, then copies that meet them, then guards",
+    }
+}
+
 /// Objective that each search method reached, and which method gave the result.
 pub(crate) fn methods_in_words(run: &RunRecord) -> String {
     let won = run.methods.iter().find(|method| method.won);
     let is_beaten = run.methods.iter().any(|m| won.is_some_and(|won| m.objective > won.objective));
     let is_penalized = run.best.as_ref().is_some_and(|best| is_penalized(best, &run.objective));
     let then = if is_penalized { ", and unseen cars take a penalty off the objective" } else { "" };
+    let first = run.best.as_ref().map_or("guards", before_value_in_words);
     let each = run.methods.iter().map(|m| {
         let value = m.objective.map_or("nothing".into(), |m| value_in_words(&run.objective, m));
         let met = match m.requirements {
             [_, 0] => String::new(),
             [met, of] => format!(" with {met} of {of} requirements met"),
         };
-        let won = match (m.won, is_beaten, m.requirements[1]) {
-            (true, true, required) => {
-                let first = if required > 0 { "requirements, then guards" } else { "guards" };
-                format!(" (the result: {first} come first{then})")
-            }
-            (true, false, _) => " (the result)".to_owned(),
-            (false, ..) => String::new(),
+        let won = match (m.won, is_beaten) {
+            (true, true) => format!(" (the result: {first} come first{then})"),
+            (true, false) => " (the result)".to_owned(),
+            (false, _) => String::new(),
         };
         format!("{} reached {value}{met}, {} poses cast{won}", m.method, m.poses_cast)
     });

@@ -11,7 +11,7 @@ use super::opening::{LoadTimes, Loaded, timings};
 use super::outputs::Figure;
 use super::{Computing, RunError, opening, outputs};
 use crate::export::GltfView;
-use crate::files::{Session, write_whole};
+use crate::files::{Session, will_read, write_whole};
 use crate::job::{Job, JobFiles};
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
 use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
@@ -74,13 +74,14 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     let _session = Session::begin();
     let start = Instant::now();
     let mut placements = read_placements(rig_path(&request.placements)?)?;
-    let mut loaded = frame(request, computing)?;
-    let mut evaluator = loaded.evaluator(computing)?;
-    let scene = loaded.job.scene();
+    will_read(&request.scene);
     outputs::check_gltf(request.gltf.gltf.as_deref())?;
     if let Some(path) = &request.out {
         outputs::check_file(path, "npz")?;
     }
+    let mut loaded = frame(request, computing)?;
+    let mut evaluator = loaded.evaluator(computing)?;
+    let scene = loaded.job.scene();
     let soup = scene.frame(request.frame as usize, EgoBody::Include);
     let problem = evaluator.problem().clone();
     Given::in_problem(&request.placements, &problem, computing).all(&mut placements)?;
@@ -181,6 +182,10 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, Ru
     let mut rivals = rivals.collect::<Result<Vec<_>, RunError>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     note_repeated(&paths, computing.watcher);
+    paths.iter().for_each(|scene| will_read(scene));
+    let out = &request.out;
+    outputs::check_file(out, "html")?;
+    outputs::check_figures(request.figures.figures.as_deref())?;
     let files = opening::files(&paths, &request.conditions.condition, None, computing);
     let files = JobFiles { tolerance: Some(request.mounting.tolerance), ..files };
     let mut loaded = opening::job(&files, computing)?;
@@ -199,9 +204,6 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, Ru
     // The placement shown is not compared with itself.
     let baselines: Vec<Placement> =
         baselines.into_iter().filter(|baseline| baseline != shown).collect();
-    let out = &request.out;
-    outputs::check_file(out, "html")?;
-    outputs::check_figures(request.figures.figures.as_deref())?;
     let (page, figures, is_met) = page(request, &job, &mut evaluator, shown, &baselines)?;
     let wrote = outputs::wrote(request.figures.figures.as_deref(), figures.len(), Some(out));
     outputs::write_figures(request.figures.figures.as_deref(), figures)?;

@@ -1,4 +1,10 @@
 //! Near field and targets of placements, scene by scene.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `question` | targets, distances and bearings of `study targets` |
+
+mod question;
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +13,7 @@ use serde::Serialize;
 use super::inputs::{Files, Given, held, name_published, no_ground, rig_path};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
-use super::{Computing, GRACE, RunError, Watcher, opening, outputs};
+use super::{Computing, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
 use crate::files::Session;
@@ -16,14 +22,13 @@ use crate::near_field::{Footprint, NearField, NearSite};
 use crate::report::coverage::near_field_svg;
 use crate::report::targets::{targets_figures, targets_svg};
 use crate::runs::{Conditions, FiguresOut};
-use crate::scan::conditions::{in_words, weather};
+use crate::scan::conditions::in_words;
 use crate::scene::{Scene, Target};
 use crate::score::Objective;
-use crate::targets::{
-    GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable, card_bearings,
-};
-use crate::vehicle::{Placement, Sensors, read_placements, table_7};
-use sightline_files::json::counted;
+use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
+use crate::vehicle::{Placement, read_placements, table_7};
+pub(super) use question::named;
+use question::{Reached, question, receiving, usual_distances, with_distances};
 
 /// Placements whose near field is looked at.
 #[derive(Debug, Clone, Default)]
@@ -165,7 +170,7 @@ pub struct TargetsRequest {
     /// times [default: child, adult, cyclist, car, tyre]
     #[cfg_attr(feature = "cli", arg(long = "target", value_name = "NAME|FILE"))]
     pub targets: Vec<String>,
-    /// Metres from the vehicle's origin to the middle of the target, separated by commas [default: 5 to 100]
+    /// Metres from the vehicle's origin to the middle of the target, separated by commas [default: 5 to the sensors' range, at most 200]
     #[cfg_attr(feature = "cli", arg(long, value_name = "M,…", value_delimiter = ',', value_parser = super::parse::number_that(crate::targets::is_distance, "metres above 0 and up to 1000, as 10,20,30")))]
     pub distances: Vec<f64>,
     /// Degrees counter-clockwise from straight ahead, separated by commas [default: sixteen all round]
@@ -207,6 +212,9 @@ pub struct TargetsFound {
     /// Weather, as it is written.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
+    /// Longest range of the LiDARs in metres, where distances were not given and go to it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reach: Option<f32>,
     /// Rows and ranges.
     #[serde(flatten)]
     pub table: TargetTable,
@@ -223,22 +231,23 @@ pub fn targets(
     let _session = Session::begin();
     let watcher = computing.watcher;
     let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
-    let question = question(request, computing)?;
+    let mut question = question(request, computing)?;
     let receiving = receiving(request)?;
     let drawings = Drawings::new(&request.out, &request.figures);
     drawings.check()?;
     let placements = read_placements(&file)?;
-    let (mut table, mut looked_at, mut told) = (TargetTable::default(), Vec::new(), Vec::new());
+    let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
+    let mut reached = Reached::default();
     watcher.listen(GRACE);
     if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
         let scene = opening::level_ground(vehicle, Some(request.frames), watcher)?;
         let given = (&*file, &*placements);
-        let place = (&scene, &mut told);
+        let place = (&scene, &mut reached);
         table = on_level_ground(&question, receiving.clone(), place, given, computing)?;
     }
     for scene in scenes.iter().take_while(|_| watcher.goes_on()) {
         let given = (&*file, &*placements);
-        let place = (&**scene, request.frames, &mut told);
+        let place = (&**scene, request.frames, &mut reached);
         let (found, frames) = in_scene(&question, receiving.clone(), place, given, computing)?;
         looked_at.push((found.detections.first().and_then(|of| of.scene.clone()), frames));
         table.append(found);
@@ -247,6 +256,9 @@ pub fn targets(
         .iter()
         .map(|(name, frames)| (name.as_deref().unwrap_or_default(), *frames))
         .collect();
+    if question.distances.is_empty() {
+        question.distances = usual_distances(reached.range.unwrap_or_default());
+    }
     if watcher.goes_on() {
         let figures = targets_figures(&question, &table);
         drawings.write(figures, || Some(targets_svg(&question, &table)), watcher)?;
@@ -256,43 +268,22 @@ pub fn targets(
     let TargetQuestion { targets, beams, of_frames, .. } = question;
     let conditions = in_words(&request.conditions.condition);
     let over = outputs::over(&scenes);
-    Ok(TargetsFound { over, targets, beams, of_frames, conditions, table })
-}
-
-/// Notes distances beyond the range of every sensor of a placement; a sentence that was `told` is not told again.
-fn note_beyond(
-    question: &TargetQuestion,
-    sensors: &Sensors,
-    placements: &[Placement],
-    told: &mut Vec<String>,
-    watcher: &dyn Watcher,
-) {
-    for placement in placements {
-        let Some((range, beyond)) = question.beyond(sensors, &placement.lidars) else { continue };
-        let beyond = beyond.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-        let words = format!(
-            "--distances: a rig whose sensors reach {range} m at most meets no target at {beyond} m: this lies beyond their range; \
-             leave them out, or give sensors of longer range"
-        );
-        if !told.contains(&words) {
-            watcher.note(&words);
-            told.push(words);
-        }
-    }
+    let reach = reached.range;
+    Ok(TargetsFound { over, targets, beams, of_frames, conditions, reach, table })
 }
 
 /// Table of placements of a file on level ground.
 fn on_level_ground(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
-    (ground, told): (&Scene, &mut Vec<String>),
+    (ground, reached): (&Scene, &mut Reached),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
 ) -> Result<TargetTable, RunError> {
     let (watcher, mut placements) = (computing.watcher, placements.to_vec());
     let site = TargetSite::of_vehicle(ground)?.receiving(receiving);
     Given::new(file, site.sensors(), &ground.rules(), computing).whole(&mut placements)?;
-    note_beyond(question, site.sensors(), &placements, told, watcher);
+    let question = with_distances(question, (site.sensors(), &placements), reached, watcher);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {
@@ -307,7 +298,7 @@ fn on_level_ground(
 fn in_scene(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
-    (path, frames, told): (&Path, u32, &mut Vec<String>),
+    (path, frames, reached): (&Path, u32, &mut Reached),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
 ) -> Result<(TargetTable, usize), RunError> {
@@ -322,7 +313,7 @@ fn in_scene(
     let problem = evaluator.shared_problem();
     Given::in_problem(file, &problem, computing).whole(&mut placements)?;
     let site = TargetSite::of(&problem).receiving(receiving);
-    note_beyond(question, site.sensors(), &placements, told, watcher);
+    let question = with_distances(question, (site.sensors(), &placements), reached, watcher);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut table = TargetTable::default();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {
@@ -331,79 +322,6 @@ fn in_scene(
         bar.advance(1);
     }
     Ok((table.of_scene(loaded.job.scene().name()), problem.frame_count()))
-}
-
-/// Targets of a study that names none.
-const TARGETS: [&str; 5] = ["child", "adult", "cyclist", "car", "tyre"];
-
-/// Distances of a study that names none: every 5 m to 60 m, then every 10 m.
-fn usual_distances() -> Vec<f64> {
-    (1..=12).map(|k| 5.0 * f64::from(k)).chain((7..=10).map(|k| 10.0 * f64::from(k))).collect()
-}
-
-/// Reads targets by preset or file, each once.
-pub(super) fn named(names: &[String], computing: &Computing<'_>) -> Result<Vec<Target>, RunError> {
-    let mut targets: Vec<Target> = Vec::new();
-    for name in names {
-        let target = Target::named(name)?;
-        target.notes.iter().try_for_each(|note| computing.watcher.tell(note))?;
-        if targets.iter().any(|known| known.name == target.name) {
-            let name = &target.name;
-            return Err(RunError::Usage(format!("--target {name}: is given twice; leave one out")));
-        }
-        targets.push(target);
-    }
-    Ok(targets)
-}
-
-/// Reads the targets, and orders distances.
-fn question(
-    request: &TargetsRequest,
-    computing: &Computing<'_>,
-) -> Result<TargetQuestion, RunError> {
-    let or = |given: &[f64], usual: Vec<f64>| if given.is_empty() { usual } else { given.to_vec() };
-    let targets = match &request.targets[..] {
-        [] => named(&TARGETS.map(str::to_owned), computing)?,
-        given => named(given, computing)?,
-    };
-    let mut distances = or(&request.distances, usual_distances());
-    distances.sort_by(f64::total_cmp);
-    distances.dedup();
-    let mut bearings: Vec<f64> = Vec::new();
-    for bearing in or(&request.bearings, card_bearings()) {
-        let is_same = |known: &f64| (known - bearing).rem_euclid(360.0) == 0.0;
-        match bearings.iter().copied().find(is_same) {
-            Some(known) if known != bearing => computing
-                .watcher
-                .note(&format!("--bearings: {bearing}° is {known}°: given once, as {known}°")),
-            Some(_) => {}
-            None => bearings.push(bearing),
-        }
-    }
-    let (frames, of_frames) = (request.frames, request.of_frames.unwrap_or(request.frames));
-    if of_frames > frames {
-        return Err(RunError::Usage(format!(
-            "--in {of_frames}: is more than the {} that are looked at; give --frames {of_frames} or more, \
-             or --in 1 to {frames}",
-            counted(frames as usize, "frame")
-        )));
-    }
-    let of_frames = of_frames as usize;
-    Ok(TargetQuestion { targets, distances, bearings, beams: request.beams, of_frames })
-}
-
-/// Light that must come back, where it counts.
-fn receiving(request: &TargetsRequest) -> Result<Option<Receiving>, RunError> {
-    for condition in &request.conditions.condition {
-        if !condition.dims_light() {
-            return Err(RunError::Usage(format!(
-                "--condition {condition}: beams on targets are dimmed by fog, snow and rain alone; leave it out"
-            )));
-        }
-    }
-    let weather = weather(&request.conditions.condition)?;
-    let counts = request.response || !request.conditions.condition.is_empty();
-    Ok(counts.then(|| Receiving::from(weather)))
 }
 
 /// Files and settings of an audit.

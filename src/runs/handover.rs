@@ -294,9 +294,9 @@ fn text<'a>(
     let mut text = format!("{vehicle}, placement {placement}: LiDARs to be handed over\n\n");
     let own = unsaid_self_hits(rig);
     let lines = rig.of_run.iter().chain(&rig.warnings).chain(&own).chain(&rig.about);
-    lines.for_each(|line| text += &format!("{line}\n"));
+    lines.for_each(|line| text += &format!("{}\n", without_folders(line)));
     for note in &rig.scene().vehicle().notes {
-        let _ = writeln!(text, "Note: {}", note.text());
+        let _ = writeln!(text, "Note: {}", without_folders(note.text()));
     }
     let _ = write!(text, "\n{CONVENTION}\nFiles\n");
     for file in files {
@@ -331,7 +331,7 @@ fn text<'a>(
     text += &rig.frame_in_words().map_or(String::new(), |words| words + "\n");
     text += "\nMade by sightline ";
     text += env!("CARGO_PKG_VERSION");
-    text += " from these files, with the SHA-256 of each\n";
+    text += " from these files, named without their folders, with the SHA-256 of each\n";
     let mut inputs = rig.scene().files().to_vec();
     inputs.push(PathBuf::from(&rig.file));
     inputs.retain(|file| file.is_file());
@@ -344,9 +344,35 @@ fn text<'a>(
     Ok(text)
 }
 
+/// A sentence or a command in which absolute paths are names alone: whoever gets the folder has other folders.
+fn without_folders(words: &str) -> String {
+    let named = |word: &str| {
+        let path = Path::new(word);
+        let name = path.file_name().filter(|_| path.is_absolute());
+        name.map_or_else(|| word.to_owned(), |name| name.to_string_lossy().into_owned())
+    };
+    // Paths with spaces stand between quotes.
+    let part = |(k, part): (usize, &str)| match k % 2 == 1 && Path::new(part).is_absolute() {
+        true => named(part),
+        false => part.split(' ').map(named).collect::<Vec<_>>().join(" "),
+    };
+    words.split('\'').enumerate().map(part).collect::<Vec<_>>().join("'")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn paths_of_this_machine_are_names_alone() {
+        let command = "sightline optimize '/a b/c d.json' --vehicle /e/van.json --seed 1 out/run";
+        let words = "sightline optimize 'c d.json' --vehicle van.json --seed 1 out/run";
+        assert_eq!(without_folders(command), words);
+        let note = "/e/van.json: beams a/b, 3 / 4 of the vehicle's; see /e/f/wheel.obj.";
+        let words = "van.json: beams a/b, 3 / 4 of the vehicle's; see wheel.obj.";
+        assert_eq!(without_folders(note), words);
+    }
 
     #[test]
     fn only_names_of_masks_are_masks() {

@@ -59,7 +59,10 @@ pub fn optimize(
                 RunDir::<RunCheckpoint>::resume(COMMAND, path)?;
             (Some(folder), begun, Some(state), Settings::default())
         }
-        None => (None, request.begun(computing)?, None, request.settings()?),
+        None => {
+            let (begun, settings) = request.checked(computing)?;
+            (None, begun, None, settings)
+        }
     };
     let length = request.max_seconds.map(Duration::from_secs_f64);
     let time = length.map(|length| TimeLimit { start, length });

@@ -168,12 +168,17 @@ fn of_scenes(
     // The study of weather has a job for each condition.
     let together =
         if request.kind == Kind::Weather { &[][..] } else { &request.conditions.condition };
-    let files = opening::files(paths, together, request.frames, computing);
-    let job = opening::job(&files, computing)?.job;
-    let scenes = job.scenes();
     let mut settings = settings.clone();
     if let Some(file) = placements {
         settings.placements = read_placements(file)?;
+    }
+    if !holds_run(folder) {
+        files::check_new_folder(folder)?;
+    }
+    let files = opening::files(paths, together, request.frames, computing);
+    let job = opening::job(&files, computing)?.job;
+    let scenes = job.scenes();
+    if let Some(file) = placements {
         Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
         // Own rigs are compared with the result of a run, which is over all frames.
         if request.kind == Kind::Loss && request.frames.is_none() {

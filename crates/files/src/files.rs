@@ -24,7 +24,7 @@ pub use guard::{
     will_read,
 };
 pub use paths::{FileNames, is_sink, safe_name, safe_names, stays_inside, target, trust_paths};
-pub use run_dir::{RunDir, changed_input, command_of, holds_run};
+pub use run_dir::{RunDir, changed_input, check_new_folder, command_of, holds_run};
 pub use whole::{Output, begin_in, sync_disk, writable_file, write_as, write_pair, write_whole};
 
 /// Why a file or folder cannot be read, written or gone on with.

@@ -2,7 +2,7 @@
 
 use crate::job::{Job, JobError};
 use crate::search::{Equipped, SearchError};
-use crate::vehicle::{PoseGrid, SensorName, Vehicle};
+use crate::vehicle::{PoseGrid, SensorName, Vehicle, is_within_budget};
 
 /// Checks that a vehicle can carry sensors that were read from a file.
 pub(super) fn check_equipped(vehicle: &Vehicle, equipped: &Equipped) -> Result<(), JobError> {
@@ -20,11 +20,11 @@ pub(super) fn check_equipped(vehicle: &Vehicle, equipped: &Equipped) -> Result<(
 }
 
 impl Job {
-    /// Checks that some rig keeps the rules of the mounts, and that the grid of `delta` has no more poses than are possible,
-    /// before anything is written.
+    /// Checks that some rig keeps the rules of the mounts and costs no more than the budget, and that the grid of `delta` has
+    /// no more poses than are possible, before anything is written.
     ///
     /// # Errors
-    /// No rig is found, or too many poses.
+    /// No rig is found, too little money, or too many poses.
     pub fn check_room(&self) -> Result<(), JobError> {
         let place = |file: &std::path::PathBuf| file.display().to_string();
         let vehicle = self.scene().vehicle();
@@ -33,6 +33,13 @@ impl Job {
             scene: self.vehicle_file.as_ref().map_or_else(|| self.scenes[0].place(), place),
             source: error.into(),
         })?;
+        if let Some(budget) = self.budget {
+            let mut costs =
+                [&vehicle.cheapest(), &equipment].map(|rig| vehicle.cost(rig)).into_iter();
+            if let Some(least) = costs.find(|least| !is_within_budget(*least, budget)) {
+                return Err(SearchError::Budget { budget, least }.into());
+            }
+        }
         if let Some(spacing) = self.settings.delta {
             let regions = || vehicle.mounts.iter().map(|mount| &mount.region);
             let sides = regions().flat_map(|r| [0, 1, 2].map(|k| r.upper[k] - r.lower[k]));

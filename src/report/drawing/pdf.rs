@@ -229,6 +229,7 @@ mod tests {
         // A character a byte, so that places are those of the file.
         let ascii = |&byte: &u8| if byte.is_ascii() { char::from(byte) } else { '?' };
         let text: String = bytes.iter().map(ascii).collect();
+        assert!(text.contains("<< /Type /Page /Parent 2 0 R "), "readers look for this type");
         let start = text.rsplit("startxref\n").next().unwrap().lines().next().unwrap();
         let table = &text[start.parse().unwrap()..];
         let places = table.lines().skip(3).take_while(|line| line.ends_with(" n "));

@@ -9,7 +9,8 @@ use crate::report::front::{
     blind_in_words, front_plot, front_rows, front_verdict, has_requirements, picks_of,
     refined_in_words,
 };
-use crate::report::{FrontRecord, scores_text};
+use crate::report::text::{notes, requirements_in_words};
+use crate::report::{FrontRecord, ScoreColumn};
 
 /// The page of a front, one file that loads nothing.
 pub(crate) fn front_html(front: &Front, record: &FrontRecord) -> String {
@@ -54,7 +55,7 @@ fn trade(front: &Front, record: &FrontRecord) -> Markup {
                 }
                 " " (blind_in_words(front)) "."
             }
-            div.paper { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
+            div.chart { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
             (layout::table_of("Points of the front", &front_rows(front), is_picked))
         }
     }
@@ -76,12 +77,27 @@ fn sensors(front: &Front) -> Markup {
     }
 }
 
+/// Scores of the points as a table, and below for each its requirements, guards and broken rules.
 fn scores(front: &Front) -> Markup {
-    let all: Vec<_> = front.points.iter().map(|point| point.scores.clone()).collect();
+    let all = || front.points.iter().map(|point| &point.scores);
+    let columns = ScoreColumn::shown(all(), "");
+    let titles: Vec<&str> = columns.iter().map(|column| column.title()).collect();
+    let cells = |scores| columns.iter().map(|column| layout::text(column.cell(scores))).collect();
+    let rows = all().map(|scores| (false, cells(scores)));
     html! {
         section aria-labelledby="scores" {
             h2 #scores { "Scores, requirements and guards" }
-            pre.wide tabindex="0" role="group" aria-label="Scores" { code { (scores_text(&all)) } }
+            (layout::table("Scores of the points", &titles, rows))
+            @for words in requirements_in_words(all()) { p.small { (words) } }
+            @for scores in all() {
+                @let notes = notes(scores);
+                @if !notes.is_empty() {
+                    h3 { (scores.name) }
+                    ul.guards {
+                        @for note in &notes { li { (note.trim_start_matches([' ', '+', '!', '*'])) } }
+                    }
+                }
+            }
         }
     }
 }

@@ -8,8 +8,9 @@ use crate::job::Tolerance;
 use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, COUNTED_FROM, against as compared, value_in_words};
 use crate::report::view::sight::InformationShare;
+use crate::report::warnings::{KINDS, kinds_beside};
 use crate::report::{RunRecord, ScoreColumn};
-use crate::score::{Guard, HOLDS, Scores, Seen, percent_down, percent_up};
+use crate::score::{HOLDS, Scores, Seen, percent_down, percent_up};
 use crate::search::{MANY_SCENES, Scored};
 use sightline_files::json::counted;
 
@@ -19,8 +20,6 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
     let seed = run.map_or(1, |run| run.seed);
     let column = ScoreColumn::argued(subject.objective);
     let all = compared(best, subject.baselines, subject.scenes, seed, column);
-    let ends = |one: &Against| one.interval.map_or([one.difference; 2], |i| [i.low, i.high]);
-    let widest = all.iter().flat_map(ends).map(f64::abs).fold(1e-12, f64::max);
     let several = !subject.scenes.is_empty();
     // A rig that was given has a name; one that was found is the result.
     let who = if run.is_some() { "the result" } else { &*best.placement.name };
@@ -28,21 +27,7 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
         "Percentage points that {who} gains more than each baseline, or less where negative"
     );
     let places = subject.scenes.iter().filter(|scene| !scene.mirrored).count();
-    let titles = ["", column.title(), "more by", "95 % interval", ""];
-    let percent = |share: f64| format!("{:+.2}", 100.0 * share);
-    let rows = all.iter().map(|one| {
-        let interval = one.interval.map(|i| [i.low, i.high]);
-        let words = interval
-            .map_or("–".into(), |[low, high]| format!("{} to {}", percent(low), percent(high)));
-        let scaled = interval.map(|ends| ends.map(|end| end / widest));
-        let mut row = vec![text(one.name), text(format!("{:.2}", 100.0 * one.gain))];
-        row.push(text(percent(one.difference)));
-        row.extend(several.then(|| text(words)));
-        row.push(difference(one.difference / widest, scaled));
-        (false, row)
-    });
-    let titles: Vec<&str> =
-        titles.into_iter().filter(|t| several || !t.starts_with("95")).collect();
+    let (titles, rows) = rows_against(subject, best, &all, who);
     html! {
         @if !all.is_empty() {
             section aria-labelledby="against" {
@@ -70,6 +55,52 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
             }
         }
     }
+}
+
+/// Titles and rows of the result against some baselines, with the warnings of these where any has one.
+fn rows_against(
+    subject: &Subject<'_>,
+    best: &Scored,
+    all: &[Against<'_>],
+    who: &str,
+) -> (Vec<&'static str>, Vec<(bool, Vec<Markup>)>) {
+    let ends = |one: &Against| one.interval.map_or([one.difference; 2], |i| [i.low, i.high]);
+    let widest = all.iter().flat_map(ends).map(f64::abs).fold(1e-12, f64::max);
+    let several = !subject.scenes.is_empty();
+    let titles = [
+        "",
+        ScoreColumn::argued(subject.objective).title(),
+        "more by",
+        "95 % interval",
+        "",
+        "warnings",
+    ];
+    let as_here = format!("as {who}");
+    let warned = |name: &str| {
+        let of = subject.baselines.iter().find(|baseline| baseline.placement.name == name);
+        of.map(|of| kinds_beside(of, best, &as_here)).unwrap_or_default()
+    };
+    let is_warned = all.iter().any(|one| !warned(one.name).is_empty());
+    let percent = |share: f64| format!("{:+.2}", 100.0 * share);
+    let rows = all.iter().map(|one| {
+        let interval = one.interval.map(|i| [i.low, i.high]);
+        let words = interval
+            .map_or("–".into(), |[low, high]| format!("{} to {}", percent(low), percent(high)));
+        let scaled = interval.map(|ends| ends.map(|end| end / widest));
+        let mut row = vec![text(one.name), text(format!("{:.2}", 100.0 * one.gain))];
+        row.push(text(percent(one.difference)));
+        row.extend(several.then(|| text(words)));
+        row.push(difference(one.difference / widest, scaled));
+        row.extend(is_warned.then(|| text(warned(one.name))));
+        (false, row)
+    });
+    let rows = rows.collect();
+    let is_shown = |title: &&str| match *title {
+        "95 % interval" => several,
+        "warnings" => is_warned,
+        _ => true,
+    };
+    (titles.into_iter().filter(is_shown).collect(), rows)
 }
 
 /// Meaning of the near gain.
@@ -122,25 +153,16 @@ pub(super) fn guards(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
 
 /// Meaning of the listed kinds of warnings for a score.
 fn meaning(spoken: &[(&Scored, Vec<String>)]) -> String {
-    let any = |is: &dyn Fn(&Scored) -> bool| spoken.iter().any(|(scored, _)| is(scored));
-    let lacks = |one: &Scored| one.scores.required.iter().any(|seen| !seen.is_met());
-    let doubts = [
-        ("guards", any(&|one| one.scores.guards.iter().any(Guard::is_doubt))),
-        ("broken rules", any(&|one| !one.violations.is_empty())),
-    ];
-    let has = |is: fn(&Guard) -> bool| any(&|one| one.scores.guards.iter().any(is));
-    let facts = [
-        ("requirements that are not met", any(&lacks)),
-        ("requirements that hold on paper only", any(&|one| one.scores.holds_on_paper().is_some())),
-        ("blind sectors", has(|guard| matches!(guard, Guard::BlindSector(_)))),
-        ("LiDARs that could be left out", has(|guard| guard.redundant_lidar().is_some())),
-    ];
-    let says = |what: &str, kinds: &[(&str, bool)]| {
-        let listed: Vec<&str> = kinds.iter().filter(|(_, is)| *is).map(|(name, _)| *name).collect();
-        (!listed.is_empty()).then(|| format!("{what}: {}.", listed.join(" and ")))
+    let kinds = |is_doubt: bool| {
+        let kinds = KINDS.iter().filter(move |kind| kind.is_doubt == is_doubt);
+        let told = kinds.filter(|kind| spoken.iter().any(|(scored, _)| (kind.is)(scored)));
+        told.map(|kind| kind.many).collect::<Vec<_>>()
     };
-    let doubts = says("Reasons not to believe a score", &doubts);
-    let facts = says("Facts about a rig, which do not make its score doubtful", &facts);
+    let says = |what: &str, kinds: Vec<&str>| {
+        (!kinds.is_empty()).then(|| format!("{what}: {}.", kinds.join(" and ")))
+    };
+    let doubts = says("Reasons not to believe a score", kinds(true));
+    let facts = says("Facts about a rig, which do not make its score doubtful", kinds(false));
     doubts.into_iter().chain(facts).collect::<Vec<_>>().join(" ")
 }
 
@@ -363,6 +385,7 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
 mod tests {
     use super::*;
     use crate::report::words::tests::planted;
+    use crate::score::Guard;
     use crate::targets::BlindSector;
 
     #[test]
@@ -402,11 +425,23 @@ mod tests {
             let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());
             guards(&subject, None).into_string()
         };
+        let plain_rig = plain.clone();
         let said = told(&best, &[plain, center.clone()]);
         assert!(said.contains("Warnings of found: none. Some baselines have warnings."), "{said}");
         let words = "<b>Center</b>: BLIND: ahead (in the sector of 30° from -15° to 15°)";
         assert!(said.contains(words) && said.matches("<li>").count() == 1, "{said}");
         assert!(!said.contains("Reasons not to believe"), "{said}");
+        // The comparison says so, too, and that the result has the same.
+        const GAIN: &str = "information_gain";
+        let table = |best: &Scored| {
+            let baselines = [plain_rig.clone(), center.clone()];
+            let subject = Subject::given("s", &[], best, &baselines, GAIN, String::new());
+            against(&subject, None).into_string()
+        };
+        assert!(table(&best).contains("<td>blind sector</td>"), "{}", table(&best));
+        let mut blind = best.clone();
+        blind.scores.guards.clone_from(&center.scores.guards);
+        assert!(table(&blind).contains("<td>blind sector, as found</td>"), "{}", table(&blind));
         assert!(told(&best, &[]).contains("None: found keeps all rules and passes all checks."));
         center.violations = vec!["LiDAR 0: z is 1 outside the mount".to_owned()];
         let said = told(&center, &[]);

@@ -20,8 +20,8 @@ pub(in crate::report) struct PlotLabels {
 }
 
 impl PlotLabels {
-    /// Words beside points: `labels` are (number of a point, words), `points` pixels, `area` (left, right, top, bottom)
-    /// within a drawing of `width`.
+    /// Words beside points: `labels` are (number of a point, words), `points` pixels that words keep clear of, `area` (left,
+    /// right, top, bottom) within a drawing of `width`.
     pub(crate) fn new<'a>(
         points: &[(f64, f64)],
         labels: impl Iterator<Item = (usize, &'a str)>,
@@ -38,13 +38,13 @@ impl PlotLabels {
                 None => places.push((at, words.to_owned())),
             }
         }
-        let list = (!have_room(&places, width, area[1])).then(|| {
+        let points: Vec<(f64, f64)> = points.iter().copied().filter(is_drawn).collect();
+        let list = (!have_room(&places, &points, width, area[1])).then(|| {
             let letters = ((width - area[0] - 10.0) / PLOT_LABELS_LETTER) as usize;
             let numbered =
                 (1..).zip(&places).map(|(number, (_, words))| format!("{number}: {words}"));
             numbered.flat_map(|item| lines(&item, letters)).collect()
         });
-        let points = points.iter().copied().filter(is_drawn).collect();
         Self { area, points, places, list }
     }
 
@@ -109,16 +109,16 @@ fn beside((x, y): (f64, f64), words: &str, end: f64) -> ([f64; 4], bool) {
     }
 }
 
-/// True if all words end within the drawing, and none stand on others or on another point. The area ends at `end`.
-fn have_room(places: &[((f64, f64), String)], width: f64, end: f64) -> bool {
+/// True if all words end within the drawing, and none stand on others or on a point. The area ends at `end`.
+fn have_room(places: &[((f64, f64), String)], points: &[(f64, f64)], width: f64, end: f64) -> bool {
     let boxes: Vec<[f64; 4]> = places.iter().map(|(at, words)| beside(*at, words, end).0).collect();
     let clear =
         |a: &[f64; 4], b: &[f64; 4]| a[1] < b[0] || b[1] < a[0] || a[3] < b[2] || b[3] < a[2];
     let apart = |k: usize| {
         let words = &boxes[k];
-        let points = places.iter().map(|(at, _)| [at.0 - 4.0, at.0 + 4.0, at.1 - 4.0, at.1 + 4.0]);
+        let mut points = points.iter().map(|(x, y)| [x - 4.0, x + 4.0, y - 4.0, y + 4.0]);
         boxes[..k].iter().all(|other| clear(words, other))
-            && points.into_iter().all(|p| clear(words, &p))
+            && points.all(|point| clear(words, &point))
     };
     boxes.iter().all(|words| words[1] < width) && (0..boxes.len()).all(apart)
 }
@@ -144,6 +144,9 @@ mod tests {
         let (drawn, list) = named(&near, ["one roof", "two doors"]);
         assert!(drawn.contains(">1<") && drawn.contains(">2<"), "{drawn}");
         assert_eq!(list.unwrap(), ["1: one roof", "2: two doors"]);
+        // A point without words is kept clear, too.
+        let with_third = [(100.0, 300.0), (500.0, 100.0), (130.0, 288.0)];
+        assert!(named(&with_third, ["one roof", "two doors"]).1.is_some());
         let long = "word ".repeat(40);
         let list = named(&apart, ["one roof", long.trim()]).1.unwrap();
         assert_eq!(list.len(), 3);

@@ -16,8 +16,9 @@ struct OfPlacement<'a> {
 }
 
 /// A block a placement: distances of detection, or the beams at each distance where there are at most four. Where a target
-/// is not detected at a bearing, how near the best came; `beams` count.
-pub(crate) fn targets_text(table: &TargetTable, beams: u32) -> String {
+/// is not detected at a bearing, how near the best came; `beams` count. `reach` is the range of the sensors in metres, where
+/// distances go to it.
+pub(crate) fn targets_text(table: &TargetTable, beams: u32, reach: Option<f32>) -> String {
     let mut distances: Vec<f64> = table.rows.iter().map(|row| row.distance).collect();
     distances.sort_by(f64::total_cmp);
     distances.dedup();
@@ -36,8 +37,9 @@ pub(crate) fn targets_text(table: &TargetTable, beams: u32) -> String {
     let ends = |last: &&f64| {
         table.detections.iter().any(|of| of.detected.last().is_some_and(|run| run[1] == **last))
     };
-    let ends = last.filter(ends).map_or(String::new(), |last| {
-        format!("{} m is the farthest distance looked at (--distances).\n", trimmed(*last, 2))
+    let to = reach.map_or(String::new(), |range| format!("; the sensors reach {range} m"));
+    let ends = last.filter(|last| reach.is_some() || ends(last)).map_or(String::new(), |last| {
+        format!("{} m is the farthest distance looked at{to} (--distances).\n", trimmed(*last, 2))
     });
     blocks + &ends
 }
@@ -152,7 +154,7 @@ mod tests {
             detections: vec![detection(0.0, &[]), detection(90.0, &[])],
         };
         let lines = |table: &TargetTable| -> Vec<String> {
-            let text = targets_text(table, 5);
+            let text = targets_text(table, 5, None);
             text.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
         };
         assert_eq!(
@@ -174,6 +176,10 @@ mod tests {
         assert_eq!(lines(&table)[2], "ahead 0° – (3 beams at 10, 5 needed)");
         table.detections[0].detected = vec![[10.0, 30.0]];
         assert_eq!(lines(&table)[2..], ["ahead 0° 10–30", "left 90° –"]);
+        let text = targets_text(&table, 5, Some(62.5));
+        let words =
+            "60 m is the farthest distance looked at; the sensors reach 62.5 m (--distances).";
+        assert_eq!(text.lines().last(), Some(words));
         table.detections[0].detected = vec![[10.0, 60.0]];
         assert_eq!(lines(&table)[4], "60 m is the farthest distance looked at (--distances).");
     }

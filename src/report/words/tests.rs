@@ -160,6 +160,11 @@ fn baselines_with_a_guard_or_a_broken_rule_are_no_yardstick() {
     assert!(alone.contains(why), "{alone}");
     assert!(!alone.contains("differences from baselines"), "{alone}");
     assert_eq!(broken_in_words(&baselines), ["roof rack: too near"]);
+    let mut on_paper = planted("Center", -2.0, 500.0);
+    on_paper.scores.required = vec![Seen::of("child", 1.0)];
+    on_paper.scores.requirements_hold_in = Some(0.9);
+    let words = verdict(Some(&found), &[on_paper], "m_sog_scaled");
+    assert!(words.contains(" than Center, the only baseline (on paper only), by "), "{words}");
 }
 
 #[test]
@@ -269,6 +274,17 @@ fn a_result_that_no_climb_reached_is_told_with_its_origin() {
     for told in [said(Some(0), false, Some("swaps")), said(Some(3), true, Some("swaps"))] {
         assert!(told.ends_with("Another seed takes other starts"), "{told}");
     }
+}
+
+#[test]
+fn copies_that_meet_requirements_decide_before_the_value() {
+    let mut best = planted("found", -1.0, 500.0);
+    assert_eq!(before_value_in_words(&best), "guards");
+    best.scores.required = vec![Seen::of("child", 0.95)];
+    assert_eq!(before_value_in_words(&best), "requirements, then guards");
+    best.scores.requirements_hold_in = Some(0.9);
+    let words = "requirements, then copies that meet them, then guards";
+    assert_eq!(before_value_in_words(&best), words);
 }
 
 #[test]

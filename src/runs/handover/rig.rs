@@ -248,7 +248,7 @@ impl Handed {
             Some(run) => doubts(&run.required, run.hold_in),
             None => {
                 let changed = changed.iter().map(|file| {
-                    let file = file.display();
+                    let file = file.file_name().unwrap_or_default().display();
                     format!(
                         "CHANGED SINCE THE RUN: {file}; rules and requirements are looked at anew"
                     )

@@ -60,7 +60,7 @@ fn opened(
         let (folder, saved) = RunDir::<SavedFront>::resume(COMMAND, path)?;
         return Ok((Some(folder), saved));
     }
-    let (begun, settings) = (request.begun(computing)?, request.settings()?);
+    let (begun, settings) = request.checked(computing)?;
     let words = "give the objectives of the front, as price,near_gain";
     let objectives = request.front.clone().ok_or_else(|| RunError::Usage(words.to_owned()))?;
     Ok((None, SavedFront { begun, objectives, settings, state: FrontState::default() }))

@@ -6,12 +6,12 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::files::{Input, RunDir, holds_run};
-use crate::job::{FRONT_EVALUATIONS, FrontObjectives, JobFiles, JobState};
+use crate::files::{Input, RunDir, check_new_folder, holds_run};
+use crate::job::{FRONT_EVALUATIONS, FrontObjectives, Job, JobError, JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::{from_here, word};
-use crate::runs::inputs::{Given, RESULT, note_repeated, note_unpriced, rig_path};
+use crate::runs::inputs::{Given, RESULT, can_be_read, note_repeated, note_unpriced, rig_path};
 use crate::runs::opening::Loaded;
 #[cfg(feature = "cli")]
 use crate::runs::parse;
@@ -20,7 +20,8 @@ use crate::runs::{
     outputs,
 };
 use crate::scan::conditions::in_words;
-use crate::search::{FrameChoice, Method, Settings, TimeLimit};
+use crate::scene::Scene;
+use crate::search::{FrameChoice, Method, SearchError, Settings, TimeLimit};
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{MountRules, Spacing, Vehicle, read_placements};
 
@@ -207,7 +208,8 @@ impl Begun {
     }
 }
 
-/// Refuses the folder of a run, and a file of placements, in the place of a scene.
+/// Refuses the folder of a run, and a file of placements, in the place of a scene; and a scene after the first that cannot
+/// be read.
 fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
     for path in files.scenes() {
         let file = path.display();
@@ -221,7 +223,18 @@ fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
         };
         return Err(RunError::Usage(format!("{file}: {fault}")));
     }
-    Ok(())
+    let missing = files.more_scenes.iter().find(|path| can_be_read(path).is_err());
+    missing.map_or(Ok(()), |path| Ok(files.read_scene(path).map(drop)?))
+}
+
+/// Refuses a budget below the cheapest rig of a vehicle file (no pipe: one is read once); other faults are told later.
+fn check_budget(files: &JobFiles) -> Result<(), RunError> {
+    let file = files.vehicle.as_deref().filter(|file| files.budget.is_some() && file.is_file());
+    let Some(Ok(ground)) = file.map(Scene::level_ground) else { return Ok(()) };
+    match Job::new(ground).budget(files.budget).check_room() {
+        Err(error @ JobError::Search(SearchError::Budget { .. })) => Err(error.into()),
+        _ => Ok(()),
+    }
 }
 
 impl OptimizeRequest {
@@ -240,8 +253,15 @@ impl OptimizeRequest {
         }
     }
 
+    /// Files and options that the checkpoint of a new run keeps, and its settings, once all is checked that takes no scene.
+    pub(super) fn checked(&self, computing: &Computing<'_>) -> Result<(Begun, Settings), RunError> {
+        let checked = (self.begun(computing)?, self.settings()?);
+        self.out.as_deref().map_or(Ok(()), check_new_folder)?;
+        Ok(checked)
+    }
+
     /// Files and options that the checkpoint of a new run keeps; notes a scene that is given twice.
-    pub(super) fn begun(&self, computing: &Computing<'_>) -> Result<Begun, RunError> {
+    fn begun(&self, computing: &Computing<'_>) -> Result<Begun, RunError> {
         note_repeated(&self.scenes, computing.watcher);
         let absolute = |path: &PathBuf| whole_path(path).map_err(RunError::io(path));
         let files = self.files(computing.vehicle.as_deref());
@@ -249,6 +269,7 @@ impl OptimizeRequest {
             return Err(RunError::Usage("give a scene to search in".into()));
         }
         check_scenes(&files)?;
+        check_budget(&files)?;
         let files = JobFiles {
             scene: absolute(&files.scene)?,
             more_scenes: files.more_scenes.iter().map(absolute).collect::<Result<_, _>>()?,
@@ -312,7 +333,7 @@ impl OptimizeRequest {
     }
 
     /// Settings of the search, with the placements of files.
-    pub(super) fn settings(&self) -> Result<Settings, RunError> {
+    fn settings(&self) -> Result<Settings, RunError> {
         let usual = Settings::default();
         let evaluations = if self.front.is_some() { FRONT_EVALUATIONS } else { usual.evaluations };
         let mut settings = Settings {

@@ -80,13 +80,8 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
         // Under the lock: another run may have ended since the command began.
         if is_forced() {
             guard::holds_no_input(&path)?;
-        } else if holds_run(&path) {
-            return Err(FileError::Refused(format!(
-                "{}: already holds a run; go on with --resume, name another folder, or give --force",
-                path.display()
-            )));
         } else {
-            is_empty(&path)?;
+            is_free(&path)?;
         }
         let written = Some(Mutex::default());
         Ok(Self { path, command, inputs, written, _made: made, _lock: lock, state: PhantomData })
@@ -240,6 +235,29 @@ pub fn changed_input(path: &Path) -> Option<PathBuf> {
     changed.map(|input| input.file().to_owned())
 }
 
+/// Checks, before long work, that [`RunDir::create`] would take a folder. One that is missing is not looked at.
+///
+/// # Errors
+/// Without `--force`: a folder that holds a run or other files, or into which another run writes.
+pub fn check_new_folder(path: &Path) -> Result<(), FileError> {
+    if is_forced() || !path.is_dir() {
+        return Ok(());
+    }
+    let _lock = lock_folder(path, Duration::ZERO)?;
+    is_free(path)
+}
+
+/// Refuses a folder that holds a run or anything else.
+fn is_free(path: &Path) -> Result<(), FileError> {
+    if holds_run(path) {
+        return Err(FileError::Refused(format!(
+            "{}: already holds a run; go on with --resume, name another folder, or give --force",
+            path.display()
+        )));
+    }
+    is_empty(path)
+}
+
 /// True if a folder holds a run, finished or not.
 pub fn holds_run(path: &Path) -> bool {
     path.join(CHECKPOINT).exists()
@@ -295,8 +313,12 @@ mod tests {
         run.save(&WALK).expect("a checkpoint");
         let again = || RunDir::<Walk>::create("walk", Some(&path), "", Vec::new());
         assert!(refusal(again()).contains("another run writes into it"));
+        assert!(refusal(check_new_folder(&path)).contains("another run writes into it"));
         drop(run);
         assert!(refusal(again()).contains("already holds a run"));
+        assert!(refusal(check_new_folder(&path)).contains("already holds a run"));
+        assert!(refusal(check_new_folder(dir.path())).contains("is not empty"));
+        check_new_folder(&dir.path().join("new")).expect("nothing is there");
 
         let (run, state) = RunDir::<Walk>::resume("walk", &path).expect("the run");
         assert_eq!(state, WALK);
