@@ -425,7 +425,8 @@ mod tests {
             let subject = Subject::given("s", &[], best, baselines, "near_gain", String::new());
             guards(&subject, None).into_string()
         };
-        let plain_rig = plain.clone();
+        let mut plain_rig = plain.clone();
+        plain_rig.placement.name = "Line".to_owned();
         let said = told(&best, &[plain, center.clone()]);
         assert!(said.contains("Warnings of found: none. Some baselines have warnings."), "{said}");
         let words = "<b>Center</b>: BLIND: ahead (in the sector of 30° from -15° to 15°)";
