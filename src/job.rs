@@ -220,6 +220,11 @@ impl Job {
         self
     }
 
+    /// Placements that a front is compared with: none unless they were given.
+    fn compared_with(&self) -> &[Placement] {
+        if self.is_plain { &[] } else { &self.settings.baselines }
+    }
+
     /// Engine that computes; every engine gives the same bits.
     #[must_use]
     pub fn engine(mut self, engine: EngineChoice) -> Self {

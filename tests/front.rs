@@ -38,7 +38,7 @@ pub(crate) fn street(dir: &Path, prices: [u32; 2], require: Value) {
     fs::write(dir.join("street.json"), scene.to_string()).unwrap();
 }
 
-fn car_ahead(share: f64) -> Value {
+pub(crate) fn car_ahead(share: f64) -> Value {
     json!([{ "name": "car ahead", "target": "car", "from": 10, "within": 15, "bearing": [-20, 20], "share": share }])
 }
 

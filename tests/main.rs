@@ -111,6 +111,8 @@ mod far;
 mod fast_stages;
 #[cfg(feature = "cli")]
 mod front;
+#[cfg(feature = "cli")]
+mod front_baselines;
 #[cfg(feature = "gpu")]
 mod gpu_cast_closest;
 #[cfg(feature = "gpu")]

@@ -39,6 +39,9 @@ pub struct FrontRecord {
     pub front: Vec<Value>,
     /// Named points: `pick`, and the `name` of its placement.
     pub picks: Vec<Value>,
+    /// Placements to compare with, with the keys of points; empty where none were given.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub baselines: Vec<Value>,
     /// Placements scored over all frames.
     pub scored: usize,
     /// Why the search ended: a name, and after a colon its meaning.
@@ -86,6 +89,7 @@ impl FrontRecord {
             objectives: objectives.collect(),
             front: front.points.iter().map(|point| point_json(front, point)).collect(),
             picks: picks.collect(),
+            baselines: front.baselines.iter().map(|point| point_json(front, point)).collect(),
             scored: front.scored,
             stopped: front.stopped.to_string(),
             seconds,
@@ -162,6 +166,16 @@ pub(super) fn picks_of(front: &Front, point: usize) -> String {
     picks.map(|(pick, _)| pick.to_string()).collect::<Vec<_>>().join(", ")
 }
 
+/// Points, then placements to compare with.
+pub(super) fn all_shown(front: &Front) -> impl Iterator<Item = &FrontPoint> {
+    front.points.iter().chain(&front.baselines)
+}
+
+/// Picks of a placement of [`all_shown`] in words, or that it is a baseline.
+fn role_of(front: &Front, number: usize) -> String {
+    if number < front.points.len() { picks_of(front, number) } else { "baseline".to_owned() }
+}
+
 /// True if any point misses a requirement or meets one, so that the vehicle has some.
 pub(super) fn has_requirements(front: &Front) -> bool {
     front.points.iter().any(|point| !point.scores.required.is_empty())
@@ -176,7 +190,7 @@ pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
     titles.extend((!by_number).then(|| "sensors".to_owned()));
     titles.extend(requires.then(|| "requirements".to_owned()));
     let [has_copies, has_blind] =
-        [copies, blind].map(|of| front.points.iter().any(|point| of(point).is_some()));
+        [copies, blind].map(|of| all_shown(front).any(|point| of(point).is_some()));
     titles.extend(has_copies.then(|| "copies %".to_owned()));
     titles.extend(has_blind.then(|| "blind °".to_owned()));
     titles.push("pick".to_owned());
@@ -190,10 +204,10 @@ pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
         cells.extend(requires.then(|| met.to_owned()));
         cells.extend(has_copies.then(|| optional(copies(point).map(percent_down), 1)));
         cells.extend(has_blind.then(|| blind(point).map_or("–".to_owned(), |of| trimmed(of, 1))));
-        cells.push(picks_of(front, k));
+        cells.push(role_of(front, k));
         cells
     };
-    std::iter::once(titles).chain(front.points.iter().enumerate().map(row)).collect()
+    std::iter::once(titles).chain(all_shown(front).enumerate().map(row)).collect()
 }
 
 /// The front in a sentence: how many points, and which is the cheapest that meets all requirements.
@@ -262,7 +276,7 @@ pub(crate) fn front_text(front: &Front, record: &FrontRecord, folder: &std::path
         picks.into_iter().for_each(|pick| *pick = format!("{pick:width$}"));
         text += &align_columns(&all);
         text += "\nsensors\n";
-        for point in &front.points {
+        for point in all_shown(front) {
             text += &format!("  {}: {}\n", point.placement.name, point.equipment);
         }
         if has_requirements(front) {
@@ -283,24 +297,26 @@ pub(crate) fn front_text(front: &Front, record: &FrontRecord, folder: &std::path
     )
 }
 
-/// A row a point: its objectives, price, sensors, whether it meets all requirements, its picks, then its scores.
+/// A row a point, then a row a baseline: objectives, price, sensors, whether it meets all requirements, its picks or
+/// `baseline`, then its scores.
 pub(crate) fn front_csv(front: &Front) -> String {
     // Scores have columns of the same names.
     let mut first: Vec<String> =
         front.objectives.names().iter().map(|name| format!("objective_{name}")).collect();
     first.extend(["price", "sensors", "meets", "pick"].map(str::to_owned));
     first.extend(score_titles(&[]));
-    let rows = front.points.iter().enumerate().map(|(k, point)| {
+    let rows = all_shown(front).enumerate().map(|(k, point)| {
         let mut row: Vec<String> = point.values.iter().map(|value| number(*value)).collect();
         row.extend([number(point.price), point.placement.lidars.len().to_string()]);
-        row.extend([point.meets.to_string(), picks_of(front, k)]);
+        row.extend([point.meets.to_string(), role_of(front, k)]);
         row.extend(score_rows([&point.scores], &[]).concat());
         row
     });
     csv(std::iter::once(first).chain(rows))
 }
 
-/// Draws the first two objectives against each other; of three the third stands beside the points that are picked.
+/// Draws the first two objectives against each other; of three the third stands beside the points that are picked. Baselines
+/// are diamonds with their names.
 pub(crate) fn front_plot(front: &Front) -> Plot {
     let all = front.objectives.all();
     let scale = |objective: &FrontObjective, value: f64| match objective {
@@ -336,8 +352,24 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
     };
     let [x_title, y_title] = [0, 1].map(|k| unit(&all[k]));
     let title = format!("front of {}", front.objectives.names().join(", "));
-    let series = series.into_iter().filter(|series| !series.points.is_empty()).collect();
+    let series = series.into_iter().chain([baselines_drawn(front, at)]);
+    let series = series.filter(|series| !series.points.is_empty()).collect();
     Plot { title, x_title, y_title, x: Axis::Numbers, series }
+}
+
+/// Baselines in the drawing, each with its name, and whether it misses a requirement.
+fn baselines_drawn(front: &Front, at: impl Fn(&FrontPoint) -> (f64, f64)) -> Series {
+    let label = |point: &FrontPoint| {
+        let misses = if point.meets { "" } else { " (misses a requirement)" };
+        format!("{}{misses}", point.placement.name)
+    };
+    Series {
+        name: "baseline".to_owned(),
+        points: front.baselines.iter().map(at).collect(),
+        labels: front.baselines.iter().map(label).enumerate().collect(),
+        diamonds: true,
+        ..Series::default()
+    }
 }
 
 #[cfg(test)]
@@ -368,6 +400,7 @@ mod tests {
             objectives: "price,near_gain".parse().unwrap(),
             points: vec![point],
             picks: Vec::new(),
+            baselines: Vec::new(),
             scored: 1,
             stopped: FrontStopped::Complete,
             backend: String::new(),
@@ -376,13 +409,26 @@ mod tests {
         let words = "One placement is the best in each of price, near_gain";
         assert_eq!(front_verdict(&front), words);
         let knee = Front { picks: vec![(Pick::Knee, 0)], ..front.clone() };
-        let drawn = front_plot(&knee).svg();
+        let knee_drawn = front_plot(&knee).svg();
         assert!(
-            drawn.contains("best trade-off (knee)") && drawn.contains("near_gain %"),
-            "{drawn}"
+            knee_drawn.contains("best trade-off (knee)") && knee_drawn.contains("near_gain %"),
+            "{knee_drawn}"
         );
         let rows = front_rows(&knee);
         assert_eq!((&*rows[0][2], &*rows[1][2]), ("near_gain %", "50.00"));
+        let mut mine =
+            FrontPoint { meets: false, values: vec![4.0, 0.25], ..front.points[0].clone() };
+        mine.placement.name = "mine".to_owned();
+        let beside = Front { baselines: vec![mine], ..front.clone() };
+        let drawn = front_plot(&beside).svg();
+        for words in [">baseline<", ">mine (misses a requirement)<"] {
+            assert!(drawn.contains(words) && !knee_drawn.contains(words), "{words}: {drawn}");
+        }
+        // Its mark, and the one in the legend.
+        assert_eq!(drawn.matches("<polygon").count(), 2, "{drawn}");
+        let rows = front_rows(&beside);
+        assert_eq!((&*rows[2][0], &*rows[2][2]), ("mine", "25.00"));
+        assert_eq!(rows[2].last().map(String::as_str), Some("baseline"));
         // Sensors that reach 20 m: nobody looked farther.
         let words = "blind °: bearings in which a car is lost between 5 and";
         assert_eq!(blind_in_words(&front), format!("{words} 50 m"));

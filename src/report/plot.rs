@@ -64,6 +64,8 @@ pub(crate) struct Series {
     pub labels: Vec<(usize, String)>,
     /// Numbers of points that are drawn hollow.
     pub hollow: Vec<usize>,
+    /// True if the points are diamonds.
+    pub diamonds: bool,
 }
 
 /// A plain chart of some series.
@@ -163,7 +165,11 @@ impl Plot {
         let (x, mut y) = (LEFT + WIDTH + 20.0, TOP + 10.0);
         let drawn = html! {
             @for (index, series) in self.series.iter().enumerate() {
-                circle cx=(x) cy=(y) r="5" fill=(self.colour(index)) {}
+                @if series.diamonds {
+                    (diamond((x, y), 6.0, self.colour(index)))
+                } @else {
+                    circle cx=(x) cy=(y) r="5" fill=(self.colour(index)) {}
+                }
                 @for (k, line) in legend_lines(&series.name).iter().enumerate() {
                     ({ y += if k == 0 { 0.0 } else { LINE }; "" })
                     text x=(x + 12.0) y=(y + 4.5) { (line) }
@@ -239,7 +245,9 @@ impl Plot {
             }
             @if !series.line || drawn.len() <= DOTTED {
                 @for (k, (x, y)) in all.map(|(k, &p)| (k, axes.at(p))) {
-                    @if is_hollow(&k) {
+                    @if series.diamonds {
+                        (diamond((x, y), 5.5, colour))
+                    } @else if is_hollow(&k) {
                         circle cx=(px(x)) cy=(px(y)) r="4.5" fill="#fff" stroke=(colour) stroke-width="2" {}
                     } @else {
                         circle cx=(px(x)) cy=(px(y)) r="4" fill=(colour) {}
@@ -248,6 +256,12 @@ impl Plot {
             }
         }
     }
+}
+
+/// A square on its corner, `half` pixels from the middle to each.
+fn diamond((x, y): (f64, f64), half: f64, colour: &str) -> Markup {
+    let all = [(x, y - half), (x + half, y), (x, y + half), (x - half, y)];
+    html! { polygon points=(corners(all)) fill=(colour) {} }
 }
 
 /// Pixels that names reach down from where they begin under the axis.
@@ -307,6 +321,7 @@ mod tests {
                 line: true,
                 labels: vec![(1, "best".into())],
                 hollow: vec![0],
+                ..Series::default()
             }],
         };
         let svg = plot.svg();

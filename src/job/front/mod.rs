@@ -49,6 +49,9 @@ pub struct Front {
     pub points: Vec<FrontPoint>,
     /// Points that a decision may begin with: role, and number in [`Self::points`].
     pub picks: Vec<(Pick, usize)>,
+    /// Placements to compare with, as they were given by [`Job::baselines`]: no points, and no search starts from them.
+    /// One without a value of an objective is left out.
+    pub baselines: Vec<FrontPoint>,
     /// Placements scored over all frames.
     pub scored: usize,
     /// Why the search ended.
@@ -189,6 +192,7 @@ impl Job {
                 objectives: objectives.clone(),
                 points: Vec::new(),
                 picks: Vec::new(),
+                baselines: Vec::new(),
                 scored: 0,
                 stopped: FrontStopped::Interrupted,
                 backend: String::new(),

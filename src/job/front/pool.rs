@@ -94,21 +94,60 @@ impl<'a> Pool<'a> {
         kinds: Equipment,
         gain: Objective,
     ) -> Result<(), JobError> {
-        let Judged { scores, by_scene } =
-            self.evaluator.judged(std::slice::from_ref(&placement))?.remove(0);
+        let judged = self.evaluator.judged(std::slice::from_ref(&placement))?.remove(0);
         self.scored += 1;
-        let price = self.vehicle.cost(&kinds);
+        let equipment = Equipped::words(&kinds, self.vehicle);
+        let point = self.point(placement, judged, self.vehicle.cost(&kinds), equipment);
+        self.candidates.extend(point.map(|point| FrontCandidate { point, kinds, gain }));
+        Ok(())
+    }
+
+    /// A placement with its values; `None` where it has none of an objective.
+    fn point(
+        &self,
+        placement: Placement,
+        judged: Judged,
+        price: f64,
+        equipment: String,
+    ) -> Option<FrontPoint> {
+        let Judged { scores, by_scene } = judged;
         let sensors = placement.lidars.len();
         let value = |objective: &FrontObjective| objective.value(&scores, sensors, price);
         let values: Option<Vec<f64>> = self.objectives.all().iter().map(value).collect();
-        let Some(values) = values.filter(|values| values.iter().all(|v| v.is_finite())) else {
-            return Ok(());
-        };
+        let values = values.filter(|values| values.iter().all(|v| v.is_finite()))?;
         let meets = scores.missing() <= 0.0;
-        let equipment = Equipped::words(&kinds, self.vehicle);
-        let point = FrontPoint { placement, values, price, equipment, meets, scores, by_scene };
-        self.candidates.push(FrontCandidate { point, kinds, gain });
-        Ok(())
+        Some(FrontPoint { placement, values, price, equipment, meets, scores, by_scene })
+    }
+
+    /// Placements to compare with, scored over all frames until the observer stops it; notes those without a value of an
+    /// objective.
+    fn baselines(&mut self, observer: &mut dyn Observer) -> Result<Vec<FrontPoint>, JobError> {
+        let (job, mut compared) = (self.job, Vec::new());
+        let all = job.compared_with();
+        let work = Work::Confirming { frames: self.evaluator.frame_count() };
+        for (done, placement) in (0..).zip(all) {
+            if !observer.on(&Event::Progress { work, done, total: all.len() as u64 }) {
+                break;
+            }
+            let one = std::slice::from_ref(placement);
+            let mut judged = self.evaluator.judged(one)?;
+            job.add_broken_rules(self.evaluator.problem().rules(), one, &mut judged);
+            let price = self.vehicle.price_of_rig(placement).unwrap_or(0.0);
+            let equipment = match self.vehicle.equipment_of(placement) {
+                Some((kinds, _)) => Equipped::words(&kinds, self.vehicle),
+                None => format!("{} LiDARs that the mounts do not hold", placement.lidars.len()),
+            };
+            match self.point(placement.clone(), judged.remove(0), price, equipment) {
+                Some(point) => compared.push(point),
+                None => {
+                    let names = self.objectives.names().join(", ");
+                    let words =
+                        format!("baseline {}: has no value of each of {names}", placement.name);
+                    observer.on(&Event::Note(&words));
+                }
+            }
+        }
+        Ok(compared)
     }
 
     /// Numbers of the candidates on the front, in the order of its first objective.
@@ -227,8 +266,14 @@ impl<'a> Pool<'a> {
                 continue;
             }
             let evaluations = Settings::default().evaluations;
-            let settings =
-                Settings { evaluations, starts: Vec::new(), ..self.job.settings.clone() };
+            // Baselines are compared with, not started from.
+            let baselines = Settings::default().baselines;
+            let settings = Settings {
+                evaluations,
+                baselines,
+                starts: Vec::new(),
+                ..self.job.settings.clone()
+            };
             let job = self.job.clone().search(settings).objective(gain.clone()).fewest(fewest);
             let mut is_interrupted = false;
             let mut observe = |event: &Event| {
@@ -281,11 +326,12 @@ impl<'a> Pool<'a> {
             point.placement.name = format!("front-{number}");
             point.scores.name.clone_from(&point.placement.name);
         }
-        let total = points.len() as u64;
+        let mut baselines = self.baselines(observer)?;
+        let total = (points.len() + baselines.len()) as u64;
         // Copies of placements take most of a look, and a look at all points may take longer than the search had.
         let patience = Instant::now() + PATIENCE;
         let time = self.job.settings.time;
-        for (done, point) in (0..).zip(&mut points) {
+        for (done, point) in (0..).zip(points.iter_mut().chain(&mut baselines)) {
             if end == End::Interrupted
                 || !observer.on(&Event::Progress { work: Work::Looks, done, total })
             {
@@ -318,7 +364,7 @@ impl<'a> Pool<'a> {
         let engine = self.evaluator.backend();
         let (backend, adapter) = (engine.name().to_owned(), engine.adapter().to_owned());
         let (objectives, scored) = (self.objectives.clone(), self.scored);
-        Ok(Front { objectives, points, picks, scored, stopped, backend, adapter })
+        Ok(Front { objectives, points, picks, baselines, scored, stopped, backend, adapter })
     }
 }
 

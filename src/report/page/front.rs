@@ -6,7 +6,7 @@ use super::search::repeat;
 use super::{head, heading, layout};
 use crate::job::Front;
 use crate::report::front::{
-    blind_in_words, front_plot, front_rows, front_verdict, has_requirements, picks_of,
+    all_shown, blind_in_words, front_plot, front_rows, front_verdict, has_requirements, picks_of,
     refined_in_words,
 };
 use crate::report::text::{notes, requirements_in_words};
@@ -54,6 +54,9 @@ fn trade(front: &Front, record: &FrontRecord) -> Markup {
                     " copies %: copies mounted within the tolerance that meet all requirements."
                 }
                 " " (blind_in_words(front)) "."
+                @if !front.baselines.is_empty() {
+                    " Diamonds are the baselines: placements to compare with, which take no part in the search."
+                }
             }
             div.chart { (layout::figure(&front_plot(front).svg(), "The objectives against each other")) }
             (layout::table_of("Points of the front", &front_rows(front), is_picked))
@@ -72,14 +75,14 @@ fn sensors(front: &Front) -> Markup {
     html! {
         section aria-labelledby="sensors" {
             h2 #sensors { "Sensors" }
-            ul { @for point in &front.points { li { (point.placement.name) ": " (point.equipment) } } }
+            ul { @for point in all_shown(front) { li { (point.placement.name) ": " (point.equipment) } } }
         }
     }
 }
 
-/// Scores of the points as a table, and below for each its requirements, guards and broken rules.
+/// Scores of points and baselines as a table, and below for each its requirements, guards and broken rules.
 fn scores(front: &Front) -> Markup {
-    let all = || front.points.iter().map(|point| &point.scores);
+    let all = || all_shown(front).map(|point| &point.scores);
     let columns = ScoreColumn::shown(all(), "");
     let titles: Vec<&str> = columns.iter().map(|column| column.title()).collect();
     let cells = |scores| columns.iter().map(|column| layout::text(column.cell(scores))).collect();

@@ -83,9 +83,14 @@ pub fn front(
     let time = max_seconds.map(|s| TimeLimit { start, length: Duration::from_secs_f64(s) });
     let loaded = request.open(&saved.begun.files, time, computing)?;
     let inputs = loaded.inputs()?;
+    loaded.job.check_front(&saved.objectives)?;
+    if folder.is_none() {
+        request.look(&mut saved.settings, &*loaded.job.problem()?, computing)?;
+    }
     let job = loaded.job.search(saved.settings.clone());
     let job = job.engine(computing.engine.clone()).within(time);
-    job.check_front(&saved.objectives)?;
+    let is_given = saved.begun.baselines.is_some();
+    let job = if is_given { job.baselines(saved.settings.baselines.clone()) } else { job };
     if folder.is_none() {
         note_unpriced(job.scene().vehicle(), saved.counts_prices(), watcher);
         opening::note_before_search(&job, watcher)?;
@@ -204,6 +209,9 @@ fn settings_json(
 ) -> Value {
     let (mut all, settings) = (begun.settings(job.scene().vehicle()), job.settings());
     all["front"] = json!(objectives);
+    if let Some(file) = &begun.baselines {
+        all["baselines_file"] = json!(file.to_string_lossy());
+    }
     all["max_seconds"] = json!(max_seconds);
     all["search"] = json!({
         "objective": settings.objective,

@@ -122,15 +122,15 @@ pub struct OptimizeRequest {
     /// Search the front of two or three objectives over a vehicle's sensors and poses, as price,near_gain: every
     /// placement that no other one found beats in all of them
     ///
-    /// price, sensors (their number) and requirements (also targets: the share that is missing of what the vehicle
-    /// requires, summed) are better when less, the scores of --objective when more. Sensors are chosen on a coarse grid of
-    /// poses, for each of a row of prices or numbers at most; scores that are no gain are not chosen by, but compared. All
-    /// placements are scored over all frames. --evaluations searches around each point, and around cheap sensors that
-    /// miss little of the requirements; without it a front takes a quarter of the time. A point that misses a requirement takes the place of none that meets all. The folder gets placements.json in the order of the
-    /// first objective, front.svg, report.html and result.json with the front and its picks: the cheapest that meets all
-    /// requirements, the knee, the best of each. Exit code 1 if none meets all requirements. --resume goes
-    /// on with a stopped front: only the choice or the search that was under way is done again.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "A,B[,C]", conflicts_with_all = ["resume", "fewest", "target", "baselines", "inject", "gltf", "bound"]))]
+    /// price, sensors (their number) and requirements (also targets: the share that is missing of what the vehicle requires,
+    /// summed) are better when less, the scores of --objective when more. Sensors are chosen on a coarse grid of poses, for each of
+    /// a row of prices or numbers at most; scores that are no gain are not chosen by, but compared. All placements are scored over
+    /// all frames. --evaluations searches around each point, and around cheap sensors that miss little of the requirements; with 0
+    /// a front takes a quarter of the time. A point that misses a requirement takes the place of none that meets all. --baselines
+    /// are marked beside the points; no search starts from them. The folder gets placements.json in the order of the first
+    /// objective, front.svg, report.html and result.json with the front and its picks: the cheapest that meets all requirements,
+    /// the knee, the best of each. Exit code 1 if none meets all requirements. --resume goes on with a stopped front.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "A,B[,C]", conflicts_with_all = ["resume", "fewest", "target", "inject", "gltf", "bound"]))]
     pub front: Option<FrontObjectives>,
     #[cfg_attr(feature = "cli", command(flatten))]
     pub mounting: MountingArgs,
