@@ -56,8 +56,8 @@ fn baselines_stand_beside_the_front_and_change_none_of_it() {
     let read = |name: &str| fs::read_to_string(dir.path().join(name)).unwrap();
     assert_eq!(read("run/placements.json"), read("plain/placements.json"));
     for (words, picture) in [
-        (">baseline<", "front.svg"),
-        ("behind (misses a requirement)", "front.svg"),
+        ("baseline (hollow: misses a", "front.svg"),
+        ("behind<", "front.svg"),
         ("Diamonds are the baselines", "report.html"),
         ("RULE BROKEN", "report.html"),
         ("--baselines ", "report.html"),

@@ -357,16 +357,17 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
     Plot { title, x_title, y_title, x: Axis::Numbers, series }
 }
 
-/// Baselines in the drawing, each with its name, and whether it misses a requirement.
+/// Baselines in the drawing, each with its name; hollow where they miss a requirement.
 fn baselines_drawn(front: &Front, at: impl Fn(&FrontPoint) -> (f64, f64)) -> Series {
-    let label = |point: &FrontPoint| {
-        let misses = if point.meets { "" } else { " (misses a requirement)" };
-        format!("{}{misses}", point.placement.name)
-    };
+    let all = || front.baselines.iter().enumerate();
+    let hollow: Vec<usize> =
+        all().filter(|(_, point)| !point.meets).map(|(number, _)| number).collect();
+    let words = if hollow.is_empty() { "" } else { " (hollow: misses a requirement)" };
     Series {
-        name: "baseline".to_owned(),
+        name: format!("baseline{words}"),
         points: front.baselines.iter().map(at).collect(),
-        labels: front.baselines.iter().map(label).enumerate().collect(),
+        labels: all().map(|(number, point)| (number, point.placement.name.clone())).collect(),
+        hollow,
         diamonds: true,
         ..Series::default()
     }
@@ -421,11 +422,12 @@ mod tests {
         mine.placement.name = "mine".to_owned();
         let beside = Front { baselines: vec![mine], ..front.clone() };
         let drawn = front_plot(&beside).svg();
-        for words in [">baseline<", ">mine (misses a requirement)<"] {
+        for words in [">baseline (hollow: misses a<", ">mine<"] {
             assert!(drawn.contains(words) && !knee_drawn.contains(words), "{words}: {drawn}");
         }
         // Its mark, and the one in the legend.
         assert_eq!(drawn.matches("<polygon").count(), 2, "{drawn}");
+        assert_eq!(drawn.matches("fill=\"#fff\" stroke=").count(), 1, "{drawn}");
         let rows = front_rows(&beside);
         assert_eq!((&*rows[2][0], &*rows[2][2]), ("mine", "25.00"));
         assert_eq!(rows[2].last().map(String::as_str), Some("baseline"));

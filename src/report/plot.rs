@@ -166,7 +166,7 @@ impl Plot {
         let drawn = html! {
             @for (index, series) in self.series.iter().enumerate() {
                 @if series.diamonds {
-                    (diamond((x, y), 6.0, self.colour(index)))
+                    (diamond((x, y), 6.0, self.colour(index), false))
                 } @else {
                     circle cx=(x) cy=(y) r="5" fill=(self.colour(index)) {}
                 }
@@ -246,7 +246,7 @@ impl Plot {
             @if !series.line || drawn.len() <= DOTTED {
                 @for (k, (x, y)) in all.map(|(k, &p)| (k, axes.at(p))) {
                     @if series.diamonds {
-                        (diamond((x, y), 5.5, colour))
+                        (diamond((x, y), 5.5, colour, is_hollow(&k)))
                     } @else if is_hollow(&k) {
                         circle cx=(px(x)) cy=(px(y)) r="4.5" fill="#fff" stroke=(colour) stroke-width="2" {}
                     } @else {
@@ -259,9 +259,15 @@ impl Plot {
 }
 
 /// A square on its corner, `half` pixels from the middle to each.
-fn diamond((x, y): (f64, f64), half: f64, colour: &str) -> Markup {
-    let all = [(x, y - half), (x + half, y), (x, y + half), (x - half, y)];
-    html! { polygon points=(corners(all)) fill=(colour) {} }
+fn diamond((x, y): (f64, f64), half: f64, colour: &str, is_hollow: bool) -> Markup {
+    let all = corners([(x, y - half), (x + half, y), (x, y + half), (x - half, y)]);
+    html! {
+        @if is_hollow {
+            polygon points=(all) fill="#fff" stroke=(colour) stroke-width="2" {}
+        } @else {
+            polygon points=(all) fill=(colour) {}
+        }
+    }
 }
 
 /// Pixels that names reach down from where they begin under the axis.
