@@ -135,7 +135,9 @@ impl<'a> Pool<'a> {
             let price = self.vehicle.price_of_rig(placement).unwrap_or(0.0);
             let equipment = match self.vehicle.equipment_of(placement) {
                 Some((kinds, _)) => Equipped::words(&kinds, self.vehicle),
-                None => format!("{} LiDARs that the mounts do not hold", placement.lidars.len()),
+                None => {
+                    format!("rules of the mounts are broken, LiDARs: {}", placement.lidars.len())
+                }
             };
             match self.point(placement.clone(), judged.remove(0), price, equipment) {
                 Some(point) => compared.push(point),
