@@ -1,27 +1,10 @@
 //! Sensors of other technologies in `study redundancy`: sectors and shadows in closed form, tables, and wrong input.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 use crate::cli_shared::yard;
 
 /// Half of the edges of the body on the pad, and its top, metres.
 const PAD_BODY: [f64; 2] = [0.5, 1.5];
-
-pub(crate) fn write(dir: &Path, name: &str, value: &Value) {
-    fs::write(dir.join(name), value.to_string()).unwrap();
-}
-
-/// Rewrites a file after a change.
-pub(crate) fn change(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
-    let mut value: Value = serde_json::from_slice(&fs::read(dir.join(name)).unwrap()).unwrap();
-    change(&mut value);
-    write(dir, name, &value);
-}
 
 pub(crate) fn f64s<const N: usize>(value: &Value) -> [f64; N] {
     let values: Vec<f64> = value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
@@ -51,7 +34,7 @@ fn pad(others: &Value, walls: &[Value]) -> TempDir {
 
 fn technologies(dir: &Path, args: &str) -> Value {
     let args = format!("study redundancy {args} --backend cpu");
-    let found = ok(dir, &args.split(' ').collect::<Vec<_>>());
+    let found = ok(dir, &args);
     found["rows"][0]["technologies"].clone()
 }
 
@@ -178,15 +161,10 @@ fn a_camera_and_a_lidar_that_look_the_same_way_see_the_same() {
 fn scores_and_vehicles_of_lidars_alone_stay_as_they_are() {
     let dir = yard();
     let dir = dir.path();
-    let output = |args: &str| {
-        let done = sightline(dir, &format!("{args} --backend cpu").split(' ').collect::<Vec<_>>());
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
-    };
+    let output = |args: &str| stdout(dir, &format!("{args} --backend cpu"));
     let study = "study redundancy yard.json rigs.json --frames 1 --target car";
     let forms = ["", " --format json", " --format csv"].map(|form| format!("{study}{form}"));
-    let scores =
-        || ok(dir, &["score", "yard.json", "rigs.json", "--backend", "cpu"])["scores"].clone();
+    let scores = || ok(dir, "score yard.json rigs.json --backend cpu")["scores"].clone();
     let (before, alone) = (forms.clone().map(|args| output(&args)), scores());
     assert!(before.iter().all(|text| !text.contains("technolog")), "{before:?}");
     change(dir, "cart.json", |cart| cart["other_sensors"] = json!([]));
@@ -218,9 +196,8 @@ fn tables_are_a_hundred_columns_wide_and_scenes_have_a_mean() {
     let args =
         "study redundancy yard.json other.json rigs.json --backend cpu --frames 1 --target car";
     let args: Vec<&str> = args.split(' ').collect();
-    let done = sightline(dir, &args);
-    let text = String::from_utf8(done.stdout).unwrap();
-    assert!(done.status.success() && text.contains("% by technologies"), "{text}");
+    let text = stdout(dir, &args);
+    assert!(text.contains("% by technologies"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     for k in 0..12 {
         let column = format!("longtechnology{}", char::from(b'a' + k));
@@ -262,7 +239,7 @@ fn wrong_sensors_are_one_sentence_each() {
     let dir = yard();
     let dir = dir.path();
     let good = json!({ "name": "eye", "technology": "camera", "x": 2.1, "y": 0, "z": 1, "fov": [60, 40], "range": 80 });
-    let cart: Value = serde_json::from_slice(&fs::read(dir.join("cart.json")).unwrap()).unwrap();
+    let cart = read_json(dir.join("cart.json"));
     let told = |others: &str| {
         let mut text = cart.to_string();
         text.insert_str(1, &format!("\"other_sensors\": {others}, "));

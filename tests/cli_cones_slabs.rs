@@ -1,12 +1,7 @@
 //! Voxels, ground and targets that cones see, against slabs in `f64` by brute force.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-
-use crate::cli::{array, ok, sightline};
-use crate::cli_cones::{change, counts, f64s, rig, write};
+use crate::cli::*;
+use crate::cli_cones::{counts, f64s, rig};
 use crate::cli_shared::yard;
 
 /// Metres before a thing within which a surface does not hide it, as documented.
@@ -115,7 +110,7 @@ fn looks_up(dir: &Path) {
 
 /// Boxes of the occupied voxels of the yard.
 fn occupied(dir: &Path) -> Vec<[[f64; 3]; 2]> {
-    assert!(sightline(dir, &["psog", "build", "yard.json", "--out", "y.npz"]).status.success());
+    printed(dir, "psog build yard.json --out y.npz");
     let file = fs::File::open(dir.join("y.npz")).unwrap();
     let occupied: Vec<u64> = array(&mut zip::ZipArchive::new(file).unwrap(), "index");
     let voxel = |index: &u64| {
@@ -133,11 +128,7 @@ fn voxels_ground_and_targets_are_those_of_slabs_in_f64() {
     change(dir, "cart.json", |cart| cart["other_sensors"] = rig());
     looks_up(dir);
     let cones = Cone::all(&rig());
-    let told = sightline(
-        dir,
-        &["study", "redundancy", "yard.json", "up.json", "--backend", "cpu", "--frames", "1"],
-    );
-    let told = String::from_utf8_lossy(&told.stderr).into_owned();
+    let told = stderr(dir, "study redundancy yard.json up.json --backend cpu --frames 1");
     assert!(told.contains("the own body blocks 100 % of the view of `radar 4`"), "{told}");
     assert_eq!(told.matches("the own body blocks").count(), 1, "{told}");
     let args = ["study", "redundancy", "yard.json", "up.json", "--backend", "cpu", "--frames", "1"];

@@ -1,9 +1,6 @@
 //! The drawing of `rig handover`: its views, and words that lie apart.
 
-use std::fs;
-
-use serde_json::json;
-
+use crate::cli::*;
 use crate::cli_handover::{folder, handed_over, read};
 
 #[test]
@@ -59,8 +56,7 @@ fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let far = read(&handed_over(&dir, &[]), "drawing.svg");
     assert_eq!((lines(&far), crosses(&far)), (0, 0));
     let path = dir.path().join("cart.json");
-    let mut vehicle: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut vehicle = read_json(&path);
     let corners = [("low-left", 1.95, 0.85), ("low-right", 1.95, 0.9), ("upper-left", 2.0, 0.85)];
     let corners = [corners[0], corners[1], corners[2], ("upper-right", 2.0, 0.9)];
     let mounts = corners.map(|(name, x, y)| {
@@ -73,7 +69,7 @@ fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
         json!({ "x": x + 0.02, "y": y + 0.02, "z": 0.75, "yaw": 1.0, "sensor": "side, narrow" })
     });
     let rigs = json!({ "placements": [{ "name": "rig", "lidars": lidars }] });
-    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    write(&dir, "p.json", &rigs);
     let svg = read(&handed_over(&dir, &[]), "drawing.svg");
     // Before the title of the next view there is only the one from above.
     let from_above = svg.split(">From the right<").next().unwrap().rsplit_once("<text").unwrap().0;

@@ -2,16 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
-use std::fs;
-use std::path::Path;
 
-use serde_json::{Value, json};
 use sightline::scene::Target;
 use sightline::shared::{LEAST_SHARED, REDUNDANCY_TARGETS, redundancy_question};
 use sightline::{EngineChoice, Job, Scene, read_placements};
-use tempfile::TempDir;
 
-use crate::cli::{array, fails, ok, sightline};
+use crate::cli::*;
 
 /// Classes of the yard by id.
 const CLASSES: [&str; 4] = ["road", "wall", "thing", "vehicle"];
@@ -106,14 +102,14 @@ fn voxels_seen_by_several_are_those_of_each_lidar_alone() {
     let dir = yard();
     let found = study(dir.path(), "redundancy", &["--frames", "1"]);
     let score = ["score", "yard.json", "each.json", "--backend", "cpu", "--frames", "1"];
-    ok(dir.path(), &[&score[..], &["--coverage-out", "each"]].concat());
+    ok(&dir, &[&score[..], &["--coverage-out", "each"]].concat());
     let mut seen: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
     for lidar in 0..4 {
         let bytes = fs::read(dir.path().join(format!("each/l{lidar}.npy"))).unwrap();
         let covered: Vec<u64> = npyz::NpyFile::new(&bytes[..]).unwrap().into_vec().unwrap();
         covered.into_iter().for_each(|voxel| seen.entry(voxel).or_default().push(lidar));
     }
-    let psog = sightline(dir.path(), &["psog", "build", "yard.json", "--out", "yard.psog.npz"]);
+    let psog = sightline(&dir, "psog build yard.json --out yard.psog.npz");
     assert!(psog.status.success());
     let file = fs::File::open(dir.path().join("yard.psog.npz")).unwrap();
     let occupied: Vec<u64> = array(&mut zip::ZipArchive::new(file).unwrap(), "index");
@@ -316,10 +312,10 @@ fn engines_agree_and_scenes_have_a_mean() {
         #[cfg(feature = "gpu")]
         {
             let gpu = ["study", kind, "yard.json", "rigs.json", "--backend", "gpu"];
-            assert_eq!(ok(dir.path(), &gpu), cpu, "{kind}");
+            assert_eq!(ok(&dir, &gpu), cpu, "{kind}");
         }
         let both = ["study", kind, "yard.json", "other.json", "rigs.json", "--backend", "cpu"];
-        let found = ok(dir.path(), &both);
+        let found = ok(&dir, &both);
         assert_eq!(found["rows"].as_array().unwrap().len(), 4);
         assert_eq!([&found["rows"][0], &found["rows"][1]], [&cpu["rows"][0], &cpu["rows"][1]]);
         assert_eq!(found["rows"][2]["scene"], "other");
@@ -351,12 +347,7 @@ fn the_library_has_the_rows_of_the_program() {
 #[test]
 fn tables_for_people() {
     let dir = yard();
-    let text = |args: &str| {
-        let args = format!("study {args} --backend cpu");
-        let done = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
-    };
+    let text = |args: &str| stdout(&dir, &format!("study {args} --backend cpu"));
     let told = text("redundancy rigs.json --vehicle cart.json --target car");
     assert!(told.contains("four in level ground: 4 LiDARs, 1 frame"), "{told}");
     assert!(told.contains("wide alone  front alone") && told.contains("\ncar "), "{told}");
@@ -376,11 +367,7 @@ fn tables_for_people() {
 fn wrong_input_is_one_sentence_each() {
     let dir = yard();
     let at = |name: &str| dir.path().join(name);
-    fs::write(
-        at("none.json"),
-        json!({ "placements": [{ "name": "a", "lidars": [] }] }).to_string(),
-    )
-    .unwrap();
+    write(&dir, "none.json", &json!({ "placements": [{ "name": "a", "lidars": [] }] }));
     let through = fs::read_to_string(at("yard.json")).unwrap().replace("first-hit", "through");
     fs::write(at("through.json"), through).unwrap();
     let cases: [(&str, &str); 9] = [
@@ -411,12 +398,11 @@ fn wrong_input_is_one_sentence_each() {
     ];
     for (args, words) in cases {
         let args = format!("study {args} --backend cpu --quiet");
-        let told = fails(dir.path(), &args.split(' ').collect::<Vec<_>>());
+        let told = fails(&dir, &args);
         assert!(told.contains(words) && told.lines().count() == 1, "{args}: {told}");
     }
     // Without hits there is no ground, which is said, and no target.
-    let found =
-        ok(dir.path(), &["study", "redundancy", "through.json", "rigs.json", "--backend", "cpu"]);
+    let found = ok(&dir, "study redundancy through.json rigs.json --backend cpu");
     let row = &found["rows"][0];
     assert_eq!((&row["ground_3m"], &row["targets"]), (&Value::Null, &json!([])));
     assert!(row["no_ground"].as_str().unwrap().contains("beams end at nothing"), "{row}");
