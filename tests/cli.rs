@@ -263,6 +263,7 @@ fn audit_catches_what_games_the_scores() {
     for change in changes {
         assert!(change["worst_relative_change"].as_f64().unwrap() >= 0.0);
         assert!(change.get("ranking_against_mean_height").is_some());
+
         assert!(change["kendall_tau"].as_f64() <= change["median_kendall_tau"].as_f64());
         assert!(change["base"]["m_sog"].is_number(), "{change}");
         assert!(["a", "b", "c"].contains(&change["first"].as_str().unwrap()));
@@ -275,6 +276,18 @@ fn audit_catches_what_games_the_scores() {
     for title in ["S-MIG", "τ median", "τ worst", "height", "first"] {
         assert!(text.contains(title), "no column {title}: {text}");
     }
+}
+
+/// Level ground, a walker that comes and goes, and a vehicle of 4 × 2 × 1.5 m.
+pub(crate) fn level_yard(lidar: Value, mount: Value) -> Value {
+    json!({
+        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit", "lidar": lidar, "mount": mount,
+        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
+        "actors": [{ "name": "walker", "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
+        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
+    })
 }
 
 /// `cart.json`: a cart with a LiDAR on its roof, `roof` of them, and up to three that look sideways at its edge; these with

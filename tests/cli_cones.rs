@@ -1,7 +1,7 @@
 //! Sensors of other technologies in `study redundancy`: sectors and shadows in closed form, tables, and wrong input.
 
 use crate::cli::*;
-use crate::cli_shared::yard;
+use crate::cli_shared::{cells, yard};
 
 /// Half of the edges of the body on the pad, and its top, metres.
 const PAD_BODY: [f64; 2] = [0.5, 1.5];
@@ -44,18 +44,6 @@ pub(crate) fn counts(seen: &Value) -> ([f64; 4], Vec<f64>) {
     (f64s(&seen["by"]), each.map(|of| of["count"].as_f64().unwrap()).collect())
 }
 
-/// Middles of the cells on the ground around the block, and their distance from it.
-fn cells() -> Vec<([f64; 2], f64)> {
-    let grid = (-48..48).flat_map(|i| (-48..48).map(move |j| [i, j]));
-    let middles = grid.map(|place| place.map(|k| 0.25 * f64::from(k) + 0.125));
-    let distance = |[x, y]: [f64; 2]| {
-        let beyond = [x, y].map(|v| (v.abs() - PAD_BODY[0]).max(0.0));
-        beyond[0].hypot(beyond[1])
-    };
-    let all = middles.map(|at| (at, distance(at)));
-    all.filter(|(_, distance)| *distance > 0.0 && *distance <= 10.0).collect()
-}
-
 #[test]
 fn sectors_of_level_ground_are_counted_by_their_angles() {
     // The camera looks down from 3 m above the middle: the block, 1.5 m high, hides the ground to twice its half edge. The
@@ -68,7 +56,9 @@ fn sectors_of_level_ground_are_counted_by_their_angles() {
     let degrees = |y: f64, x: f64, yaw: f64| (y.atan2(x) - yaw).to_degrees();
     for (key, within) in [("ground_3m", 3.0), ("ground_10m", 10.0)] {
         let (mut by, mut each) = ([0.0; 4], vec![0.0; 3]);
-        for ([x, y], _) in cells().into_iter().filter(|(_, distance)| *distance <= within) {
+        for ([x, y], _) in
+            cells([PAD_BODY[0]; 2]).into_iter().filter(|(_, distance)| *distance <= within)
+        {
             let is_hidden = x.abs().max(y.abs()) < 3.0 / (3.0 - PAD_BODY[1]) * PAD_BODY[0];
             let camera = degrees(y, x, 0.3).abs() <= 40.0 && !is_hidden;
             let level = (x - 0.6).hypot(y);
@@ -102,7 +92,7 @@ fn a_wall_hides_the_ground_behind_it_by_similar_triangles() {
         let found = technologies(dir.path(), "pad.json rig.json --target car");
         counts(&found["ground_10m"]).1[1]
     };
-    let hidden = cells()
+    let hidden = cells([PAD_BODY[0]; 2])
         .into_iter()
         .filter(|([x, y], _)| *x > 5.0 && *x < 10.0 && y.abs() < 2.0 * x / 5.0 && y.abs() < *x);
     let hidden = hidden.count() as f64;

@@ -2,7 +2,7 @@
 
 use crate::cli::*;
 use crate::cli_cones::{counts, f64s, rig};
-use crate::cli_shared::yard;
+use crate::cli_shared::{cells, yard};
 
 /// Metres before a thing within which a surface does not hide it, as documented.
 const SLACK: f64 = 0.01;
@@ -149,13 +149,8 @@ fn voxels_ground_and_targets_are_those_of_slabs_in_f64() {
     is(&of["occupied"], &voxels, &YARD, 4.0);
     let [half_x, half_y] = [2.0, 0.9];
     for (key, within) in [("ground_3m", 3.0), ("ground_10m", 10.0)] {
-        let grid = (-60..60).flat_map(|i| (-60..60).map(move |j| [i, j]));
-        let middles = grid.map(|place| place.map(|k| 0.25 * f64::from(k) + 0.125));
-        let near = middles.filter(|[x, y]| {
-            let distance = (x.abs() - half_x).max(0.0).hypot((y.abs() - half_y).max(0.0));
-            distance > 0.0 && distance <= within
-        });
-        let points: Vec<_> = near.map(|[x, y]| [[x, y, 0.0]; 2]).collect();
+        let near = cells([half_x, half_y]).into_iter().filter(|(_, distance)| *distance <= within);
+        let points: Vec<_> = near.map(|([x, y], _)| [[x, y, 0.0]; 2]).collect();
         is(&of[key], &points, &YARD, 2.0);
     }
     let targets = found["targets"].as_array().unwrap();

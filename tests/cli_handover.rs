@@ -440,39 +440,39 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     assert_eq!(unversioned(&svg), unversioned(&committed));
 }
 
-/// Boxes around the texts of a drawing, as a reader of SVG sees them: words, and left, upper, right and lower edge in mm.
-/// Letters of Helvetica are at least 0.42 of the size wide on average.
-fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
-    let number = |element: &str, key: &str| -> f64 {
-        let (_, rest) = element.split_once(&format!(" {key}=\"")).unwrap();
-        rest.split_once('"').unwrap().0.parse().unwrap()
-    };
-    let of = |text: &str| {
+/// No two of the texts of a drawing lie over each other; all of them. Letters are so many sizes wide on average, those of
+/// Helvetica at least 0.42, and a text reaches so far above and below its line.
+pub(crate) fn texts_apart(svg: &str, wide: f64, [above, below]: [f64; 2]) -> Vec<String> {
+    let boxes = svg.split("<text").skip(1).map(|text| {
         let (element, rest) = text.split_once('>').unwrap();
-        let words = rest.split_once("</text>").unwrap().0.to_owned();
-        let [x, y, size] = ["x", "y", "font-size"].map(|key| number(element, key));
-        let width = 0.42 * size * words.chars().count() as f64;
+        let words = rest.split_once('<').unwrap().0.to_owned();
+        let [x, y, size] = [" x", " y", " font-size"].map(|key| -> f64 {
+            let (_, value) = element.split_once(&format!("{key}=\"")).unwrap();
+            value.split_once('"').unwrap().0.parse().unwrap()
+        });
+        let width = wide * size * words.chars().count() as f64;
         let left = match element {
             _ if element.contains("\"end\"") => x - width,
             _ if element.contains("\"middle\"") => x - 0.5 * width,
             _ => x,
         };
-        (words, [left, y - 0.6 * size, left + width, y])
-    };
-    svg.split("<text").skip(1).map(of).collect()
+        (words, [left, y - above * size, left + width, y + below * size])
+    });
+    let boxes: Vec<(String, [f64; 4])> = boxes.collect();
+    for (k, (words, a)) in boxes.iter().enumerate() {
+        for (other, b) in &boxes[..k] {
+            let is_apart = (0..2).any(|k| a[k + 2] <= b[k] || b[k + 2] <= a[k]);
+            assert!(is_apart, "`{words}` lies over `{other}`: {a:?} {b:?}");
+        }
+    }
+    boxes.into_iter().map(|(words, _)| words).collect()
 }
 
 #[test]
 fn no_words_of_the_view_from_above_lie_over_others() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let svg = fs::read_to_string(root.join("docs/van/drawing.svg")).unwrap();
-    let all = texts(&svg);
-    let named = |words: &str| ["roof", "side-", "front"].iter().any(|name| words.starts_with(name));
-    assert!(all.iter().filter(|(words, _)| named(words)).count() > 7, "{all:?}");
-    for (k, (words, a)) in all.iter().enumerate() {
-        for (other, b) in &all[k + 1..] {
-            let apart = (0..2).any(|k| a[k + 2] <= b[k] || b[k + 2] <= a[k]);
-            assert!(apart, "`{words}` and `{other}`: {a:?} {b:?}");
-        }
-    }
+    let all = texts_apart(&svg, 0.42, [0.6, 0.0]);
+    let named = |words: &&String| ["roof", "side-", "front"].iter().any(|of| words.starts_with(of));
+    assert!(all.iter().filter(named).count() > 7, "{all:?}");
 }

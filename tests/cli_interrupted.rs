@@ -11,7 +11,7 @@ pub(crate) fn spawn(dir: &Path, args: &(impl Words + ?Sized)) -> Child {
     program(dir, args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// What the program tells up to the first sentence of the engine: scoring begins. The rest is still to be read.
+/// Text that the program tells up to the first sentence of the engine: scoring begins. The rest is still to be read.
 fn told_until_work(child: &mut Child) -> (BufReader<ChildStderr>, String) {
     let (mut told, mut words) = (BufReader::new(child.stderr.take().unwrap()), String::new());
     while !words.contains("computing on cpu") {
@@ -114,33 +114,16 @@ fn the_command_on_the_page_gives_the_same_run() {
     for name in ["town.json", "m.obj", "p.json"] {
         fs::copy(at(name), at("a b's").join(name)).unwrap();
     }
-    ok(
-        &dir,
-        &[
-            "optimize",
-            "a b's/town.json",
-            "--backend",
-            "cpu",
-            "--evaluations",
-            "24",
-            "--seed",
-            "7",
-            "--baselines",
-            "a b's/p.json",
-            "--inject",
-            "p.json",
-            "--symmetric",
-            "--fix",
-            "roll=0",
-            "--condition",
-            "fog:mor=50",
-            "--objective",
-            "0.5*near_gain + 0.5*information_gain",
-            "--out",
-            "first",
-        ],
-    );
+    let files =
+        ["optimize", "a b's/town.json", "--baselines", "a b's/p.json", "--inject", "p.json"];
+    let objective = ["--objective", "0.5*near_gain + 0.5*information_gain"];
+    let more = "--backend cpu --evaluations 24 --seed 7 --symmetric --fix roll=0 --frames 1 --condition fog:mor=50";
+    let more: Vec<&str> = more.split(' ').chain(["--out", "first"]).collect();
+    let text = stdout(&dir, &[&files[..], &objective, &more].concat());
+    assert!(text.contains(" over 2 frames, under fog:mor=50\n"), "{text}");
     let page = fs::read_to_string(at("first/report.html")).unwrap();
+    assert!(!page.contains("near field %"), "a column that nobody looked for");
+    assert!(page.contains("sightline · town, under fog:mor=50<"), "{page:.2000}");
     let begin = page.find("<code>sightline").unwrap() + "<code>".len();
     let command = page[begin..].split("</code>").next().unwrap();
     let command = command

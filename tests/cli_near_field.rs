@@ -2,19 +2,11 @@
 
 use crate::cli::*;
 
-/// Level ground, a walker that comes and goes, a vehicle of 4 × 2 × 1.5 m and a LiDAR over its roof.
+/// The yard with a LiDAR over the roof of its vehicle.
 fn yard(dir: &TempDir) {
-    let scene = json!({
-        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
-        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
-        "lidar": { "channels": 12, "fov": [-30, 0], "azimuth_steps": 120, "range": 60 },
-        "mount": { "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1 },
-        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
-        "actors": [{ "name": "walker", "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
-            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
-        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
-    });
-    write(dir, "yard.json", &scene);
+    let lidar = json!({ "channels": 12, "fov": [-30, 0], "azimuth_steps": 120, "range": 60 });
+    let mount = json!({ "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1 });
+    write(dir, "yard.json", &level_yard(lidar, mount));
     let pose = |z: f64| json!([{ "x": 0.0, "y": 0.0, "z": z }]);
     let low = json!({ "name": "low", "lidars": pose(1.6) });
     let high = json!({ "name": "high", "lidars": pose(2.4) });

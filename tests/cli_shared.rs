@@ -55,6 +55,15 @@ pub(crate) fn yard() -> TempDir {
     dir
 }
 
+/// Middles of the cells on the ground within 10 m of a box in plan around the origin, and their distance from it.
+pub(crate) fn cells(half: [f64; 2]) -> Vec<([f64; 2], f64)> {
+    let grid = (-60..60).flat_map(|i| (-60..60).map(move |j| [i, j]));
+    let middles = grid.map(|place| place.map(|k| 0.25 * f64::from(k) + 0.125));
+    let beyond = |v: f64, half: f64| (v.abs() - half).max(0.0);
+    let all = middles.map(|[x, y]| ([x, y], beyond(x, half[0]).hypot(beyond(y, half[1]))));
+    all.filter(|(_, distance)| *distance > 0.0 && *distance <= 10.0).collect()
+}
+
 fn study(dir: &Path, kind: &str, more: &[&str]) -> Value {
     ok(dir, &[&["study", kind, "yard.json", "rigs.json", "--backend", "cpu"][..], more].concat())
 }
@@ -213,18 +222,10 @@ fn ground_seen_by_several_is_that_of_the_ends_of_beams() {
         .collect();
     for (key, within) in [("ground_3m", 3.0), ("ground_10m", 10.0)] {
         let mut by = [0.0; 4];
-        for i in -60..60 {
-            for j in -60..60 {
-                let [x, y] = [i, j].map(|k| 0.25 * f64::from(k) + 0.125);
-                let beyond = [(x.abs() - BODY[0]).max(0.0), (y.abs() - BODY[1]).max(0.0)];
-                let distance = beyond[0].hypot(beyond[1]);
-                if distance > 0.0 && distance <= within {
-                    let near =
-                        on_road.iter().filter(|end| (end.at[0] - x).hypot(end.at[1] - y) <= 0.5);
-                    let seers: BTreeSet<usize> = near.map(|end| end.lidar).collect();
-                    by[seers.len().min(3)] += 1.0;
-                }
-            }
+        for ([x, y], _) in cells(BODY).into_iter().filter(|(_, distance)| *distance <= within) {
+            let near = on_road.iter().filter(|end| (end.at[0] - x).hypot(end.at[1] - y) <= 0.5);
+            let seers: BTreeSet<usize> = near.map(|end| end.lidar).collect();
+            by[seers.len().min(3)] += 1.0;
         }
         let seen = numbers(&found["rows"][0][key]["by"]);
         // A hit on the border of half a metre is rounded to either side.

@@ -370,16 +370,10 @@ fn cases_of_one_name_would_share_numbers_and_are_refused() {
 #[test]
 fn the_study_of_channels_has_the_near_field_of_each_best_placement() {
     let dir = TempDir::new().unwrap();
-    let scene = json!({
-        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
-        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.8, 0.8, 0.8] },
-        "lidar": { "channels": 16, "fov": [-30, 5], "azimuth_steps": 60, "range": 60 },
-        "mount": { "min": [-1.0, -0.5, 1.8], "max": [1.0, 0.5, 2.2], "lidars": 1 },
-        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
-        "actors": [{ "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
-            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
-        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
-    });
+    let lidar = json!({ "channels": 16, "fov": [-30, 5], "azimuth_steps": 60, "range": 60 });
+    let mount = json!({ "min": [-1.0, -0.5, 1.8], "max": [1.0, 0.5, 2.2], "lidars": 1 });
+    let mut scene = level_yard(lidar, mount);
+    scene["roi"]["voxel"] = json!([0.8, 0.8, 0.8]);
     write(&dir, "scene.json", &scene);
     let table = of_corridor(&dir, "channels", &[]);
     let near = column(&table, "near %");

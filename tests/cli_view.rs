@@ -4,19 +4,12 @@ use crate::cli::*;
 use crate::cli_cones::rig;
 use crate::cli_shared::yard as cart_yard;
 
-/// Level ground and a walker before a vehicle with two LiDARs.
+/// The yard with a LiDAR over the roof of its vehicle.
 fn yard(dir: &Path) {
-    let scene = json!({
-        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
-        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
-        "lidar": { "channels": 12, "fov": [-30, 0], "azimuth_steps": 60, "range": 60 },
-        "mount": { "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1, "min_distance": 0 },
-        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
-        "actors": [{ "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
-            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
-        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
-    });
-    write(dir, "yard.json", &scene);
+    let lidar = json!({ "channels": 12, "fov": [-30, 0], "azimuth_steps": 60, "range": 60 });
+    let mount =
+        json!({ "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1, "min_distance": 0 });
+    write(dir, "yard.json", &level_yard(lidar, mount));
     let at = |z: f64| json!([{ "x": 0.0, "y": 0.0, "z": z }]);
     let placements = json!({ "placements": [
         { "name": "low", "lidars": at(2.3) }, { "name": "high", "lidars": at(2.4) }] });
@@ -78,48 +71,6 @@ fn what_cannot_be_shown_is_told_before_work_begins() {
     let told = view("two.json:low", "two.json");
     assert!(told.contains("two.json"), "{told}");
     assert!(!dir.path().join("v.html").exists());
-}
-
-/// The command on a page gives the run again.
-#[test]
-fn the_command_of_a_page_repeats_the_run() {
-    let dir = TempDir::new().unwrap();
-    yard(dir.path());
-    let args = [
-        "optimize",
-        "yard.json",
-        "--backend",
-        "cpu",
-        "--seed",
-        "7",
-        "--evaluations",
-        "24",
-        "--objective",
-        "0.5*information_gain + 2*m_sog",
-        "--fix",
-        "z=2",
-        "--frames",
-        "2",
-        "--condition",
-        "wet:water=1",
-        "--out",
-        "a",
-    ];
-    let run = sightline(&dir, &args);
-    assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
-    let page = fs::read_to_string(dir.path().join("a/report.html")).unwrap();
-    assert!(!page.contains("near field %"), "a column that nobody looked for");
-    assert!(page.contains("sightline · yard, under wet:water=1<"), "{}", &page[..2000]);
-    let text = String::from_utf8_lossy(&run.stdout);
-    assert!(text.contains(" over 3 frames, under wet:water=1\n"), "{text}");
-    let (_, command) = page.split_once("<code>sightline ").unwrap();
-    let command = command.split_once("</code>").unwrap().0;
-    let shell = format!("'{}' {command} --out b", env!("CARGO_BIN_EXE_sightline"));
-    let again = Command::new("sh").args(["-c", &shell]).current_dir(dir.path()).output().unwrap();
-    assert!(again.status.success(), "{shell}: {}", String::from_utf8_lossy(&again.stderr));
-    let history =
-        |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
-    assert_eq!(history("a"), history("b"), "{shell}");
 }
 
 /// Text between the tags of a section of a page, cells apart by `|`.
