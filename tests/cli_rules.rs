@@ -1,12 +1,10 @@
 //! Rules of a run and what ends it: kept by every candidate, named in the result, the same on resume.
 
-use sightline::engine::CpuBackend;
 use sightline::internals::{Generations, Ties};
 use sightline::search::{Evaluator, Settings};
-use sightline::vehicle::Constraints;
 
 use crate::cli::*;
-use crate::common::{MEMORY, mounted, random_problem};
+use crate::common::*;
 
 /// A room whose mount has other keys, too.
 fn room_with(dir: &Path, mount: &[(&str, Value)]) {

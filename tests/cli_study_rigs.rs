@@ -417,15 +417,8 @@ fn own_rigs_lose_each_lidar_in_turn() {
     write(&dir, "left.json", &left);
     let degrees = |more: &[&str]| {
         let scores = ok(&dir, &[&["score", "street.json", "left.json"], more].concat());
-        let of = |row: usize| -> f64 {
-            let blind = scores["scores"][row]["range_card"]["blind"].as_array().unwrap();
-            let width = |sector: &Value| {
-                let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
-                if from < to { to - from } else { to - from + 360.0 }
-            };
-            blind.iter().map(width).sum()
-        };
-        of(0).max(of(1))
+        let [ahead, back] = [0, 1].map(|row| blind_degrees(&scores["scores"][row]));
+        ahead.max(back)
     };
     let line = ["study", "loss", "street.json", "own.json", "--out", "fog"];
     let in_fog = ok(&dir, &[&line[..], &fog].concat());

@@ -261,12 +261,7 @@ fn the_default_objective_does_not_win_by_looking_away() {
             "--objective", objective, "--out", objective,
         ];
         let found = ok(&dir, &args);
-        let blind = found["best"]["scores"]["range_card"]["blind"].as_array().unwrap();
-        let width = |sector: &Value| {
-            let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
-            (to - from).rem_euclid(360.0)
-        };
-        blind.iter().map(width).sum::<f64>()
+        blind_degrees(&found["best"]["scores"])
     };
     // Two halves that look ahead, against two that must stand back to back to the tenth of a radian.
     let (gain, default) = (blind("information_gain"), blind("near_gain"));

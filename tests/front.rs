@@ -302,12 +302,7 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
         let is_met = point["requirements_met"] == true;
         let held = if is_met { &scores["requirements"][0]["holds_in"] } else { &Value::Null };
         assert_eq!(point["copies_that_meet_all"], *held);
-        let sectors = scores["range_card"]["blind"].as_array().unwrap();
-        let width = |sector: &Value| {
-            let [from, to] = [0, 1].map(|end| sector["bearings"][end].as_f64().unwrap());
-            if to >= from { to - from } else { to - from + 360.0 }
-        };
-        let blind: f64 = sectors.iter().map(width).sum();
+        let blind = blind_degrees(scores);
         assert!((point["car_blind_deg"].as_f64().unwrap() - blind).abs() < 1e-9, "{point}");
     }
     let met: Vec<&Value> =

@@ -1,16 +1,14 @@
 //! A device lost in the middle of a run: the run ends with the same bits, and says what happened.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex};
 
 use lidar_cast::engine::Failover;
-use sightline::engine::CpuBackend;
+use sightline::engine::BackendError;
 use sightline::engine::gpu::GpuBackend;
-use sightline::engine::{Backend, BackendError};
-use sightline::problem::Problem;
 
 use crate::cli::*;
-use crate::common::{MEMORY, cpu, random_placements, random_problem};
+use crate::common::*;
 
 /// Batches that a device survives, the first one and those opened after it; `None` cannot be opened.
 type Lives = [Option<u32>];

@@ -208,6 +208,15 @@ pub(crate) fn change(dir: impl AsRef<Path>, name: &str, change: impl FnOnce(&mut
     change_as(dir, [name; 2], change);
 }
 
+/// Degrees around the vehicle in which the range card of some scores is blind.
+pub(crate) fn blind_degrees(scores: &Value) -> f64 {
+    let width = |sector: &Value| {
+        let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
+        if from < to { to - from } else { to - from + 360.0 }
+    };
+    scores["range_card"]["blind"].as_array().unwrap().iter().map(width).sum()
+}
+
 /// Replaces the requirements of the cart in `cart.json`.
 pub(crate) fn set_rules(dir: impl AsRef<Path>, rules: Value) {
     change(dir, "cart.json", |cart| cart["require"] = rules);
