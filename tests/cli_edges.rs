@@ -133,7 +133,8 @@ fn no_name_reaches_a_terminal_as_a_command() {
     let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
     let long = "x".repeat(201);
     for name in ["\u{1b}[31mred".to_owned(), long] {
-        assert!(Psog::new(roi, 1, vec![name], vec![], vec![]).is_err());
+        let error = Psog::new(roi, 1, vec![name], vec![], vec![]).err().unwrap().to_string();
+        assert!(error.contains("a class name has 1 to 200 characters"), "{error}");
     }
     // Marks of direction and breaks of lines are no control characters; tables spell them out.
     let dir = crate::cli_files::world();

@@ -69,7 +69,8 @@ fn a_folder_is_whole_the_same_on_any_threads_and_goes_on_where_it_was_left() {
         let lost = whole.keys().find(|name| name.ends_with(".npz") || name.ends_with(".bin"));
         fs::remove_file(dir.path().join(&second).join(lost.unwrap())).unwrap();
         let again = scan(&second, "2", &[]);
-        assert!(again["datasets"][0]["points_now"].as_u64() < set["points"].as_u64());
+        let points = |set: &Value, key: &str| set[key].as_u64().unwrap();
+        assert!(points(&again["datasets"][0], "points_now") < points(set, "points"), "{again}");
         assert_eq!(whole, files(&dir.path().join(&second)), "{layout}: gone on with");
     }
 }

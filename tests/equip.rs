@@ -426,7 +426,8 @@ fn a_budget_below_the_cheapest_rig_is_refused() {
         "{error}"
     );
     let m_sog = "m_sog_scaled".parse().unwrap();
-    assert!(equip(&problem.clone().into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).is_err());
+    let refused = equip(&problem.clone().into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu());
+    assert!(matches!(refused, Err(SearchError::NotForEquipment { .. })), "{refused:?}");
     assert_eq!(equipped(&problem, &vehicle, 4.0).equipment.len(), 2);
     // Where there is nothing to choose any objective will do.
     for (k, mount) in vehicle.mounts.iter_mut().enumerate() {
