@@ -1,21 +1,14 @@
 //! Sums from the pose atlas against those of a backend.
 
-use std::sync::Arc;
-
-use lidar_cast::bvh::Bvh;
 use lidar_cast::cover::BitOrder;
 use lidar_cast::engine::ReferenceBackend;
 use lidar_cast::task::{KINDS, REPEATS};
 use sightline::engine::gpu::GpuBackend;
-use sightline::engine::{Backend, CpuBackend};
 use sightline::internals::{Atlas, PoseGrid, Spacing, Union};
-use sightline::problem::Task;
-use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
-use sightline::psog::Roi;
+use sightline::problem::Tally;
 use sightline::score::Needed;
-use sightline::vehicle::{BeamTable, Constraints, Placement};
 
-use crate::common::{MEMORY, random_content, random_soup};
+use crate::common::*;
 
 fn grid() -> PoseGrid {
     let constraints =

@@ -1,13 +1,8 @@
 //! Own bodies as users bring them: STL, URDF, a trailer in poses; and bodies that cannot be.
 
-use std::fs;
 use std::io::BufReader;
-use std::path::Path;
 
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{array, fails, ok, room, sightline};
+use crate::cli::*;
 
 /// Corners of a triangle that beams from the sensor of [`room_with`] meet.
 const FACET: &str = "facet normal 0 0 0\nouter loop\nvertex 1 -1 0\nvertex 1 1 0\nvertex 1 0 2.5\nendloop\nendfacet\n";
@@ -16,12 +11,12 @@ const YAWS: [f64; 3] = [0.0, 0.4, 1.1];
 
 /// The room with an own vehicle.
 fn room_with(dir: &Path, name: &str, ego: &Value) {
-    let mut scene: Value = serde_json::from_slice(&fs::read(room(dir)).unwrap()).unwrap();
+    let mut scene = read_json(room(dir));
     scene["ego"] = ego.clone();
-    fs::write(dir.join(name), scene.to_string()).unwrap();
+    write(dir, name, &scene);
     let placements = json!({ "placements": [
         { "name": "p", "lidars": [{ "x": 0, "y": 0.1, "z": 1.5 }, { "x": 0.4, "y": -0.3, "z": 1.7, "yaw": 1 }] }] });
-    fs::write(dir.join("p.json"), placements.to_string()).unwrap();
+    write(dir, "p.json", &placements);
 }
 
 fn distances(dir: &Path, scene: &str, frame: usize) -> Vec<f32> {
@@ -74,14 +69,14 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
             "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-25, 2], "azimuth_steps": 90, "range": 40 } }],
             "mounts": [{ "name": "roof", "min": [-0.8, -0.6, 1.2], "max": [1, 0.6, 2], "count": [1, 2] }],
             "require": [{ "ground": 3, "share": 0 }] });
-        fs::write(dir.path().join("v.json"), vehicle.to_string()).unwrap();
+        write(&dir, "v.json", &vehicle);
     };
     let rig =
         json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0.3, "y": 0, "z": 1.6 }] }] });
-    fs::write(dir.path().join("p.json"), rig.to_string()).unwrap();
+    write(&dir, "p.json", &rig);
     let run = |command: &str| {
         let args = format!("study {command} p.json --vehicle v.json --backend cpu --format json");
-        let output = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
+        let output = sightline(&dir, &args);
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(0), "{command}: {told}");
         (String::from_utf8_lossy(&output.stdout).into_owned(), told)
@@ -105,14 +100,13 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     }
     tractor(json!([pose(0.0), pose(0.9)]));
     let handover = ["rig", "handover", "p.json", "--vehicle", "v.json", "--out", "h"];
-    let output = sightline(dir.path(), &handover);
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && told.contains("has 2 poses"), "{told}");
+    let told = stderr(&dir, &handover);
+    assert!(told.contains("has 2 poses"), "{told}");
     let readme = fs::read_to_string(dir.path().join("h/README.txt")).unwrap();
     let words = "boxes, masks and drawing are of frame 0; where they stand otherwise, others are needed (a scene before";
     assert!(readme.contains(words), "{readme}");
     tractor(json!([]));
-    let told = fails(dir.path(), &["study", "targets", "p.json", "--vehicle", "v.json"]);
+    let told = fails(&dir, "study targets p.json --vehicle v.json");
     assert!(
         told.contains("bodies[0].poses: an empty list is not a list of at least one pose"),
         "{told}"
@@ -129,8 +123,7 @@ fn a_hand_over_has_the_body_of_its_frame() {
             "rig", "handover", scene, "p.json", "--frame", frame, "--backend", "cpu", "--out", "h",
             "--force",
         ];
-        let output = sightline(dir.path(), &args);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        printed(&dir, &args);
         let read = |name: &str| fs::read_to_string(dir.path().join("h").join(name)).unwrap();
         let boxes = read("crop_boxes.yaml");
         let boxes: Vec<&str> =
@@ -151,8 +144,8 @@ fn a_hand_over_has_the_body_of_its_frame() {
 fn an_stl_and_a_urdf_that_names_it_give_the_bits_of_an_obj() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| dir.path().join(name);
-    fs::write(path("b.stl"), format!("solid\n{FACET}endsolid\n")).unwrap();
-    fs::write(path("b.obj"), "v 1 -1 0\nv 1 1 0\nv 1 0 2.5\nf 1 2 3\n").unwrap();
+    write(&dir, "b.stl", &format!("solid\n{FACET}endsolid\n"));
+    write(&dir, "b.obj", "v 1 -1 0\nv 1 1 0\nv 1 0 2.5\nf 1 2 3\n");
     let urdf = r#"<robot name="r"><link name="l"><collision><geometry><mesh filename="b.stl"/></geometry></collision></link></robot>"#;
     fs::write(path("b.urdf"), urdf).unwrap();
     let mut all = Vec::new();
@@ -170,7 +163,7 @@ fn an_stl_and_a_urdf_that_names_it_give_the_bits_of_an_obj() {
     assert!(all[0].iter().any(|metres| *metres < 1.2), "some beams end at it");
     // Inputs are protected: the mesh of the robot, too.
     let args = ["cast", "r.json", "p.json", "--out", "b.stl", "--force"];
-    let message = fails(dir.path(), &args);
+    let message = fails(&dir, &args);
     assert!(message.contains("b.stl"), "{message}");
 }
 
@@ -178,7 +171,7 @@ fn an_stl_and_a_urdf_that_names_it_give_the_bits_of_an_obj() {
 fn bodies_that_cannot_be_end_in_one_sentence_and_exit_code_2() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| dir.path().join(name);
-    fs::write(path("empty.stl"), "solid\nendsolid\n").unwrap();
+    write(&dir, "empty.stl", "solid\nendsolid\n");
     fs::write(path("short.stl"), [&[b'x'; 80][..], &9_u32.to_le_bytes(), &[0; 50]].concat())
         .unwrap();
     fs::write(path("r.urdf"), r#"<robot name="r"><link name="l"/></robot>"#).unwrap();
@@ -206,16 +199,16 @@ fn bodies_that_cannot_be_end_in_one_sentence_and_exit_code_2() {
         ),
     ] {
         room_with(dir.path(), "r.json", &ego);
-        let message = fails(dir.path(), &["cast", "r.json", "p.json", "--out", "h.npz"]);
+        let message = fails(&dir, "cast r.json p.json --out h.npz");
         assert!(message.contains(told), "{message}\nis not {told}");
         assert_eq!(message.trim_end().lines().count(), 1, "{message}");
         assert!(!path("h.npz").exists());
     }
     // A likely mistake is a note, and with --strict an error.
     let millimetres = "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 4400 0 0\nvertex 0 1800 1300\nendloop\nendfacet\n";
-    fs::write(path("mm.stl"), format!("solid\n{millimetres}endsolid\n")).unwrap();
+    write(&dir, "mm.stl", &format!("solid\n{millimetres}endsolid\n"));
     room_with(dir.path(), "r.json", &mesh("mm.stl"));
-    let message = fails(dir.path(), &["cast", "r.json", "p.json", "--out", "h.npz", "--strict"]);
+    let message = fails(&dir, "cast r.json p.json --out h.npz --strict");
     let told = "the ego body is 4400.0 m large; lengths are in metres, 4400 mm would be 4.40 m: divide the numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`";
     assert!(message.contains(told), "{message}");
 }

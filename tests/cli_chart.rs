@@ -1,13 +1,6 @@
 //! The chart of cost against accuracy: its files, its errors, Ctrl-C and resume.
 
-use std::fs;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{corridor, fails, ok, room, sightline};
+use crate::cli::*;
 
 const CHART: [&str; 9] =
     ["chart", "room.json", "--quick", "--full", "--placements", "12", "--backend", "cpu", "--out"];
@@ -18,9 +11,8 @@ fn read(dir: &TempDir, file: &str) -> String {
 
 #[test]
 fn a_chart_measures_the_settings_of_a_scene() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    let answer = ok(dir.path(), &[&CHART[..], &["out"]].concat());
+    let dir = in_room();
+    let answer = ok(&dir, &[&CHART[..], &["out"]].concat());
     assert_eq!(answer["finished"], true);
     assert_eq!(answer["placements"].as_array().unwrap().len(), 11 + 12);
     let rows = answer["rows"].as_array().unwrap();
@@ -60,11 +52,10 @@ fn a_chart_measures_the_settings_of_a_scene() {
     assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
     assert!(svg.contains("cheapest that keeps the ranking") && !svg.contains("NaN"));
     // Going on with a finished chart measures nothing and can only change the tolerance.
-    let again =
-        ok(dir.path(), &["chart", "--resume", "out", "--tolerance", "1", "--backend", "cpu"]);
+    let again = ok(&dir, "chart --resume out --tolerance 1 --backend cpu");
     assert_eq!(again["measured"], answer["measured"]);
     let args = ["chart", "--resume", "out", "--backend", "cpu", "--format", "csv"];
-    let printed = sightline(dir.path(), &args).stdout;
+    let printed = sightline(&dir, &args).stdout;
     assert_eq!(String::from_utf8(printed).unwrap(), read(&dir, "out/chart.csv"));
     let taken = &rows[again["verdict"]["setting"].as_u64().unwrap() as usize];
     assert!(number(taken, "/seconds") < number(chosen, "/seconds"));
@@ -73,11 +64,9 @@ fn a_chart_measures_the_settings_of_a_scene() {
 /// Text that a chart of the room prints, its CSV by line, and all of its JSON.
 fn printed(dir: &TempDir, more: &[&str], out: &str) -> (String, Vec<String>, Value) {
     let args = ["chart", "room.json", "--placements", "30", "--backend", "cpu", "--out", out];
-    let output = sightline(dir.path(), &[&args[..], more].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = stdout(dir, &[&args[..], more].concat());
     let csv = read(dir, &format!("{out}/chart.csv"));
     let answer = serde_json::from_str(&read(dir, &format!("{out}/chart.json"))).unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
     (text, csv.lines().map(str::to_owned).collect(), answer)
 }
 
@@ -86,7 +75,7 @@ fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
     let dir = TempDir::new().unwrap();
     let path = room(dir.path());
     // The walker hardly moves: one frame of twelve keeps the ranking, and so do others of few beams.
-    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut scene = read_json(&path);
     scene["frames"] = json!(12);
     let poses = (0..12).map(|k| json!({ "x": 2.0 + 0.001 * f64::from(k), "y": -1 }));
     scene["actors"][0]["poses"] = poses.collect();
@@ -145,14 +134,14 @@ fn a_scene_without_geometry_has_fewer_settings() {
     let dir = corridor();
     let mut scene = crate::cli::scene();
     scene["lidar"] = json!({ "channels": 4, "fov": [-20, 20], "azimuth_steps": 64, "range": 100 });
-    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    write(&dir, "scene.json", &scene);
     let placements = json!({ "placements": [
         { "name": "inside", "lidars": [{ "x": 0.5, "y": 0.5, "z": 0.5 }] },
         { "name": "far", "lidars": [{ "x": 0.5, "y": 0.5, "z": 500 }] },
     ]});
-    fs::write(dir.path().join("placements.json"), placements.to_string()).unwrap();
+    write(&dir, "placements.json", &placements);
     let args = ["chart", "scene.json", "placements.json", "--full", "--placements", "10"];
-    let answer = ok(dir.path(), &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
+    let answer = ok(&dir, &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
     let settings: Vec<&str> =
         answer["rows"].as_array().unwrap().iter().map(|r| r["setting"].as_str().unwrap()).collect();
     assert_eq!(
@@ -173,24 +162,23 @@ fn a_scene_without_geometry_has_fewer_settings() {
     assert!(answer["measured"][0]["scores"][0].is_f64());
     assert!(answer["measured"][0]["scores"][1].is_null());
     scene["detection"] = json!([]);
-    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    write(&dir, "scene.json", &scene);
     let detection = ["chart", "scene.json", "--objective", "detection.m_sog"];
-    assert!(fails(dir.path(), &detection).contains("needs a detection target"));
+    assert!(fails(&dir, &detection).contains("needs a detection target"));
 }
 
 #[test]
 fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let pose = |x: f64, y: f64, roll: f64| json!({ "x": x, "y": y, "z": 1.2, "roll": roll });
     let placements = json!({ "placements": [
         { "name": "apart", "lidars": [pose(-0.6, -0.6, -0.3), pose(0.6, 0.6, 0.3)] },
         { "name": "level", "lidars": [pose(-0.6, 0.6, 0.0), pose(0.6, -0.6, 0.0)] },
         { "name": "near", "lidars": [pose(0.0, 0.0, 0.1), pose(0.2, 0.0, -0.1)] },
     ]});
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "p.json", &placements);
     let args = ["chart", "room.json", "p.json", "--finest", "0.5", "--full", "--placements", "0"];
-    let answer = ok(dir.path(), &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
+    let answer = ok(&dir, &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
     let measured = answer["measured"].as_array().unwrap();
     let atlases: Vec<&Value> = measured.iter().filter(|m| m["rung"]["engine"] == "atlas").collect();
     assert_eq!(atlases.len(), 2, "three frames and one");
@@ -207,10 +195,9 @@ fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
 
 #[test]
 fn the_gpu_stands_on_the_chart_with_the_scores_of_the_cpu() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let args = ["chart", "room.json", "--finest", "0.5", "--full", "--placements", "4"];
-    let answer = ok(dir.path(), &[&args[..], &["--backend", "gpu", "--out", "out"]].concat());
+    let answer = ok(&dir, &[&args[..], &["--backend", "gpu", "--out", "out"]].concat());
     let measured = answer["measured"].as_array().unwrap();
     let of = |engine: &str| {
         measured
@@ -224,49 +211,35 @@ fn the_gpu_stands_on_the_chart_with_the_scores_of_the_cpu() {
 
 #[test]
 fn bad_charts_are_refused() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    let chart = |more: &[&str]| fails(dir.path(), &[&["chart", "room.json"], more].concat());
+    let dir = in_room();
+    let chart = |more: &[&str]| fails(&dir, &[&["chart", "room.json"], more].concat());
     assert!(chart(&["--finest", "0.7"]).contains("coarser than the scene's own voxels of 0.5 m"));
     fs::create_dir(dir.path().join("out")).unwrap();
-    fs::write(dir.path().join("out/checkpoint.json"), "{}").unwrap();
+    write(&dir, "out/checkpoint.json", "{}");
     assert!(chart(&["--out", "out"]).contains("already holds a run"));
-    assert!(fails(dir.path(), &["chart", "--resume", "out"]).contains("checkpoint.json"));
-    assert!(sightline(dir.path(), &["chart"]).status.code() == Some(2));
+    assert!(fails(&dir, "chart --resume out").contains("checkpoint.json"));
+    assert!(sightline(&dir, "chart").status.code() == Some(2));
 }
 
 #[cfg(unix)]
 #[test]
 fn an_interrupted_chart_keeps_what_it_measured() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    let args = ["chart", "room.json", "--placements", "120", "--backend", "cpu", "--out", "out"];
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(args)
-        .current_dir(dir.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let state = dir.path().join("out/checkpoint.json");
-    let start = Instant::now();
-    while !state.exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "no setting was measured");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    let pid = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    let dir = in_room();
+    let args = "chart room.json --placements 120 --backend cpu --out out";
+    let mut child = begun(&dir, args);
+    wait_for(|| dir.path().join("out/checkpoint.json").exists());
+    interrupt(&child, "-INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let before: Value = serde_json::from_str(&read(&dir, "out/chart.json")).unwrap();
     assert_eq!(before["finished"], false);
     let kept = before["measured"].as_array().unwrap();
-    let after = ok(dir.path(), &["chart", "--resume", "out", "--backend", "cpu"]);
+    let after = ok(&dir, "chart --resume out --backend cpu");
     let all = after["measured"].as_array().unwrap();
     assert!(!kept.is_empty() && kept.len() < all.len(), "{} of {}", kept.len(), all.len());
     assert_eq!(kept[..], all[..kept.len()]);
     // Another world under the same name is noticed.
     let moved = fs::read_to_string(dir.path().join("room.json")).unwrap();
-    fs::write(dir.path().join("room.json"), moved.replace("[3.9,", "[3.2,")).unwrap();
-    let error = fails(dir.path(), &["chart", "--resume", "out", "--backend", "cpu"]);
+    write(&dir, "room.json", &moved.replace("[3.9,", "[3.2,"));
+    let error = fails(&dir, "chart --resume out --backend cpu");
     assert!(error.contains("room.json: has changed; out was begun"), "{error}");
 }

@@ -1,27 +1,10 @@
 //! Sensors of other technologies in `study redundancy`: sectors and shadows in closed form, tables, and wrong input.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
-use crate::cli_shared::yard;
+use crate::cli::*;
+use crate::cli_shared::{cells, yard};
 
 /// Half of the edges of the body on the pad, and its top, metres.
 const PAD_BODY: [f64; 2] = [0.5, 1.5];
-
-pub(crate) fn write(dir: &Path, name: &str, value: &Value) {
-    fs::write(dir.join(name), value.to_string()).unwrap();
-}
-
-/// Rewrites a file after a change.
-pub(crate) fn change(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
-    let mut value: Value = serde_json::from_slice(&fs::read(dir.join(name)).unwrap()).unwrap();
-    change(&mut value);
-    write(dir, name, &value);
-}
 
 pub(crate) fn f64s<const N: usize>(value: &Value) -> [f64; N] {
     let values: Vec<f64> = value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
@@ -51,7 +34,7 @@ fn pad(others: &Value, walls: &[Value]) -> TempDir {
 
 fn technologies(dir: &Path, args: &str) -> Value {
     let args = format!("study redundancy {args} --backend cpu");
-    let found = ok(dir, &args.split(' ').collect::<Vec<_>>());
+    let found = ok(dir, &args);
     found["rows"][0]["technologies"].clone()
 }
 
@@ -59,18 +42,6 @@ fn technologies(dir: &Path, args: &str) -> Value {
 pub(crate) fn counts(seen: &Value) -> ([f64; 4], Vec<f64>) {
     let each = seen["each"].as_array().unwrap().iter();
     (f64s(&seen["by"]), each.map(|of| of["count"].as_f64().unwrap()).collect())
-}
-
-/// Middles of the cells on the ground around the block, and their distance from it.
-fn cells() -> Vec<([f64; 2], f64)> {
-    let grid = (-48..48).flat_map(|i| (-48..48).map(move |j| [i, j]));
-    let middles = grid.map(|place| place.map(|k| 0.25 * f64::from(k) + 0.125));
-    let distance = |[x, y]: [f64; 2]| {
-        let beyond = [x, y].map(|v| (v.abs() - PAD_BODY[0]).max(0.0));
-        beyond[0].hypot(beyond[1])
-    };
-    let all = middles.map(|at| (at, distance(at)));
-    all.filter(|(_, distance)| *distance > 0.0 && *distance <= 10.0).collect()
 }
 
 #[test]
@@ -85,7 +56,9 @@ fn sectors_of_level_ground_are_counted_by_their_angles() {
     let degrees = |y: f64, x: f64, yaw: f64| (y.atan2(x) - yaw).to_degrees();
     for (key, within) in [("ground_3m", 3.0), ("ground_10m", 10.0)] {
         let (mut by, mut each) = ([0.0; 4], vec![0.0; 3]);
-        for ([x, y], _) in cells().into_iter().filter(|(_, distance)| *distance <= within) {
+        for ([x, y], _) in
+            cells([PAD_BODY[0]; 2]).into_iter().filter(|(_, distance)| *distance <= within)
+        {
             let is_hidden = x.abs().max(y.abs()) < 3.0 / (3.0 - PAD_BODY[1]) * PAD_BODY[0];
             let camera = degrees(y, x, 0.3).abs() <= 40.0 && !is_hidden;
             let level = (x - 0.6).hypot(y);
@@ -119,7 +92,7 @@ fn a_wall_hides_the_ground_behind_it_by_similar_triangles() {
         let found = technologies(dir.path(), "pad.json rig.json --target car");
         counts(&found["ground_10m"]).1[1]
     };
-    let hidden = cells()
+    let hidden = cells([PAD_BODY[0]; 2])
         .into_iter()
         .filter(|([x, y], _)| *x > 5.0 && *x < 10.0 && y.abs() < 2.0 * x / 5.0 && y.abs() < *x);
     let hidden = hidden.count() as f64;
@@ -178,15 +151,10 @@ fn a_camera_and_a_lidar_that_look_the_same_way_see_the_same() {
 fn scores_and_vehicles_of_lidars_alone_stay_as_they_are() {
     let dir = yard();
     let dir = dir.path();
-    let output = |args: &str| {
-        let done = sightline(dir, &format!("{args} --backend cpu").split(' ').collect::<Vec<_>>());
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
-    };
+    let output = |args: &str| stdout(dir, &format!("{args} --backend cpu"));
     let study = "study redundancy yard.json rigs.json --frames 1 --target car";
     let forms = ["", " --format json", " --format csv"].map(|form| format!("{study}{form}"));
-    let scores =
-        || ok(dir, &["score", "yard.json", "rigs.json", "--backend", "cpu"])["scores"].clone();
+    let scores = || ok(dir, "score yard.json rigs.json --backend cpu")["scores"].clone();
     let (before, alone) = (forms.clone().map(|args| output(&args)), scores());
     assert!(before.iter().all(|text| !text.contains("technolog")), "{before:?}");
     change(dir, "cart.json", |cart| cart["other_sensors"] = json!([]));
@@ -218,9 +186,8 @@ fn tables_are_a_hundred_columns_wide_and_scenes_have_a_mean() {
     let args =
         "study redundancy yard.json other.json rigs.json --backend cpu --frames 1 --target car";
     let args: Vec<&str> = args.split(' ').collect();
-    let done = sightline(dir, &args);
-    let text = String::from_utf8(done.stdout).unwrap();
-    assert!(done.status.success() && text.contains("% by technologies"), "{text}");
+    let text = stdout(dir, &args);
+    assert!(text.contains("% by technologies"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     for k in 0..12 {
         let column = format!("longtechnology{}", char::from(b'a' + k));
@@ -262,7 +229,7 @@ fn wrong_sensors_are_one_sentence_each() {
     let dir = yard();
     let dir = dir.path();
     let good = json!({ "name": "eye", "technology": "camera", "x": 2.1, "y": 0, "z": 1, "fov": [60, 40], "range": 80 });
-    let cart: Value = serde_json::from_slice(&fs::read(dir.join("cart.json")).unwrap()).unwrap();
+    let cart = read_json(dir.join("cart.json"));
     let told = |others: &str| {
         let mut text = cart.to_string();
         text.insert_str(1, &format!("\"other_sensors\": {others}, "));

@@ -1,13 +1,8 @@
 //! Voxels, ground and targets that cones see, against slabs in `f64` by brute force.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-
-use crate::cli::{array, ok, sightline};
-use crate::cli_cones::{change, counts, f64s, rig, write};
-use crate::cli_shared::yard;
+use crate::cli::*;
+use crate::cli_cones::{counts, f64s, rig};
+use crate::cli_shared::{cells, yard};
 
 /// Metres before a thing within which a surface does not hide it, as documented.
 const SLACK: f64 = 0.01;
@@ -115,7 +110,7 @@ fn looks_up(dir: &Path) {
 
 /// Boxes of the occupied voxels of the yard.
 fn occupied(dir: &Path) -> Vec<[[f64; 3]; 2]> {
-    assert!(sightline(dir, &["psog", "build", "yard.json", "--out", "y.npz"]).status.success());
+    printed(dir, "psog build yard.json --out y.npz");
     let file = fs::File::open(dir.join("y.npz")).unwrap();
     let occupied: Vec<u64> = array(&mut zip::ZipArchive::new(file).unwrap(), "index");
     let voxel = |index: &u64| {
@@ -133,11 +128,7 @@ fn voxels_ground_and_targets_are_those_of_slabs_in_f64() {
     change(dir, "cart.json", |cart| cart["other_sensors"] = rig());
     looks_up(dir);
     let cones = Cone::all(&rig());
-    let told = sightline(
-        dir,
-        &["study", "redundancy", "yard.json", "up.json", "--backend", "cpu", "--frames", "1"],
-    );
-    let told = String::from_utf8_lossy(&told.stderr).into_owned();
+    let told = stderr(dir, "study redundancy yard.json up.json --backend cpu --frames 1");
     assert!(told.contains("the own body blocks 100 % of the view of `radar 4`"), "{told}");
     assert_eq!(told.matches("the own body blocks").count(), 1, "{told}");
     let args = ["study", "redundancy", "yard.json", "up.json", "--backend", "cpu", "--frames", "1"];
@@ -158,13 +149,8 @@ fn voxels_ground_and_targets_are_those_of_slabs_in_f64() {
     is(&of["occupied"], &voxels, &YARD, 4.0);
     let [half_x, half_y] = [2.0, 0.9];
     for (key, within) in [("ground_3m", 3.0), ("ground_10m", 10.0)] {
-        let grid = (-60..60).flat_map(|i| (-60..60).map(move |j| [i, j]));
-        let middles = grid.map(|place| place.map(|k| 0.25 * f64::from(k) + 0.125));
-        let near = middles.filter(|[x, y]| {
-            let distance = (x.abs() - half_x).max(0.0).hypot((y.abs() - half_y).max(0.0));
-            distance > 0.0 && distance <= within
-        });
-        let points: Vec<_> = near.map(|[x, y]| [[x, y, 0.0]; 2]).collect();
+        let near = cells([half_x, half_y]).into_iter().filter(|(_, distance)| *distance <= within);
+        let points: Vec<_> = near.map(|([x, y], _)| [[x, y, 0.0]; 2]).collect();
         is(&of[key], &points, &YARD, 2.0);
     }
     let targets = found["targets"].as_array().unwrap();

@@ -1,12 +1,6 @@
 //! Requirements for which no place and no cell counts: refused, by each command, rather than met or missed by every rig.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok};
+use crate::cli::*;
 
 /// Level road around a vehicle whose body is a box in plan, with one requirement.
 fn parked(dir: &Path, [min, max]: [[f64; 2]; 2], require: &Value) {
@@ -15,13 +9,13 @@ fn parked(dir: &Path, [min, max]: [[f64; 2]; 2], require: &Value) {
         "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-24.8, 2], "azimuth_steps": 90, "range": 60 } }],
         "mounts": [{ "name": "roof", "min": [-1, -0.5, 1.6], "max": [1, 0.5, 3.5], "count": [0, 2] }],
         "require": [{ "name": "all", "min": [-8, -8, -0.5], "max": [8, 8, 1.5], "share": 0 }, require] });
-    fs::write(dir.join("box.json"), vehicle.to_string()).unwrap();
+    write(dir, "box.json", &vehicle);
     let scene = json!({ "sightline": 1, "name": "road", "coverage": "first-hit", "vehicle": "box.json",
         "roi": { "min": [-8, -8, -0.5], "max": [8, 8, 1.5], "voxel": [1, 1, 1] },
         "static": [{ "class": "road", "plane": { "min": [-20, -20], "max": [20, 20], "z": 0 } }] });
-    fs::write(dir.join("road.json"), scene.to_string()).unwrap();
+    write(dir, "road.json", &scene);
     let rig = json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0, "y": 0, "z": 3.2 }] }] });
-    fs::write(dir.join("p.json"), rig.to_string()).unwrap();
+    write(dir, "p.json", &rig);
 }
 
 const SCORE: [&str; 5] = ["score", "road.json", "p.json", "--backend", "cpu"];
@@ -40,13 +34,13 @@ fn ground_nearer_than_any_cell_is_an_error_that_says_from_where_on() {
         (json!({ "blind_zone": "left", "depth": 0.2 }), "depth", "0.23"),
     ] {
         parked(dir.path(), CAR, &rule);
-        let told = fails(dir.path(), &SCORE);
+        let told = fails(&dir, &SCORE);
         let place = format!("box.json: require[1].{field}: ");
         assert!(told.contains(&place) && told.contains(&format!("give {least} or more")), "{told}");
     }
     let optimize =
         ["optimize", "road.json", "--out", "run", "--evaluations", "5", "--backend", "cpu"];
-    let told = fails(dir.path(), &optimize);
+    let told = fails(&dir, &optimize);
     assert!(told.contains("require[1].depth") && !dir.path().join("run").exists(), "{told}");
     for rule in [
         json!({ "ground": 0.13, "share": 0.5 }),
@@ -54,16 +48,16 @@ fn ground_nearer_than_any_cell_is_an_error_that_says_from_where_on() {
         json!({ "blind_zone": "left", "depth": 0.23 }),
     ] {
         parked(dir.path(), CAR, &rule);
-        let found = &ok(dir.path(), &SCORE)["scores"][0]["requirements"][1];
+        let found = &ok(&dir, &SCORE)["scores"][0]["requirements"][1];
         assert!(found["found"].is_number(), "{found}");
     }
     // A body between two lanes has none before its edges; a line has no outline, and a large one too many cells.
     let thin = [[-2.0, 0.01], [2.5, 0.02]];
     parked(dir.path(), thin, &json!({ "blind_zone": "ahead", "depth": 5 }));
-    let told = fails(dir.path(), &SCORE);
+    let told = fails(&dir, &SCORE);
     assert!(told.contains("require[1].blind_zone") && told.contains("narrower"), "{told}");
     parked(dir.path(), [[-2e5, -0.9], [2e5, 0.9]], &json!({ "ground": 3, "share": 0.5 }));
-    let told = fails(dir.path(), &SCORE);
+    let told = fails(&dir, &SCORE);
     assert!(told.contains("its body is 400000 m long or wide"), "{told}");
 }
 
@@ -74,11 +68,11 @@ fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
     let child = |within: f64| json!({ "target": "child", "within": within, "bearing": [-5, 5], "share": 0.95 });
     // Places at 5, 6 and 7 m straight ahead; the body ends at 8 m.
     parked(dir.path(), truck, &child(7.0));
-    let told = fails(dir.path(), &SCORE);
+    let told = fails(&dir, &SCORE);
     let words = "box.json: require[1]: every place of `child from 5 to 7 m, -5° to 5°` lies in the own body";
     assert!(told.contains(words), "{told}");
     let told = fails(
-        dir.path(),
+        &dir,
         &[
             "study", "sweep", "p.json", "--vehicle", "box.json", "--of", "0.z", "--from", "3",
             "--to", "3.4", "--backend", "cpu",
@@ -87,7 +81,7 @@ fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
     assert!(told.contains("require[1]: every place"), "{told}");
     // Among 5, 7.5 and 10 m only the last is free: it alone counts.
     parked(dir.path(), truck, &child(10.0));
-    let found = &ok(dir.path(), &SCORE)["scores"][0]["requirements"][1];
+    let found = &ok(&dir, &SCORE)["scores"][0]["requirements"][1];
     assert!([0.0, 1.0].contains(&found["found"].as_f64().unwrap()), "{found}");
 }
 
@@ -101,14 +95,14 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
     let sweep = "study sweep p.json --vehicle box.json --of 0.z --from 3 --to 3.4 --backend cpu";
     let sweep: Vec<&str> = sweep.split(' ').collect();
     parked(dir.path(), CAR, &car(8.0, "scene"));
-    let told = fails(dir.path(), &sweep);
+    let told = fails(&dir, &sweep);
     let words =
         "box.json: require[1].ground: `car` stands on the ground of a scene, and there is none";
     assert!(told.contains(words), "{told}");
-    let found = ok(dir.path(), &SCORE)["scores"][0]["requirements"][1]["found"].clone();
+    let found = ok(&dir, &SCORE)["scores"][0]["requirements"][1]["found"].clone();
     // The road ends at 20 m.
     parked(dir.path(), CAR, &car(40.0, "scene"));
-    let told = fails(dir.path(), &SCORE);
+    let told = fails(&dir, &SCORE);
     assert!(told.contains("box.json: require[1]: no place of `car` is free"), "{told}");
     // This scene is level, and its rule has the share of the study there.
     parked(dir.path(), CAR, &car(8.0, "scene"));
@@ -117,7 +111,7 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
     let bearings = format!("--bearings={}", bearings.join(","));
     let mut study = vec!["study", "targets", "road.json", "p.json", "--target", "car"];
     study.extend(["--distances", "8", &bearings, "--frames", "1", "--backend", "cpu"]);
-    let rows = ok(dir.path(), &study)["rows"].clone();
+    let rows = ok(&dir, &study)["rows"].clone();
     let met = |row: &&Value| row["beams"].as_u64().is_some_and(|beams| beams >= 45);
     let rows = rows.as_array().unwrap();
     let met = rows.iter().filter(met).count();
@@ -132,7 +126,7 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
         ),
     ] {
         parked(dir.path(), CAR, &rule);
-        let told = fails(dir.path(), &SCORE);
+        let told = fails(&dir, &SCORE);
         assert!(told.contains(said), "{rule}: {told}");
     }
 }

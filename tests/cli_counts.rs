@@ -1,13 +1,7 @@
 //! Rules of small vehicles, judged by a checker that shares no code with the program. Rigs that are found keep them.
 //! Rules that contradict each other are refused before anything is written. `score` names each rule that a rig breaks.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 
 /// A street of three frames, without a LiDAR of its own.
 fn street() -> TempDir {
@@ -22,7 +16,7 @@ fn street() -> TempDir {
             "parts": [{ "class": "vehicle", "box": { "min": [-2, -1, 0], "max": [2, 1, 1.5] } }],
             "route": { "points": [[-5, -5], [5, -5]], "start": 0, "spacing": 2 } }],
         "frames": 3 });
-    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
+    write(&dir, "s.json", &scene);
     dir
 }
 
@@ -31,7 +25,7 @@ fn roof(count: Value) -> Value {
 }
 
 fn street_scene(dir: &Path) -> Value {
-    serde_json::from_slice(&fs::read(dir.join("s.json")).unwrap()).unwrap()
+    read_json(dir.join("s.json"))
 }
 
 /// A vehicle file of two models, with further keys.
@@ -42,7 +36,7 @@ fn write_vehicle(dir: &Path, mounts: Value, more: Value) -> Value {
         { "name": "B", "price": 4, "lidar": lidar(2) }] });
     let keys = more.as_object().unwrap().clone();
     vehicle.as_object_mut().unwrap().extend(keys);
-    fs::write(dir.join("v.json"), vehicle.to_string()).unwrap();
+    write(dir, "v.json", &vehicle);
     vehicle
 }
 
@@ -171,7 +165,7 @@ fn every_rig_that_is_found_keeps_the_counts_and_the_rules() {
             if out == "least" && ![3, 5].contains(&number) {
                 continue;
             }
-            let found = ok(dir.path(), &[&OPTIMIZE[..], &[out], more].concat());
+            let found = ok(&dir, &[&OPTIMIZE[..], &[out], more].concat());
             let lidars = found["best"]["placement"]["lidars"].as_array().expect("a rig").clone();
             assert_eq!(broken(&vehicle, &lidars), [""; 0], "case {number}, {out}: {lidars:?}");
         }
@@ -213,7 +207,7 @@ fn rules_that_leave_no_rig_are_refused_before_anything_is_written() {
         let dir = street();
         write_vehicle(dir.path(), mounts, more);
         for more in [&[][..], &["--budget", "100"], &["--front", "price,near_gain"]] {
-            let told = fails(dir.path(), &[&OPTIMIZE[..], &["o"], more].concat());
+            let told = fails(&dir, &[&OPTIMIZE[..], &["o"], more].concat());
             assert!(told.contains(words), "{more:?}: {told}\n  lacks {words}");
             assert!(!dir.path().join("o").exists(), "{more:?}: {told}");
         }
@@ -222,8 +216,7 @@ fn rules_that_leave_no_rig_are_refused_before_anything_is_written() {
                 "study", kind, "s.json", "--vehicle", "v.json", "--evaluations", "10", "--random",
                 "5",
             ];
-            let told =
-                fails(dir.path(), &[&args[..], &["--backend", "cpu", "--out", "o"]].concat());
+            let told = fails(&dir, &[&args[..], &["--backend", "cpu", "--out", "o"]].concat());
             assert!(told.contains(words), "{kind}: {told}\n  lacks {words}");
             assert!(!dir.path().join("o").exists(), "{kind}: {told}");
         }
@@ -239,7 +232,7 @@ fn mirrored_pairs_need_a_wide_mount() {
     ] {
         let dir = street();
         write_vehicle(dir.path(), mounts.clone(), more);
-        let told = fails(dir.path(), &[&OPTIMIZE[..], &["o"]].concat());
+        let told = fails(&dir, &[&OPTIMIZE[..], &["o"]].concat());
         let words = "v.json: symmetric: true is not possible where y of the mount `m0` (mounts[0]) runs from -0.600 to 0.600";
         assert!(told.contains(words), "{told}");
         assert!(!dir.path().join("o").exists());
@@ -252,7 +245,7 @@ fn fewest_sensors_start_from_a_rig_by_the_rules() {
     let require = json!([{ "name": "all", "min": [-3, -3, 0], "max": [3, 3, 2], "share": 0.01 }]);
     let more = json!({ "min_distance": 2.5, "require": require });
     let vehicle = write_vehicle(dir.path(), json!([roof(json!([2, 4]))]), more);
-    let found = ok(dir.path(), &[&OPTIMIZE[..], &["o", "--fewest"]].concat());
+    let found = ok(&dir, &[&OPTIMIZE[..], &["o", "--fewest"]].concat());
     let lidars = found["best"]["placement"]["lidars"].as_array().unwrap().clone();
     assert_eq!((lidars.len(), broken(&vehicle, &lidars)), (2, vec![]));
 }
@@ -265,7 +258,7 @@ fn write_rigs(dir: &Path, rigs: &[Rig]) {
     let lidar = |([x, y, z], sensor): &([f64; 3], &str)| json!({ "x": x, "y": y, "z": z, "sensor": sensor });
     let rig = |(name, lidars): &Rig| json!({ "name": name, "lidars": lidars.iter().map(lidar).collect::<Vec<_>>() });
     let all = json!({ "placements": rigs.iter().map(rig).collect::<Vec<_>>() });
-    fs::write(dir.join("rigs.json"), all.to_string()).unwrap();
+    write(dir, "rigs.json", &all);
 }
 
 const SCORE: [&str; 8] =
@@ -294,12 +287,10 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
     ];
     let named: Vec<Rig> = rigs.iter().map(|(rig, _)| *rig).collect();
     write_rigs(dir.path(), &named);
-    let scores = ok(dir.path(), &SCORE)["scores"].clone();
-    let text = String::from_utf8(sightline(dir.path(), &SCORE).stdout).unwrap();
-    let csv = sightline(dir.path(), &[&SCORE[..], &["--format", "csv"]].concat());
-    let csv = String::from_utf8(csv.stdout).unwrap();
-    let file: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("rigs.json")).unwrap()).unwrap();
+    let scores = ok(&dir, &SCORE)["scores"].clone();
+    let text = stdout(&dir, &SCORE);
+    let csv = stdout(&dir, &[&SCORE[..], &["--format", "csv"]].concat());
+    let file = read_json(dir.path().join("rigs.json"));
     for (k, ((name, _), rules)) in rigs.iter().enumerate() {
         let found: Vec<&str> = scores[k]["broken_rules"]
             .as_array()
@@ -323,7 +314,7 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
         csv.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
     assert_eq!(prices, ["20", "30", "4", "20", "10"]);
     let several = [&["score", "s.json", "s.json"], &SCORE[2..], &["--format", "csv"]].concat();
-    let several = String::from_utf8(sightline(dir.path(), &several).stdout).unwrap();
+    let several = String::from_utf8(sightline(&dir, &several).stdout).unwrap();
     assert_eq!(several.lines().filter(|line| line.ends_with(",30")).count(), 3, "{several}");
 }
 
@@ -346,7 +337,7 @@ fn scores_end_with_code_1_where_no_rig_meets_all_requirements() {
             &["--format", "csv"],
             &["--out", "scores.txt", "--force"],
         ] {
-            let ended = sightline(dir.path(), &[&SCORE[..], more].concat());
+            let ended = sightline(&dir, &[&SCORE[..], more].concat());
             let told = String::from_utf8_lossy(&ended.stderr);
             assert_eq!(ended.status.code(), Some(code), "{more:?}: {told}");
             let words = "NOT MET: no placement of rigs.json meets all requirements";
@@ -354,7 +345,7 @@ fn scores_end_with_code_1_where_no_rig_meets_all_requirements() {
         }
         let two =
             ["score", "s.json", "s.json", "rigs.json", "--vehicle", "v.json", "--backend", "cpu"];
-        assert_eq!(sightline(dir.path(), &two).status.code(), Some(code));
+        assert_eq!(sightline(&dir, &two).status.code(), Some(code));
     }
 }
 
@@ -365,26 +356,26 @@ fn a_run_that_comes_to_an_error_leaves_no_folder() {
     let mut scene = street_scene(dir.path());
     scene["lidar"] = json!({ "channels": 4, "fov": [-25, 15], "azimuth_steps": 40, "range": 20 });
     scene["mount"] = json!({ "min": [-1, -1, 3], "max": [1, 1, 3.2], "lidars": 2 });
-    fs::write(dir.path().join("seen.json"), scene.to_string()).unwrap();
-    ok(dir.path(), &["psog", "build", "seen.json", "--out", "q.npz"]);
+    write(&dir, "seen.json", &scene);
+    ok(&dir, "psog build seen.json --out q.npz");
     let mut blind = scene.clone();
     blind["psog"] = json!({ "file": "q.npz" });
     blind["lidar"]["range"] = json!(0.01);
     blind["mount"] = json!({ "min": [-1, -1, 5], "max": [1, 1, 5.2], "lidars": 2 });
-    fs::write(dir.path().join("blind.json"), blind.to_string()).unwrap();
+    write(&dir, "blind.json", &blind);
     let args = ["optimize", "blind.json", "--evaluations", "10", "--backend", "cpu"];
     let more = ["--objective", "m_sog_scaled", "--out", "deep/o"];
-    let told = fails(dir.path(), &[&args[..], &more].concat());
+    let told = fails(&dir, &[&args[..], &more].concat());
     assert!(told.contains("kept its rules, but none has a value of `m_sog_scaled`"), "{told}");
     assert!(!dir.path().join("deep").exists());
     // Beams that pass through everything have no echoes that weather could take.
     scene["coverage"] = json!("through");
-    fs::write(dir.path().join("through.json"), scene.to_string()).unwrap();
+    write(&dir, "through.json", &scene);
     let args = [
         "study", "weather", "through.json", "--backend", "cpu", "--evaluations", "10", "--out",
         "wx",
     ];
-    let told = fails(dir.path(), &args);
+    let told = fails(&dir, &args);
     assert!(!dir.path().join("wx").exists(), "{told}");
 }
 
@@ -395,18 +386,18 @@ fn a_tight_mount_of_a_scene_is_searched_or_refused_like_one_of_a_vehicle() {
     scene["lidar"] = json!({ "channels": 4, "fov": [-25, 15], "azimuth_steps": 40, "range": 20 });
     let mut write = |lidars: u64| {
         scene["mount"] = json!({ "min": [-1, -0.8, 1.8], "max": [1, 0.8, 2.2], "lidars": lidars, "min_distance": 2.5 });
-        fs::write(dir.path().join("tight.json"), scene.to_string()).unwrap();
+        write(&dir, "tight.json", &scene);
     };
     let args = ["optimize", "tight.json", "--evaluations", "10", "--backend", "cpu", "--out", "o"];
     write(3);
-    let told = fails(dir.path(), &args);
+    let told = fails(&dir, &args);
     assert!(
         told.contains("tight.json: mount: no placement of 3 LiDARs on `mount` was found"),
         "{told}"
     );
     assert!(!dir.path().join("o").exists());
     write(2);
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     let lidars = found["best"]["placement"]["lidars"].as_array().unwrap();
     let far =
         (0..3).map(|k| (position(&lidars[0])[k] - position(&lidars[1])[k]).powi(2)).sum::<f64>();
@@ -417,12 +408,11 @@ fn a_tight_mount_of_a_scene_is_searched_or_refused_like_one_of_a_vehicle() {
 fn a_scene_without_a_lidar_is_scanned_and_counted_with_a_vehicle() {
     let dir = street();
     write_vehicle(dir.path(), json!([roof(json!(2))]), json!({}));
-    let told = fails(dir.path(), &["psog", "build", "s.json", "--out", "q.npz"]);
+    let told = fails(&dir, "psog build s.json --out q.npz");
     assert!(told.contains("lidar"), "{told}");
-    let built =
-        ok(dir.path(), &["psog", "build", "s.json", "--vehicle", "v.json", "--out", "q.npz"]);
+    let built = ok(&dir, "psog build s.json --vehicle v.json --out q.npz");
     assert_eq!(built["frames"], 3);
-    let counted = ok(dir.path(), &["scene", "info", "s.json", "--vehicle", "v.json"]);
+    let counted = ok(&dir, "scene info s.json --vehicle v.json");
     assert_eq!(counted[0]["frames"], 3);
 }
 
@@ -444,14 +434,14 @@ fn requirements_of_one_name_are_refused() {
         ),
     ] {
         write_vehicle(dir.path(), json!([roof(json!(1))]), json!({ "require": require }));
-        let told = fails(dir.path(), &[&OPTIMIZE[..], &["o"]].concat());
+        let told = fails(&dir, &[&OPTIMIZE[..], &["o"]].concat());
         assert!(told.contains(place), "{told}");
     }
     // Requirements with other bearings have other names.
     let of = |bearing: [f64; 2]| json!({ "target": "car", "within": 20, "share": 0, "bearing": bearing });
     let all = [[-30.0, 30.0], [30.0, 90.0], [45.0, 45.0], [-180.0, 180.0]].map(of);
     write_vehicle(dir.path(), json!([roof(json!(1))]), json!({ "require": all }));
-    let found = ok(dir.path(), &[&OPTIMIZE[..], &["o"]].concat());
+    let found = ok(&dir, &[&OPTIMIZE[..], &["o"]].concat());
     let names = [
         "car from 5 to 20 m, -30° to 30°",
         "car from 5 to 20 m, 30° to 90°",

@@ -1,12 +1,6 @@
 //! `--format csv`: every number is that of `--format json`, in full precision.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{ok, sightline};
+use crate::cli::*;
 use crate::cli_files::world;
 
 /// Rows of a table by the titles of its first line.
@@ -14,11 +8,9 @@ struct Csv(Vec<Vec<String>>);
 
 impl Csv {
     fn of(dir: &Path, line: &str) -> Self {
-        let words: Vec<&str> = line.split(' ').chain(["--format", "csv"]).collect();
-        let output = sightline(dir, &words);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(matches!(output.status.code(), Some(0 | 1)), "{line}: {stderr}");
-        Self::read(&String::from_utf8(output.stdout).unwrap())
+        let (code, [stdout, stderr]) = ran(dir, &format!("{line} --format csv"));
+        assert!(matches!(code, Some(0 | 1)), "{line}: {stderr}");
+        Self::read(&stdout)
     }
 
     /// Reads RFC 4180, line ends inside of quotes left aside.
@@ -62,19 +54,18 @@ impl Csv {
 /// Two placements in a small town, and its vehicle with a requirement.
 fn town() -> TempDir {
     let dir = world();
-    let at = |name: &str| dir.path().join(name);
     let lidar = |y: f64, z: f64| json!({ "x": 0.1, "y": y, "z": z, "pitch": 0.05 });
     let placements = json!({ "placements": [
         { "name": "p", "lidars": [lidar(0.0, 2.0), lidar(0.4, 2.0)] },
         { "name": "q", "lidars": [lidar(-0.3, 1.9), lidar(0.3, 2.3)] } ] });
-    fs::write(at("two.json"), placements.to_string()).unwrap();
+    write(&dir, "two.json", &placements);
     let vehicle = json!({ "sightline": 1, "name": "cart",
         "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.3], "size": [4, 1.8, 1.2] } }],
         "sensors": [{ "name": "s", "lidar": { "channels": 8, "fov": [-30, 2], "azimuth_steps": 90, "range": 40 } }],
         "mounts": [{ "name": "roof", "count": [2, 2], "sensors": ["s"], "min": [-0.5, -0.5, 1.8],
                      "max": [0.5, 0.5, 2.4], "pitch": [-0.2, 0.2] }],
         "require": [{ "target": "car", "within": 20, "share": 0.05 }] });
-    fs::write(at("cart.json"), vehicle.to_string()).unwrap();
+    write(&dir, "cart.json", &vehicle);
     dir
 }
 
@@ -104,8 +95,7 @@ fn check(csv: &Csv, row: usize, scores: &Value) {
 fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
     let dir = town();
     let line = "score town.json two.json --vehicle cart.json --near-field --backend cpu";
-    let words: Vec<&str> = line.split(' ').collect();
-    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    let (csv, found) = both(dir.path(), line);
     assert_eq!(csv.rows(), 2);
     assert!(!csv.0[0].contains(&"price".to_owned()), "no sensor has one");
     for (row, scores) in found["scores"].as_array().unwrap().iter().enumerate() {
@@ -125,8 +115,7 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
         assert!(words.ends_with(&format!(": {} of 0.05", seen["found"])), "{words}, {seen}");
     }
     let line = "score town.json town2.json two.json --backend cpu";
-    let words: Vec<&str> = line.split(' ').collect();
-    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    let (csv, found) = both(dir.path(), line);
     assert_eq!(csv.rows(), 6);
     for (scene, name) in ["town", "town2"].into_iter().enumerate() {
         for k in 0..2 {
@@ -142,7 +131,7 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
 fn scores_go_into_a_file_with_one_first_line() {
     let dir = town();
     let line = "score town.json two.json --backend cpu --format csv --out scores.csv";
-    assert!(sightline(dir.path(), &line.split(' ').collect::<Vec<_>>()).status.success());
+    printed(&dir, line);
     let text = fs::read_to_string(dir.path().join("scores.csv")).unwrap();
     assert_eq!(text.matches("information_gain_nats").count(), 1);
     assert_eq!(Csv::read(&text).rows(), 2);
@@ -151,14 +140,12 @@ fn scores_go_into_a_file_with_one_first_line() {
 #[test]
 fn a_search_has_a_row_for_its_result_and_for_each_baseline() {
     let dir = town();
-    let cart = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-    let mut cart: Value = serde_json::from_str(&cart).unwrap();
+    let mut cart = read_json(dir.path().join("cart.json"));
     cart["sensors"][0]["price"] = json!(150);
-    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    write(&dir, "cart.json", &cart);
     let line = "optimize town.json --vehicle cart.json --backend cpu --evaluations 8 --baselines two.json --out run";
     let csv = Csv::of(dir.path(), line);
-    let result = fs::read_to_string(dir.path().join("run/result.json")).unwrap();
-    let result: Value = serde_json::from_str(&result).unwrap();
+    let result = read_json(dir.path().join("run/result.json"));
     let all = std::iter::once(&result["best"]).chain(result["baselines"].as_array().unwrap());
     let all: Vec<&Value> = all.collect();
     assert_eq!((csv.rows(), all.len()), (3, 3));
@@ -190,8 +177,7 @@ fn a_front_has_a_row_for_each_point() {
     let line =
         "optimize street.json --front price,near_gain --backend cpu --evaluations 0 --out run";
     let csv = Csv::of(dir.path(), line);
-    let result = fs::read_to_string(dir.path().join("run/result.json")).unwrap();
-    let result: Value = serde_json::from_str(&result).unwrap();
+    let result = read_json(dir.path().join("run/result.json"));
     let points = result["front"].as_array().unwrap();
     assert!(points.len() > 1 && csv.rows() == points.len(), "{result}");
     for (row, point) in points.iter().enumerate() {
@@ -208,8 +194,7 @@ fn a_front_has_a_row_for_each_point() {
 fn near_fields_and_targets_are_those_of_the_json() {
     let dir = town();
     let line = "study nearfield town.json two.json --backend cpu";
-    let words: Vec<&str> = line.split(' ').collect();
-    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    let (csv, found) = both(dir.path(), line);
     for (row, near) in found["near_fields"].as_array().unwrap().iter().enumerate() {
         csv.is(row, "placement", &near["name"]);
         csv.is(row, "near_field_share", &near["near_field"]);
@@ -233,8 +218,7 @@ fn near_fields_and_targets_are_those_of_the_json() {
         assert_eq!(own, [0, 1].map(|k| near["beams"][k]["own"].as_f64().unwrap()));
     }
     let line = "study targets town.json two.json --target car --distances 4,6,8 --backend cpu";
-    let words: Vec<&str> = line.split(' ').collect();
-    let (csv, found) = (Csv::of(dir.path(), line), ok(dir.path(), &words));
+    let (csv, found) = both(dir.path(), line);
     assert_eq!(csv.rows(), 3 * 32);
     for (row, of) in found["rows"].as_array().unwrap().iter().enumerate() {
         for (title, key) in [
@@ -269,9 +253,8 @@ fn near_fields_and_targets_are_those_of_the_json() {
 
 /// An answer as CSV and as JSON.
 fn both(dir: &Path, line: &str) -> (Csv, Value) {
-    let csv = Csv::of(dir, line);
-    let words: Vec<&str> = line.split(' ').chain(["--format", "json"]).collect();
-    (csv, serde_json::from_slice(&sightline(dir, &words).stdout).unwrap())
+    let (_, found, _) = answer(dir, line);
+    (Csv::of(dir, line), found)
 }
 
 #[test]
@@ -388,8 +371,7 @@ fn a_study_prints_the_table_that_it_writes() {
     let dir = town();
     let line =
         "study height town.json --random 8 --evaluations 4 --backend cpu --out one --format csv";
-    let output = sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
-    let printed = String::from_utf8(output.stdout).unwrap();
+    let printed = stdout(&dir, line);
     assert_eq!(printed, fs::read_to_string(dir.path().join("one/table.csv")).unwrap());
     let line =
         "study height town.json town2.json --random 8 --evaluations 4 --backend cpu --out two";

@@ -1,10 +1,7 @@
 //! The drawing of `rig handover`: its views, and words that lie apart.
 
-use std::fs;
-
-use serde_json::json;
-
-use crate::cli_handover::{folder, handed_over, read};
+use crate::cli::*;
+use crate::cli_handover::{folder, handed_over, read, texts_apart};
 
 #[test]
 fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
@@ -29,27 +26,6 @@ fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
     assert!(pdf.starts_with(b"%PDF-1.4\n") && pdf.ends_with(b"%%EOF\n"));
 }
 
-/// Boxes around all words of a drawing, millimetres, with the words: left, upper, right, lower.
-fn boxes_of_words(svg: &str) -> Vec<([f64; 4], String)> {
-    let of_text = |text: &str| {
-        let (attributes, rest) = text.split_once('>').unwrap();
-        let words = rest.split_once('<').unwrap().0.to_owned();
-        let number = |key: &str| -> f64 {
-            let (_, value) = attributes.split_once(&format!("{key}=\"")).unwrap();
-            value.split_once('"').unwrap().0.parse().unwrap()
-        };
-        let (x, y, size) = (number(" x"), number(" y"), number("font-size"));
-        let wide = 0.56 * size * words.chars().count() as f64;
-        let left = match attributes {
-            of if of.contains("\"middle\"") => x - 0.5 * wide,
-            of if of.contains("\"end\"") => x - wide,
-            _ => x,
-        };
-        ([left, y - 0.8 * size, left + wide, y + 0.25 * size], words)
-    };
-    svg.split("<text").skip(1).map(of_text).collect()
-}
-
 #[test]
 fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let dir = folder();
@@ -59,8 +35,7 @@ fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let far = read(&handed_over(&dir, &[]), "drawing.svg");
     assert_eq!((lines(&far), crosses(&far)), (0, 0));
     let path = dir.path().join("cart.json");
-    let mut vehicle: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut vehicle = read_json(&path);
     let corners = [("low-left", 1.95, 0.85), ("low-right", 1.95, 0.9), ("upper-left", 2.0, 0.85)];
     let corners = [corners[0], corners[1], corners[2], ("upper-right", 2.0, 0.9)];
     let mounts = corners.map(|(name, x, y)| {
@@ -73,19 +48,13 @@ fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
         json!({ "x": x + 0.02, "y": y + 0.02, "z": 0.75, "yaw": 1.0, "sensor": "side, narrow" })
     });
     let rigs = json!({ "placements": [{ "name": "rig", "lidars": lidars }] });
-    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    write(&dir, "p.json", &rigs);
     let svg = read(&handed_over(&dir, &[]), "drawing.svg");
     // Before the title of the next view there is only the one from above.
     let from_above = svg.split(">From the right<").next().unwrap().rsplit_once("<text").unwrap().0;
-    let boxes = boxes_of_words(from_above);
+    let all = texts_apart(from_above, 0.56, [0.8, 0.25]);
     for name in corners.map(|(name, ..)| name).iter().chain(&["0", "1", "2", "3"]) {
-        assert!(boxes.iter().any(|(_, words)| words == name), "{name}: {boxes:?}");
-    }
-    for (k, (a, words)) in boxes.iter().enumerate() {
-        for (b, others) in &boxes[..k] {
-            let is_apart = a[0] >= b[2] || b[0] >= a[2] || a[1] >= b[3] || b[1] >= a[3];
-            assert!(is_apart, "{words} lies over {others}: {a:?} {b:?}");
-        }
+        assert!(all.iter().any(|words| words == name), "{name}: {all:?}");
     }
     // The signs of the four LiDARs lie on the four boxes, so that each name is moved and has a line.
     assert_eq!(lines(&svg), 4, "{from_above}");

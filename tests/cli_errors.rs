@@ -1,12 +1,6 @@
 //! Wrong input, and whether the answer says what is wrong, where, and what to do.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{corridor, fails, ok, room, scene, sightline};
+use crate::cli::*;
 use crate::cli_shared::yard;
 
 /// Replaces one value of the scene by its JSON pointer and says what the program answers.
@@ -20,8 +14,8 @@ fn with_scene(pointer: &str, value: Value) -> String {
             scene.pointer_mut(parent).unwrap()[key] = value;
         }
     }
-    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
-    fails(dir.path(), &["score", "scene.json", "placements.json", "--backend", "cpu"])
+    write(&dir, "scene.json", &scene);
+    fails(&dir, "score scene.json placements.json --backend cpu")
 }
 
 #[test]
@@ -88,8 +82,8 @@ fn bad_placements_are_answered_with_their_name() {
         ),
     ];
     for (text, words) in cases {
-        fs::write(dir.path().join("bad.json"), text.to_string()).unwrap();
-        let answer = fails(dir.path(), &["score", "scene.json", "bad.json", "--backend", "cpu"]);
+        write(&dir, "bad.json", &text);
+        let answer = fails(&dir, "score scene.json bad.json --backend cpu");
         for word in *words {
             assert!(answer.contains(word), "{text}: `{answer}` lacks `{word}`");
         }
@@ -104,15 +98,11 @@ fn bad_placements_are_answered_with_their_name() {
             lidars(text)
         );
         fs::write(dir.path().join("bad.json"), text).unwrap();
-        let answer = fails(dir.path(), &["score", "scene.json", "bad.json", "--backend", "cpu"]);
+        let answer = fails(&dir, "score scene.json bad.json --backend cpu");
         assert!(answer.contains("placement `sick`") && answer.contains("line 2"), "{answer}");
     }
-    fs::write(
-        dir.path().join("bad.jsonl"),
-        "{\"name\":\"a\",\"lidars\":[{\"x\":0,\"y\":0,\"z\":0}]}\nnot json\n",
-    )
-    .unwrap();
-    let answer = fails(dir.path(), &["score", "scene.json", "bad.jsonl", "--backend", "cpu"]);
+    write(&dir, "bad.jsonl", "{\"name\":\"a\",\"lidars\":[{\"x\":0,\"y\":0,\"z\":0}]}\nnot json\n");
+    let answer = fails(&dir, "score scene.json bad.jsonl --backend cpu");
     assert!(answer.contains("bad.jsonl, line 2"), "{answer}");
 }
 
@@ -120,9 +110,9 @@ fn bad_placements_are_answered_with_their_name() {
 fn a_file_that_is_neither_scene_nor_placements_is_told_before_any_work() {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
-    fs::write(at("typo.json"), "{\"placement\": []}").unwrap();
-    fs::write(at("torn.json"), "{ \"name\": \"x\", \"placements\": [").unwrap();
-    fs::write(at("other.json"), "{ \"note\": 1, \"placements\": [] }").unwrap();
+    write(&dir, "typo.json", "{\"placement\": []}");
+    write(&dir, "torn.json", "{ \"name\": \"x\", \"placements\": [");
+    write(&dir, "other.json", "{ \"note\": 1, \"placements\": [] }");
     fs::create_dir(at("folder.json")).unwrap();
     let second = scene().to_string().replace("corridor\"", "second\"");
     fs::write(at("second.json"), second).unwrap();
@@ -152,7 +142,7 @@ fn a_file_that_is_neither_scene_nor_placements_is_told_before_any_work() {
                 continue;
             }
             let command = command.replace("FILE", file);
-            let told = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+            let told = fails(&dir, &command);
             assert!(told.contains(words), "{command}: {told}");
             assert_eq!(crate::cli_files::all_files(dir.path()), before, "{command}");
         }
@@ -163,7 +153,7 @@ fn a_file_that_is_neither_scene_nor_placements_is_told_before_any_work() {
 fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     let dir = corridor();
     let score = ["score", "scene.json", "placements.json"];
-    let with = |more: &[&'static str]| fails(dir.path(), &[&score[..], more].concat());
+    let with = |more: &[&'static str]| fails(&dir, &[&score[..], more].concat());
     assert!(
         with(&["--out", "no/such/folder/scores.json"])
             .contains("no/such/folder/scores.json: there is no folder no/such/folder; make it")
@@ -176,7 +166,7 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
         "optimize scene.json --backend cpu --out /proc/x",
         "scene new --kind street --seed 1 --out /proc/x",
     ] {
-        let told = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+        let told = fails(&dir, command);
         assert!(told.contains("sightline: /proc/x: cannot be written: No such file"), "{told}");
     }
     let usage = with(&["--backend", "abacus"]);
@@ -187,27 +177,23 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     );
     assert_eq!(usage.lines().count(), 1, "{usage}");
     let large = ["scene", "new", "--triangles", "10000000", "--out", "large.json"];
-    assert!(
-        fails(dir.path(), &large).contains("10000000 is not a whole number from 4000 to 9999000")
-    );
+    assert!(fails(&dir, &large).contains("10000000 is not a whole number from 4000 to 9999000"));
     assert!(with(&["--adapter", "no such device"]).contains("no such device"));
-    let verify = fails(dir.path(), &["verify", "scene.json", "--backend", "cpu"]);
+    let verify = fails(&dir, "verify scene.json --backend cpu");
     assert!(verify.contains("--backend cpu: a Vulkan device is compared with the CPU"), "{verify}");
-    let verify = fails(dir.path(), &["verify", "scene.json", "--adapter", "no such device"]);
+    let verify = fails(&dir, &["verify", "scene.json", "--adapter", "no such device"]);
     assert!(verify.contains("named `no such device`") && !verify.contains("--backend"), "{verify}");
     assert!(with(&["--memory", "12 parsecs"]).contains("parsecs"));
     assert!(with(&["--memory", "16", "--backend", "cpu"]).contains("--memory"));
-    assert!(
-        fails(dir.path(), &["score", "nowhere.json", "placements.json"]).contains("nowhere.json")
-    );
-    let cast = fails(dir.path(), &["cast", "scene.json", "placements.json", "--out", "hits.npz"]);
+    assert!(fails(&dir, "score nowhere.json placements.json").contains("nowhere.json"));
+    let cast = fails(&dir, "cast scene.json placements.json --out hits.npz");
     assert!(cast.contains("no geometry"), "{cast}");
     assert!(!dir.path().join("hits.npz").exists());
     let objective = ["optimize", "scene.json", "--out", "run", "--objective", "m_sag"];
-    assert!(fails(dir.path(), &objective).contains("did you mean `m_sog`?"));
-    assert!(fails(dir.path(), &["optimize", "--resume", "run"]).contains("checkpoint.json"));
-    fs::write(dir.path().join("taken"), "a file").unwrap();
-    assert!(fails(dir.path(), &["optimize", "scene.json", "--out", "taken"]).contains("taken"));
+    assert!(fails(&dir, &objective).contains("did you mean `m_sog`?"));
+    assert!(fails(&dir, "optimize --resume run").contains("checkpoint.json"));
+    write(&dir, "taken", "a file");
+    assert!(fails(&dir, "optimize scene.json --out taken").contains("taken"));
     // Nothing but the inputs is left behind.
     let mut names: Vec<_> = fs::read_dir(dir.path())
         .unwrap()
@@ -222,8 +208,8 @@ fn sequence(dir: &Path) {
     let identity = "1 0 0 0 0 1 0 0 0 0 1 0";
     fs::create_dir_all(dir.join("seq/velodyne")).unwrap();
     fs::create_dir_all(dir.join("seq/labels")).unwrap();
-    fs::write(dir.join("seq/poses.txt"), format!("{identity}\n")).unwrap();
-    fs::write(dir.join("seq/calib.txt"), format!("Tr: {identity}\n")).unwrap();
+    write(dir, "seq/poses.txt", &format!("{identity}\n"));
+    write(dir, "seq/calib.txt", &format!("Tr: {identity}\n"));
     let points: [[f32; 4]; 3] =
         [[5.0, 0.0, -1.0, 0.5], [5.0, 1.0, -1.0, 0.5], [6.0, 0.0, -1.0, 0.5]];
     let bytes: Vec<u8> = points.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
@@ -242,12 +228,12 @@ fn bad_labelled_frames_are_answered_with_file_and_count() {
     let dir = TempDir::new().unwrap();
     let build = [&BUILD[..], &["--out", "x.npz"]].concat();
     sequence(dir.path());
-    assert_eq!(ok(dir.path(), &build)["occupied"], 3);
+    assert_eq!(ok(&dir, &build)["occupied"], 3);
     fs::remove_file(dir.path().join("x.npz")).unwrap();
     let velodyne = dir.path().join("seq/velodyne/000000.bin");
     let labels = dir.path().join("seq/labels/000000.label");
     let answer = |words: &[&str]| {
-        let answer = fails(dir.path(), &build);
+        let answer = fails(&dir, &build);
         for word in words {
             assert!(answer.contains(word), "`{answer}` lacks `{word}`");
         }
@@ -269,9 +255,9 @@ fn bad_labelled_frames_are_answered_with_file_and_count() {
         .collect();
     fs::write(&velodyne, nan).unwrap();
     answer(&["000000.bin", "1"]);
-    fs::write(dir.path().join("seq/poses.txt"), "").unwrap();
+    write(&dir, "seq/poses.txt", "");
     answer(&["poses.txt"]);
-    fs::write(dir.path().join("seq/calib.txt"), "P0: 1\n").unwrap();
+    write(&dir, "seq/calib.txt", "P0: 1\n");
     answer(&["calib.txt", "Tr", "data_odometry_calib.zip", "Tr: 1 0 0 0 0 1 0"]);
 }
 
@@ -280,14 +266,14 @@ fn labelled_frames_need_neither_region_nor_voxel() {
     let dir = TempDir::new().unwrap();
     sequence(dir.path());
     let build = ["psog", "build", "--kitti", "seq", "--force", "--out", "x.npz"];
-    let built = ok(dir.path(), &build);
+    let built = ok(&dir, &build);
     assert_eq!((&built["voxel"][2], &built["shape"]), (&json!(0.1), &json!([800, 800, 60])));
     assert_eq!((&built["min"], &built["occupied"]), (&json!([-40.0, -40.0, -0.5]), &json!(3)));
-    let finer = ok(dir.path(), &[&build[..], &["--voxel", "0.2", "0.2", "0.3"]].concat());
+    let finer = ok(&dir, &[&build[..], &["--voxel", "0.2", "0.2", "0.3"]].concat());
     assert_eq!(finer["shape"], json!([400, 400, 20]));
     let scene = ["psog", "build", "x.json", "--voxel", "1", "1", "1", "--out", "x.npz"];
-    assert!(fails(dir.path(), &scene).contains("cannot be used with"));
-    let table = sightline(dir.path(), &["psog", "info", "x.npz"]).stdout;
+    assert!(fails(&dir, &scene).contains("cannot be used with"));
+    let table = sightline(&dir, "psog info x.npz").stdout;
     let table = String::from_utf8(table).unwrap();
     assert!(table.contains("region      x -40 to 40, y -40 to 40, z -0.5 to 5.5 m\n"), "{table}");
     assert!(table.contains("\n(empty)"), "{table}");
@@ -313,11 +299,11 @@ fn bad_meshes_are_answered_with_file_and_element() {
     for (file, text) in cases {
         let dir = TempDir::new().unwrap();
         let path = room(dir.path());
-        let mut scene: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        let mut scene = read_json(&path);
         scene["static"] = json!([{ "class": "wall", "mesh": { "file": file } }]);
         fs::write(&path, scene.to_string()).unwrap();
         fs::write(dir.path().join(file), text).unwrap();
-        let answer = fails(dir.path(), &["optimize", "room.json", "--out", "run"]);
+        let answer = fails(&dir, "optimize room.json --out run");
         assert!(answer.contains(file), "{answer}");
         assert!(!dir.path().join("run").exists(), "{file}: a folder was left behind");
     }
@@ -329,9 +315,7 @@ fn scans_without_ground_in_the_region_are_said() {
     sequence(dir.path());
     let told = |more: &[&str]| {
         let args = ["psog", "build", "--kitti", "seq", "--force", "--out", "x.npz"];
-        let done = sightline(dir.path(), &[&args[..], more].concat());
-        assert!(done.status.success());
-        String::from_utf8_lossy(&done.stderr).into_owned()
+        stderr(&dir, &[&args[..], more].concat())
     };
     let guessed = told(&[]);
     assert!(guessed.contains("1.73 m are taken") && guessed.lines().count() == 1, "{guessed}");
@@ -351,7 +335,7 @@ fn a_full_disk_is_told_by_every_writer() {
         &["psog", "merge", "corridor.psog.npz", "corridor.psog.npz", "--out", "/dev/full"][..],
         &["score", "scene.json", "placements.json", "--backend", "cpu", "--out", "/dev/full"],
     ] {
-        let answer = fails(dir.path(), args);
+        let answer = fails(&dir, args);
         let last = answer.lines().last().unwrap();
         assert_eq!(
             last, "sightline: /dev/full: the disk is full; make room and run again",
@@ -367,9 +351,9 @@ fn a_damaged_psog_is_an_error() {
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let score = ["score", "scene.json", "placements.json"];
-    let answer = fails(dir.path(), &score);
+    let answer = fails(&dir, &score);
     assert!(answer.contains("corridor.psog.npz"), "{answer}");
-    let answer = fails(dir.path(), &["psog", "info", "corridor.psog.npz"]);
+    let answer = fails(&dir, "psog info corridor.psog.npz");
     assert!(answer.contains("corridor.psog.npz"), "{answer}");
 }
 
@@ -408,7 +392,7 @@ fn what_cannot_be_done_is_told_before_the_work_and_leaves_nothing() {
             "1mm,6deg is more than mountings",
         ),
     ] {
-        let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        let told = fails(&dir, line);
         assert!(told.contains(words), "{line}: {told}");
     }
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), before, "nothing is left");

@@ -1,14 +1,11 @@
 //! `--figures DIR`: each figure as a file of its own, the same bytes that other options write.
 
-use std::fs;
-use std::path::Path;
-
-use crate::cli::{fails, sightline};
+use crate::cli::*;
 use crate::cli_files::{all_files, world};
 
 /// Runs a command, and returns the last line that it tells.
 fn run(dir: &Path, line: &str) -> String {
-    let output = sightline(dir, &line.split(' ').collect::<Vec<_>>());
+    let output = sightline(dir, line);
     assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stderr).unwrap().lines().last().unwrap_or_default().to_owned()
 }
@@ -80,7 +77,7 @@ fn a_search_and_a_view_write_the_figures_of_their_page() {
 #[test]
 fn a_front_writes_its_picture() {
     let dir = tempfile::TempDir::new().unwrap();
-    crate::front::street(dir.path(), [30, 11], serde_json::json!([]));
+    crate::front::street(dir.path(), [30, 11], json!([]));
     let at = |name: &str| dir.path().join(name);
     let line = "optimize street.json --front price,near_gain --backend cpu --evaluations 0 --out run --figures";
     run(dir.path(), &format!("{line} figures"));
@@ -90,7 +87,7 @@ fn a_front_writes_its_picture() {
     run(dir.path(), "optimize --resume run --backend cpu --figures again");
     assert_eq!(names(&at("again")), ["front.svg"]);
     let line = line.replace("--out run", "--out other") + " other";
-    let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let told = fails(&dir, &line);
     assert!(told.contains("--figures other: is the folder of the run"), "{told}");
     assert!(!at("other").exists());
 }
@@ -98,7 +95,7 @@ fn a_front_writes_its_picture() {
 #[test]
 fn folders_that_are_taken_are_refused_before_the_work() {
     let dir = world();
-    let told = |line: &str| fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let told = |line: &str| fails(&dir, line);
     let before = all_files(dir.path());
     for line in [
         "study nearfield town.json p.json --backend cpu --figures .",

@@ -1,26 +1,19 @@
 //! Files of the program: no output replaces an input, or without `--force` any file; names stay in their folder.
 
-use std::fs;
 use std::os::unix::fs::symlink;
-use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::time::{Duration, Instant};
 
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{corridor, fails, scene, sightline};
+use crate::cli::*;
 use crate::cli_interrupted::spawn;
 
 /// A folder with a scene of a mesh and a sensor file, and everything else that commands read.
 pub(crate) fn world() -> TempDir {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
-    fs::write(at("m.obj"), "v 4 -2 0\nv 4 2 0\nv 4 0 3\nv 6 0 3\nf 1 2 3\nf 2 3 4\n").unwrap();
+    write(&dir, "m.obj", "v 4 -2 0\nv 4 2 0\nv 4 0 3\nv 6 0 3\nf 1 2 3\nf 2 3 4\n");
     let altitudes: Vec<f64> = (0..16).map(|k| 2.0 - f64::from(k)).collect();
     let sensor = json!({ "beam_altitude_angles": altitudes, "beam_azimuth_angles": vec![0.0; 16],
                          "lidar_mode": "512x10", "lidar_origin_to_beam_origin_mm": 0.0 });
-    fs::write(at("ouster.json"), sensor.to_string()).unwrap();
+    write(&dir, "ouster.json", &sensor);
     let body =
         json!([{ "class": "vehicle", "box": { "foot": [0, 0, 0.3], "size": [4, 1.8, 1.2] } }]);
     let town = json!({
@@ -34,12 +27,12 @@ pub(crate) fn world() -> TempDir {
         "actors": [{ "name": "car", "parts": body,
                      "route": { "points": [[8, -6], [8, 6]], "spacing": 4 } }]
     });
-    fs::write(at("town.json"), town.to_string()).unwrap();
+    write(&dir, "town.json", &town);
     let second = town.to_string().replace("\"town\"", "\"town2\"");
     fs::write(at("town2.json"), second).unwrap();
     let lidars = json!([{ "x": 0, "y": 0, "z": 2 }, { "x": 0, "y": 0.4, "z": 2 }]);
     let placements = json!({ "placements": [{ "name": "p", "lidars": lidars }] });
-    fs::write(at("p.json"), placements.to_string()).unwrap();
+    write(&dir, "p.json", &placements);
     dir
 }
 
@@ -101,7 +94,7 @@ fn no_output_replaces_an_input_however_it_is_spelled() {
                 for force in ["", "--force"] {
                     let words: Vec<&str> =
                         command.split(' ').chain([out, force]).filter(|w| !w.is_empty()).collect();
-                    let message = fails(dir.path(), &words);
+                    let message = fails(&dir, &words);
                     // Or its ending is of another format than the command writes.
                     let says = ["already exists", "is read by this command", "give it the ending"];
                     assert!(
@@ -169,7 +162,7 @@ fn scores_so_far_replace_neither_an_input_nor_what_their_name_is_linked_to() {
     let words = |placements: &str, more: &str| {
         format!("score town.json {placements} --backend cpu --out o.txt {more}")
     };
-    let told = |command: String| fails(dir.path(), &command.split_whitespace().collect::<Vec<_>>());
+    let told = |command: String| fails(&dir, &command.split_whitespace().collect::<Vec<_>>());
     let bytes = fs::read(at("p.json")).unwrap();
     let left = |name: &str| fs::read(at(name)).unwrap() == bytes;
     // The journal's name is that of an input, or of a hard link to one.
@@ -205,7 +198,7 @@ fn an_output_called_dash_is_refused_and_a_limit_of_sizes_is_an_error() {
         "psog build town.json --out - --force",
         "optimize town.json --out -",
     ] {
-        let told = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+        let told = fails(&dir, command);
         assert!(told.contains(" -: no file is called `-`; give /dev/stdout"), "{command}: {told}");
     }
     for (limit, command) in [
@@ -236,8 +229,7 @@ pub(crate) fn is_litter(path: &Path) -> bool {
 
 pub(crate) fn ok_text(dir: &Path, command: &str) {
     let words: Vec<&str> = command.split(' ').collect();
-    let output = sightline(dir, &words);
-    assert!(output.status.success(), "{command}: {output:?}");
+    printed(dir, &words);
 }
 
 #[test]
@@ -245,35 +237,34 @@ fn no_file_is_replaced_without_force_by_any_command() {
     let dir = world();
     let at = |name: &str| dir.path().join(name);
     for (command, _) in COMMANDS.iter().filter(|(command, _)| !command.starts_with("rig import")) {
-        fs::write(at("mine"), "my own").unwrap();
+        write(&dir, "mine", "my own");
         let with = |more: &[&'static str]| {
             command.split(' ').chain(["mine"]).chain(more.to_vec()).collect::<Vec<_>>()
         };
-        let message = fails(dir.path(), &with(&[]));
+        let message = fails(&dir, &with(&[]));
         assert!(message.contains("mine: already exists; give --force"), "{command}: {message}");
         assert_eq!(fs::read(at("mine")).unwrap(), b"my own", "{command}");
-        let output = sightline(dir.path(), &with(&["--force"]));
-        assert!(output.status.success(), "{command}: {output:?}");
+        printed(&dir, &with(&["--force"]));
         assert_ne!(fs::read(at("mine")).unwrap(), b"my own", "{command}");
     }
     // An optional second file, two outputs of one name, and files in shared folders.
-    fs::write(at("mine.glb"), "my own").unwrap();
+    write(&dir, "mine.glb", "my own");
     for command in [
         "cast town.json p.json --backend cpu --gltf mine.glb",
         "optimize town.json --backend cpu --evaluations 4 --out run --gltf mine.glb",
         "scan town.json --placement p.json --backend cpu --out set --gltf mine.glb",
     ] {
-        let message = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+        let message = fails(&dir, command);
         assert!(message.contains("mine.glb: already exists"), "{command}: {message}");
     }
     let twice = "cast town.json p.json --backend cpu --out both.glb --gltf ./both.glb";
-    assert!(fails(dir.path(), &twice.split(' ').collect::<Vec<_>>()).contains("two outputs"));
+    assert!(fails(&dir, twice).contains("two outputs"));
     ok_text(dir.path(), "man --out pages");
-    assert!(fails(dir.path(), &["man", "--out", "pages"]).contains("already exists"));
+    assert!(fails(&dir, "man --out pages").contains("already exists"));
     ok_text(dir.path(), "man --out pages --force");
     ok_text(dir.path(), "score town.json p.json --backend cpu --coverage-out cov --quiet");
     let again = ["score", "town.json", "p.json", "--backend", "cpu", "--coverage-out", "cov"];
-    assert!(fails(dir.path(), &again).contains("p.npy: already exists"));
+    assert!(fails(&dir, &again).contains("p.npy: already exists"));
 }
 
 #[test]
@@ -282,7 +273,7 @@ fn folders_of_others_are_not_written_into() {
     let at = |name: &str| dir.path().join(name);
     fs::create_dir(at("full")).unwrap();
     for name in ["result.json", "table.csv", "chart.csv", "placements.json", "notes"] {
-        fs::write(at("full").join(name), "my own").unwrap();
+        write(at("full"), name, "my own");
     }
     let before = all_files(dir.path());
     for command in [
@@ -293,7 +284,7 @@ fn folders_of_others_are_not_written_into() {
         "scan town.json --placement p.json --backend cpu --out full",
         "optimize town.json --backend cpu --evaluations 4 --baselines p.json --out . --force",
     ] {
-        let message = fails(dir.path(), &command.split(' ').collect::<Vec<_>>());
+        let message = fails(&dir, command);
         let says = ["is not empty", "which this command reads", "is no data set"];
         assert!(
             says.iter().any(|words| message.contains(words)) || message.contains("full"),
@@ -314,7 +305,7 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
     for name in names {
         let mut evil: Value = scene();
         evil["name"] = json!(name);
-        fs::write(at("evil.json"), evil.to_string()).unwrap();
+        write(&dir, "evil.json", &evil);
         let before = all_files(dir.path());
         let args = [
             "score", "../../evil.json", "../../scene.json", "../../placements.json", "--backend",
@@ -332,7 +323,7 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
     }
     let pose = json!([{ "x": 0, "y": 0, "z": 2 }, { "x": 0, "y": 0.4, "z": 2 }]);
     let dots = json!({ "placements": [{ "name": "..", "lidars": pose }, { "name": ".", "lidars": pose }] });
-    fs::write(at("dots.json"), dots.to_string()).unwrap();
+    write(&dir, "dots.json", &dots);
     let before = all_files(dir.path());
     sightline(
         &at("w/deep"),

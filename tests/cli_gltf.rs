@@ -1,15 +1,11 @@
 //! `--gltf`: what is written has the scene's triangles, LiDARs and points where they are; refusals.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
 
 use glam::{DMat4, DVec3};
-use serde_json::{Value, json};
 use sightline::scene::{EgoBody, Scene};
-use tempfile::TempDir;
 
-use crate::cli::{fails, ok};
+use crate::cli::*;
 
 /// A street with two equal cars that drive, a tilted bus and an own body, far from the origin.
 fn street() -> TempDir {
@@ -36,8 +32,8 @@ fn street() -> TempDir {
             { "x": -0.4, "y": 0.3, "z": 2.7 } ] },
         { "name": "one", "lidars": [{ "x": 0.0, "y": 0.0, "z": 2.3 }] },
     ]});
-    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "s.json", &scene);
+    write(&dir, "p.json", &placements);
     dir
 }
 
@@ -146,12 +142,11 @@ fn check_lidars(seen: &Seen, placement: &Value) {
 fn a_cast_shows_the_scene_its_lidars_and_the_hits() {
     let dir = street();
     let scene = Scene::read(dir.path().join("s.json")).unwrap();
-    let placements: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("p.json")).unwrap()).unwrap();
+    let placements = read_json(dir.path().join("p.json"));
     for frame in [0, 2] {
         let number = frame.to_string();
         let args = ["cast", "s.json", "p.json", "--backend", "cpu", "--force", "--gltf", "c.glb"];
-        let answer = ok(dir.path(), &[&args[..], &["--frame", &number]].concat());
+        let answer = ok(&dir, &[&args[..], &["--frame", &number]].concat());
         let seen = Seen::read(&dir.path().join("c.glb"));
         check_triangles(&seen, &scene, frame);
         for placement in placements["placements"].as_array().unwrap() {
@@ -172,12 +167,12 @@ fn a_scan_shows_its_points_and_a_search_its_result() {
     let scene = Scene::read(dir.path().join("s.json")).unwrap();
     let args = ["scan", "s.json", "--placement", "p.json:tilted", "--ideal", "--frames", "1"];
     let rest = ["--out", "set", "--gltf", "s.glb", "--frame", "0"];
-    let answer = ok(dir.path(), &[&args[..], &rest].concat());
+    let answer = ok(&dir, &[&args[..], &rest].concat());
     let seen = Seen::read(&dir.path().join("s.glb"));
     check_triangles(&seen, &scene, 0);
     assert_eq!(Some(seen.points() as u64), answer["datasets"][0]["points"].as_u64());
     let args = ["optimize", "s.json", "--backend", "cpu", "--evaluations", "12", "--out", "run"];
-    let answer = ok(dir.path(), &[&args[..], &["--gltf", "o.glb"]].concat());
+    let answer = ok(&dir, &[&args[..], &["--gltf", "o.glb"]].concat());
     let seen = Seen::read(&dir.path().join("o.glb"));
     check_triangles(&seen, &scene, 0);
     check_lidars(&seen, &answer["best"]["placement"]);
@@ -199,7 +194,7 @@ fn what_cannot_be_shown_is_said_before_any_work() {
         (&optimize, &["no/where/a.glb"], "no/where/a.glb"),
     ];
     for (args, more, words) in cases {
-        let error = fails(dir.path(), &[args, more].concat());
+        let error = fails(&dir, &[args, more].concat());
         assert!(error.contains(words), "{error}");
         for name in ["set", "run", "a.glb", "no"] {
             assert!(!dir.path().join(name).exists(), "{name} of {args:?} {more:?}");

@@ -1,12 +1,6 @@
 //! `require` of near ground and blind zones from outside: the numbers of `study nearfield`, and what a search makes of them.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{cart, fails, ok, sightline, yard_of};
+use crate::cli::*;
 
 /// Ground with a kerb and a walker who moves, and a cart whose body hides what is beside it.
 fn yard(dir: &Path, require: Value) {
@@ -25,7 +19,7 @@ fn yard(dir: &Path, require: Value) {
     let placements = json!({ "placements": [
         { "name": "roof", "lidars": [roof] }, { "name": "two", "lidars": [roof, left] },
         { "name": "three", "lidars": [roof, left, back] } ] });
-    fs::write(dir.join("rigs.json"), placements.to_string()).unwrap();
+    write(dir, "rigs.json", &placements);
 }
 
 const RULES: [(&str, f64); 4] = [("ahead", 1.5), ("behind", 2.0), ("left", 1.0), ("right", 2.5)];
@@ -72,7 +66,7 @@ fn required_ground_has_the_numbers_of_the_near_field() {
     yard(dir.path(), rules());
     let of = |command: &[&str], more: &[&str]| {
         let files = ["yard.json", "rigs.json", "--backend", "cpu"];
-        ok(dir.path(), &[command, &files, more].concat())
+        ok(&dir, &[command, &files, more].concat())
     };
     for weather in [&[][..], &["--condition", "fog:mor=15", "--condition", "wet:water=1"]] {
         let scores = of(&["score", "--tolerance", "0"], weather);
@@ -85,8 +79,7 @@ fn required_ground_has_the_numbers_of_the_near_field() {
         };
         assert!(!weather.is_empty() || (met(0) < met(2) && met(2) >= 4), "{scores}");
     }
-    let text = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
-    let text = String::from_utf8(text.stdout).unwrap();
+    let text = stdout(&dir, "score yard.json rigs.json --backend cpu");
     assert!(text.contains("NOT MET: blind zone left to 1 m: "), "{text}");
 }
 
@@ -94,28 +87,24 @@ fn required_ground_has_the_numbers_of_the_near_field() {
 fn a_mirrored_scene_swaps_the_sides() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), rules());
-    let scores = |out: &str, more: &[&str]| {
-        let args =
-            "optimize yard.json --baselines rigs.json --backend cpu --max-seconds 0 --tolerance 0";
-        let args: Vec<&str> = args.split(' ').chain(["--format", "json", "--out", out]).collect();
-        let output = sightline(dir.path(), &[&args, more].concat());
-        let run: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let scores = |out: &str| {
+        let args = "optimize yard.json --baselines rigs.json --backend cpu --max-seconds 0 --tolerance 0 --out";
+        let (_, run, _) = answer(&dir, &format!("{args} {out}"));
         let two =
             run["baselines"].as_array().unwrap().iter().find(|of| of["scores"]["name"] == "two");
         two.unwrap()["scores"]["requirements"].clone()
     };
-    let (plain, both) = (scores("plain", &[]), scores("both", &["--mirror"]));
+    let (plain, both) = (scores("plain"), scores("both --mirror"));
     // Mirrored by hand: the scene and the body, as the vehicle stays as it is.
-    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    let mut scene = read_json(dir.path().join("yard.json"));
     scene["static"][0]["plane"] = json!({ "min": [-50, -4], "max": [50, 50], "z": 0 });
     scene["static"][1]["plane"] = json!({ "min": [-50, -50], "max": [50, -4], "z": 0.15 });
     scene["static"][2]["box"] = json!({ "min": [6, 3, 0], "max": [9, 8, 3] });
     for pose in scene["actors"][0]["poses"].as_array_mut().unwrap() {
         pose["y"] = json!(-pose["y"].as_f64().unwrap());
     }
-    fs::write(dir.path().join("yard.json"), scene.to_string()).unwrap();
-    let image = scores("image", &[]);
+    write(&dir, "yard.json", &scene);
+    let image = scores("image");
     for k in 0..6 {
         let found = |of: &Value| of[k]["found"].as_f64().unwrap();
         let mean = 0.5 * (found(&plain) + found(&image));
@@ -131,19 +120,18 @@ fn ground_seen_without_any_one_lidar_is_the_least_that_is_left() {
     yard(dir.path(), json!([{ "ground": 3, "share": 0.99, "without_any_one": true }]));
     let score = || {
         let args = ["score", "yard.json", "rigs.json", "--backend", "cpu", "--tolerance", "0"];
-        ok(dir.path(), &args)["scores"].clone()
+        ok(&dir, &args)["scores"].clone()
     };
     let all = score();
-    let text = fs::read_to_string(dir.path().join("rigs.json")).unwrap();
-    let rigs: Value = serde_json::from_str(&text).unwrap();
+    let rigs = read_json(dir.path().join("rigs.json"));
     let without = |lost: usize| {
         let mut lidars = rigs["placements"][2]["lidars"].as_array().unwrap().clone();
         lidars.remove(lost);
         json!({ "name": format!("without-{lost}"), "lidars": lidars })
     };
     let one_less = json!({ "placements": [without(0), without(1), without(2)] });
-    fs::write(dir.path().join("rigs.json"), one_less.to_string()).unwrap();
-    yard_rule(dir.path(), json!([{ "ground": 3, "share": 0.99 }]));
+    write(&dir, "rigs.json", &one_less);
+    set_rules(&dir, json!([{ "ground": 3, "share": 0.99 }]));
     let each = score();
     let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].as_f64().unwrap();
     let least = (0..3).map(|k| found(&each, k)).fold(f64::INFINITY, f64::min);
@@ -153,24 +141,14 @@ fn ground_seen_without_any_one_lidar_is_the_least_that_is_left() {
     assert_eq!(all[2]["requirements"][0]["worst_without"], 0, "{all}");
 }
 
-/// Replaces the rules of the cart.
-fn yard_rule(dir: &Path, require: Value) {
-    let text = fs::read_to_string(dir.join("cart.json")).unwrap();
-    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
-    vehicle["require"] = require;
-    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
-}
-
 #[test]
 fn a_search_finds_a_rig_that_sees_the_ground_it_must() {
     let dir = TempDir::new().unwrap();
     let search = |out: &str, require: Value| {
         yard(dir.path(), require);
-        let args = "optimize yard.json --backend cpu --evaluations 16 --seed 1 --budget 6 --format json --out";
-        let args: Vec<&str> = args.split(' ').chain([out]).collect();
-        let output = sightline(dir.path(), &args);
-        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-        (output.status.code(), found["best"]["scores"].clone())
+        let args = "optimize yard.json --backend cpu --evaluations 16 --seed 1 --budget 6 --out";
+        let (code, found, _) = answer(&dir, &format!("{args} {out}"));
+        (code, found["best"]["scores"].clone())
     };
     let required = json!([{ "blind_zone": "behind", "depth": 1 }, { "ground": 3, "share": 0.9 }]);
     let (code, scores) = search("asked", required.clone());
@@ -179,9 +157,9 @@ fn a_search_finds_a_rig_that_sees_the_ground_it_must() {
     assert!(scores["requirements"][0]["holds_in"].as_f64().is_some(), "{scores}");
     // Without the rules it leaves more of the ground unseen.
     search("free", json!([]));
-    yard_rule(dir.path(), required);
+    set_rules(&dir, required);
     let free = ["score", "yard.json", "free/placements.json", "--backend", "cpu"];
-    let free = ok(dir.path(), &free)["scores"][0]["requirements"].clone();
+    let free = ok(&dir, &free)["scores"][0]["requirements"].clone();
     assert!(free.as_array().unwrap().iter().any(|rule| rule["met"] == false), "{free}");
 }
 
@@ -200,11 +178,10 @@ fn ground_and_boxes_that_no_pose_sees_are_out_of_reach() {
     cart["mounts"][0]["count"] = json!([1, 2]);
     cart["mounts"][0]["min"][1] = json!(-0.2);
     cart["mounts"][0]["max"][1] = json!(0.2);
-    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    write(&dir, "cart.json", &cart);
     let args = "optimize yard.json --backend cpu --evaluations 10 --seed 1 --out run";
-    let run = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
-    let (said, text) = (String::from_utf8_lossy(&run.stderr), String::from_utf8_lossy(&run.stdout));
-    assert_eq!(run.status.code(), Some(1), "{said}");
+    let (code, [text, said]) = ran(&dir, args);
+    assert_eq!(code, Some(1), "{said}");
     let words = "blind zone left to 0.5 m: even a LiDAR at every pose of each mount";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
     let words = format!(
@@ -238,17 +215,16 @@ fn wrong_rules_on_the_ground_are_named() {
         (json!({ "target": "car", "within": 9, "share": 1, "depth": 1 }), "`depth`"),
     ] {
         yard(dir.path(), json!([{ "ground": 1, "share": 0 }, rule]));
-        let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+        let error = fails(&dir, "score yard.json rigs.json --backend cpu");
         assert!(error.contains("require[1]") && error.contains(said), "{rule}: {error}");
     }
     // A scene without ground, or a vehicle without a body, cannot answer.
     yard(dir.path(), json!([{ "ground": 3, "share": 1 }]));
     let change = |file: &str, of: &dyn Fn(&mut Value)| {
-        let text = fs::read_to_string(dir.path().join(file)).unwrap();
-        let mut value: Value = serde_json::from_str(&text).unwrap();
+        let mut value = read_json(dir.path().join(file));
         of(&mut value);
         fs::write(dir.path().join(file), value.to_string()).unwrap();
-        fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"])
+        fails(&dir, "score yard.json rigs.json --backend cpu")
     };
     let error = change("cart.json", &|cart| drop(cart.as_object_mut().unwrap().remove("body")));
     assert!(error.contains("`ground to 3 m`, and the scene has no own body"), "{error}");
@@ -268,8 +244,7 @@ fn a_body_that_moves_hides_no_frame_in_which_a_rule_fails() {
         [json!({ "blind_zone": "behind", "depth": 3 }), json!({ "ground": 3, "share": 0.01 })];
     yard(dir.path(), json!(rules));
     let change = |file: &str, of: &dyn Fn(&mut Value)| {
-        let text = fs::read_to_string(dir.path().join(file)).unwrap();
-        let mut value: Value = serde_json::from_str(&text).unwrap();
+        let mut value = read_json(dir.path().join(file));
         of(&mut value);
         fs::write(dir.path().join(file), value.to_string()).unwrap();
     };
@@ -282,7 +257,7 @@ fn a_body_that_moves_hides_no_frame_in_which_a_rule_fails() {
     });
     let files = ["yard.json", "rigs.json", "--backend", "cpu", "--tolerance", "0"];
     let of = |more: &[&str]| {
-        let found = ok(dir.path(), &[&["score"][..], &files, more].concat());
+        let found = ok(&dir, &[&["score"][..], &files, more].concat());
         found["scores"][2]["requirements"].clone()
     };
     let (all, straight) = (of(&[]), of(&["--frames", "1"]));
@@ -295,12 +270,10 @@ fn a_body_that_moves_hides_no_frame_in_which_a_rule_fails() {
     let bent = (3.0 * mean - first) / 2.0;
     let worst = share(&all[1]["worst_frame"]["share"]);
     assert!((worst - bent.min(first)).abs() < 1e-9 && worst < mean, "{all} {straight}");
-    let text = sightline(dir.path(), &[&["score"][..], &files].concat());
-    let text = String::from_utf8(text.stdout).unwrap();
+    let text = stdout(&dir, &[&["score"][..], &files].concat());
     let words = "blind zone behind to 3 m: 0.0 % seen in frame 0, 100.0 % required";
     assert!(text.contains(words) && text.contains(" % in frame "), "{text}");
-    let near =
-        ok(dir.path(), &["study", "nearfield", "yard.json", "rigs.json", "--backend", "cpu"]);
+    let near = ok(&dir, "study nearfield yard.json rigs.json --backend cpu");
     let zone = &near["near_fields"][2]["zone"];
     assert_eq!((&zone["behind"], &zone["worst_frames"]["behind"]), (&Value::Null, &json!(0)));
 }
@@ -321,15 +294,14 @@ fn a_target_must_be_met_in_the_worst_pose_of_a_body_that_moves() {
     ]);
     yard(dir.path(), rules);
     let of = |yaws: [f64; 3], more: &[&str]| {
-        let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-        let mut cart: Value = serde_json::from_str(&text).unwrap();
+        let mut cart = read_json(dir.path().join("cart.json"));
         let poses = yaws.map(|yaw| json!({ "x": -2, "y": 0, "yaw": yaw }));
         let part =
             json!({ "class": "vehicle", "box": { "min": [-4, -0.9, 0], "max": [-1.5, 0.9, 2] } });
         cart["bodies"] = json!([{ "name": "trailer", "parts": [part], "poses": poses }]);
-        fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+        write(&dir, "cart.json", &cart);
         let args = ["score", "yard.json", "rigs.json", "--backend", "cpu"];
-        ok(dir.path(), &[&args[..], more].concat())["scores"][2]["requirements"].clone()
+        ok(&dir, &[&args[..], more].concat())["scores"][2]["requirements"].clone()
     };
     let exact = ["--tolerance", "0"];
     let [straight, bent] = [0.0, 1.57].map(|yaw| of([yaw; 3], &exact));
@@ -360,8 +332,8 @@ fn a_lidar_below_the_ground_is_the_first_warning_of_a_score() {
     yard(dir.path(), json!([]));
     let lidar = |z: f64| json!({ "sensor": "wide", "x": 0.4, "y": 0.1, "z": z });
     let low = json!({ "placements": [{ "name": "low", "lidars": [lidar(2.1), lidar(-0.5)] }] });
-    fs::write(dir.path().join("low.json"), low.to_string()).unwrap();
-    let found = ok(dir.path(), &["score", "yard.json", "low.json", "--backend", "cpu"]);
+    write(&dir, "low.json", &low);
+    let found = ok(&dir, "score yard.json low.json --backend cpu");
     let first = found["scores"][0]["guards"][0].as_str().unwrap();
     assert!(first.starts_with("below_ground: LiDAR 1 is 0.50 m below the ground"), "{found}");
 }
@@ -370,27 +342,27 @@ fn a_lidar_below_the_ground_is_the_first_warning_of_a_score() {
 fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([{ "blind_zone": "behind", "depth": 2 }]));
-    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-    let mut cart: Value = serde_json::from_str(&text).unwrap();
-    // From 1.5 m over the rear edge beams end within 1.05 m of it.
-    cart["sensors"][1]["lidar"]["fov"] = json!([-80, -55]);
-    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    change(
+        &dir,
+        "cart.json",
+        |cart| // From 1.5 m over the rear edge beams end within 1.05 m of it.
+    cart["sensors"][1]["lidar"]["fov"] = json!([-80, -55]),
+    );
     let back = json!({ "sensor": "side", "x": -2, "y": 0, "z": 1.5, "yaw": std::f64::consts::PI });
     let rigs = json!({ "placements": [{ "name": "slit", "lidars": [back] }] });
-    fs::write(dir.path().join("slit.json"), rigs.to_string()).unwrap();
+    write(&dir, "slit.json", &rigs);
     let files = ["yard.json", "slit.json", "--backend", "cpu"];
-    let near = ok(dir.path(), &[&["study", "nearfield"][..], &files].concat());
+    let near = ok(&dir, &[&["study", "nearfield"][..], &files].concat());
     let zone = &near["near_fields"][0]["zone"];
     assert_eq!(zone["behind"], 0.125, "{zone}");
     let want = json!([{ "side": "behind", "from": 1.25, "to": 10.0, "lanes": 8, "of": 8 }]);
     assert_eq!(zone["lost"], want);
-    let scores = ok(dir.path(), &[&["score", "--tolerance", "0"][..], &files].concat());
+    let scores = ok(&dir, &[&["score", "--tolerance", "0"][..], &files].concat());
     let rule = &scores["scores"][0]["requirements"][0];
     assert_eq!((&rule["met"], &rule["found"]), (&json!(false), &json!(0.0)), "{rule}");
     let missing = rule["missing"].as_str().unwrap();
     assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
-    let text = sightline(dir.path(), &[&["study", "nearfield"][..], &files].concat());
-    let text = String::from_utf8(text.stdout).unwrap();
+    let text = stdout(&dir, &[&["study", "nearfield"][..], &files].concat());
     let words =
         "! slit: behind 0.1 m, but unseen again in 8 of 8 lanes, at most from 1.3 to 10 m\n";
     assert!(text.contains(words), "{text}");

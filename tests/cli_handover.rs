@@ -1,14 +1,10 @@
 //! `rig handover`: its files against closed forms, the placement file and numbers by hand.
 
-use std::fs;
 use std::io::Read;
-use std::path::Path;
 
-use serde_json::json;
 use sightline::vehicle::{Lidar, SensorPose, sensor_file};
-use tempfile::TempDir;
 
-use crate::cli::{fails, ok};
+use crate::cli::*;
 use crate::cli_files::all_files;
 
 /// Lower and upper corners of the body's two boxes, metres.
@@ -45,14 +41,14 @@ pub(crate) fn folder() -> TempDir {
         ],
         "require": [{ "name": "far above", "min": [-1, -1, 90], "max": [1, 1, 91], "share": 0.5 }]
     });
-    fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    write(&dir, "cart.json", &vehicle);
     let placements = json!({ "placements": [
         { "name": "rig", "lidars": [
             { "x": 0.25, "y": -0.125, "z": 2.1, "roll": 0.05, "pitch": 0.1, "sensor": "turning" },
             { "x": 1.1, "y": 1.0, "z": 0.75, "yaw": 1.5, "sensor": "side, narrow" },
             { "x": 1.1, "y": -1.0, "z": 0.75, "yaw": -1.5, "sensor": "side, narrow" } ] },
         { "name": "other", "lidars": [{ "x": 0, "y": 0, "z": 2, "sensor": "turning" }] } ] });
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "p.json", &placements);
     dir
 }
 
@@ -62,7 +58,7 @@ pub(crate) fn handed_over(dir: &TempDir, more: &[&str]) -> TempDir {
     let place = out.path().join("out");
     let place = place.to_str().unwrap();
     let start = ["rig", "handover", "p.json:rig", "--vehicle", "cart.json", "--backend", "cpu"];
-    ok(dir.path(), &[&start[..], &["--out", place], more].concat());
+    ok(dir, &[&start[..], &["--out", place], more].concat());
     out
 }
 
@@ -99,20 +95,13 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     assert_eq!(read(&out, "materials.csv"), wanted);
     // A sensor that spins freely has no phase, a locked one has.
     assert_eq!((cell(0, "phase_rad"), cell(0, "phase_deg")), (String::new(), String::new()));
-    let path = dir.path().join("cart.json");
-    let mut vehicle: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    vehicle["sensors"][0]["phase"] = json!(0);
-    fs::write(&path, vehicle.to_string()).unwrap();
+    change(&dir, "cart.json", |vehicle| vehicle["sensors"][0]["phase"] = json!(0));
     let locked = cells(&read(&handed_over(&dir, &[]), "poses.csv"));
     let phases =
         |lidar: usize| ["phase_rad", "phase_deg"].map(|of| locked[lidar + 1][column(of)].clone());
     assert_eq!([phases(0), phases(1)], [["0", "0"]; 2].map(|both| both.map(String::from)));
     // A sensor within the body sees little else, and is told off.
-    let mut rigs: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(dir.path().join("p.json")).unwrap()).unwrap();
-    rigs["placements"][0]["lidars"][0]["z"] = json!(1.5);
-    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    change(&dir, "p.json", |rigs| rigs["placements"][0]["lidars"][0]["z"] = json!(1.5));
     let warning = "Warning: self_hit: LiDAR 0 ends ";
     assert!(read(&handed_over(&dir, &[]), "README.txt").contains(warning));
     let readme = read(&out, "README.txt");
@@ -245,11 +234,11 @@ fn notes_on_sensor_files_are_in_the_readme_until_the_vehicle_answers_them() {
     let dir = folder();
     let sensor = json!({ "elevation_deg": [-20, -10, 0], "azimuth_offset_deg": [1, 0, -1], "azimuth_steps": 120,
                          "range": 50, "azimuth_sign": "as the vendor counts" });
-    fs::write(dir.path().join("s.json"), sensor.to_string()).unwrap();
+    write(&dir, "s.json", &sensor);
     let path = dir.path().join("cart.json");
     let text = fs::read_to_string(&path).unwrap();
-    let readme = |lidar: serde_json::Value| {
-        let mut vehicle: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let readme = |lidar: Value| {
+        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
         vehicle["sensors"][0]["lidar"] = lidar;
         fs::write(&path, vehicle.to_string()).unwrap();
         read(&handed_over(&dir, &[]), "README.txt")
@@ -304,18 +293,17 @@ fn profiles_for_isaac_have_the_beams_of_the_models() {
 fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_score() {
     let dir = folder();
     let path = dir.path().join("cart.json");
-    let mut vehicle: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut vehicle = read_json(&path);
     vehicle.as_object_mut().unwrap().remove("require");
     fs::write(&path, vehicle.to_string()).unwrap();
     let more = ["--vehicle", "cart.json", "--backend", "cpu"];
-    let near = ok(dir.path(), &[&["study", "nearfield", "p.json"], &more[..]].concat());
+    let near = ok(&dir, &[&["study", "nearfield", "p.json"], &more[..]].concat());
     for near in near["near_fields"].as_array().unwrap() {
         let rig = format!("p.json:{}", near["name"].as_str().unwrap());
         let args = ["rig", "handover", &rig, "--out", "h", "--force"];
-        let made = ok(dir.path(), &[&args[..], &more[..]].concat());
+        let made = ok(&dir, &[&args[..], &more[..]].concat());
         let svg = fs::read_to_string(dir.path().join("h/drawing.svg")).unwrap();
-        let number = |of: &serde_json::Value| of.as_f64().unwrap();
+        let number = |of: &Value| of.as_f64().unwrap();
         // With its angle at 0 the second rig has 72.2 m² in place of 73.2.
         let area =
             format!("open where it goes on; {:.1} m² to 10 m", number(&near["zone"]["area"]));
@@ -330,9 +318,7 @@ fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_scor
         let guard = format!("self_hit: LiDAR 0 ends {share} of its beams at the own vehicle");
         assert!(made["guards"][0].as_str().unwrap().starts_with(&guard), "{made}: {guard}");
     }
-    let text =
-        crate::cli::sightline(dir.path(), &[&["study", "nearfield", "p.json"], &more[..]].concat());
-    let text = String::from_utf8(text.stdout).unwrap();
+    let text = stdout(&dir, &[&["study", "nearfield", "p.json"], &more[..]].concat());
     let row = text.lines().filter(|line| line.starts_with("rig ")).nth(1).unwrap();
     assert!(row.ends_with(" 34.7 0 0"), "{text}");
 }
@@ -342,7 +328,7 @@ fn a_scene_with_a_lidar_and_a_mount_needs_no_vehicle() {
     let dir = crate::cli_files::world();
     let out = dir.path().join("out");
     let line = "rig handover town.json p.json --frame 1 --backend cpu --out out";
-    ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    ok(&dir, line);
     let poses = fs::read_to_string(out.join("poses.csv")).unwrap();
     assert!(poses.contains("\n0,,lidar,0,0,2,0,0,2000,"), "{poses}");
     assert!(out.join("mask-1.png").is_file() && out.join("lidar.isaac.json").is_file());
@@ -352,13 +338,13 @@ fn a_scene_with_a_lidar_and_a_mount_needs_no_vehicle() {
 fn refusals_leave_nothing_behind() {
     let dir = folder();
     fs::create_dir(dir.path().join("full")).unwrap();
-    fs::write(dir.path().join("full/note"), "mine").unwrap();
+    write(&dir, "full/note", "mine");
     let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
-    fs::write(dir.path().join("odd.json"), text.replace("\"turning\"", "\"odd\"")).unwrap();
+    write(&dir, "odd.json", &text.replace("\"turning\"", "\"odd\""));
     let before = all_files(dir.path());
     // A rule about a model that there is not says nothing.
     let line = "rig handover odd.json:rig --vehicle cart.json --backend cpu --out o";
-    let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let told = fails(&dir, &line);
     assert!(told.contains("there is no sensor `odd`") && !told.contains("RULE BROKEN"), "{told}");
     for (line, words) in [
         ("p.json --vehicle cart.json --out o", "holds 2 placements, and one is handed over"),
@@ -376,12 +362,12 @@ fn refusals_leave_nothing_behind() {
         ("a.json b.json p.json:rig --out o", "is a second scene"),
     ] {
         let line = format!("rig handover {line} --backend cpu");
-        let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        let told = fails(&dir, &line);
         assert!(told.contains(words), "{line}: {told}");
         assert!(!dir.path().join("o").exists() && all_files(dir.path()) == before, "{line}");
     }
     let line = "rig handover p.json:rig --vehicle cart.json --backend cpu --out full --force";
-    ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    ok(&dir, &line);
     assert_eq!(fs::read_to_string(dir.path().join("full/note")).unwrap(), "mine");
     assert!(dir.path().join("full/poses.csv").is_file());
 }
@@ -391,7 +377,7 @@ fn a_smaller_rig_leaves_no_mask_of_a_larger_one() {
     let dir = folder();
     let line = "rig handover p.json:rig --vehicle cart.json --backend cpu --out out --force";
     let words: Vec<&str> = line.split(' ').collect();
-    ok(dir.path(), &words);
+    ok(&dir, &words);
     let masks = || {
         let names = fs::read_dir(dir.path().join("out")).unwrap();
         let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
@@ -405,11 +391,10 @@ fn a_smaller_rig_leaves_no_mask_of_a_larger_one() {
     for own in ["mask-2-notes.txt", "mask-old.csv"] {
         fs::write(dir.path().join("out").join(own), "mine").unwrap();
     }
-    let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
-    let mut rigs: serde_json::Value = serde_json::from_str(&text).unwrap();
-    rigs["placements"][0]["lidars"].as_array_mut().unwrap().truncate(1);
-    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
-    ok(dir.path(), &words);
+    change(&dir, "p.json", |rigs| {
+        rigs["placements"][0]["lidars"].as_array_mut().unwrap().truncate(1);
+    });
+    ok(&dir, &words);
     let mut left: Vec<&str> =
         three.iter().map(String::as_str).filter(|name| name.starts_with("mask-0")).collect();
     left.extend(["mask-2-notes.txt", "mask-old.csv"]);
@@ -430,10 +415,7 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = |file: &str| root.join(file).to_str().unwrap().to_owned();
     let (found, van) = (path("docs/van/found.json"), path("scenes/vehicles/van.json"));
-    ok(
-        dir.path(),
-        &["rig", "handover", &found, "--vehicle", &van, "--backend", "cpu", "--out", "h"],
-    );
+    ok(&dir, &["rig", "handover", &found, "--vehicle", &van, "--backend", "cpu", "--out", "h"]);
     let svg = fs::read_to_string(dir.path().join("h/drawing.svg")).unwrap();
     let (end, element) = text_at(&svg, "ahead: blind to");
     assert!(element.contains("text-anchor=\"end\""), "{element}");
@@ -458,39 +440,39 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     assert_eq!(unversioned(&svg), unversioned(&committed));
 }
 
-/// Boxes around the texts of a drawing, as a reader of SVG sees them: words, and left, upper, right and lower edge in mm.
-/// Letters of Helvetica are at least 0.42 of the size wide on average.
-fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
-    let number = |element: &str, key: &str| -> f64 {
-        let (_, rest) = element.split_once(&format!(" {key}=\"")).unwrap();
-        rest.split_once('"').unwrap().0.parse().unwrap()
-    };
-    let of = |text: &str| {
+/// No two of the texts of a drawing lie over each other; all of them. Letters are so many sizes wide on average, those of
+/// Helvetica at least 0.42, and a text reaches so far above and below its line.
+pub(crate) fn texts_apart(svg: &str, wide: f64, [above, below]: [f64; 2]) -> Vec<String> {
+    let boxes = svg.split("<text").skip(1).map(|text| {
         let (element, rest) = text.split_once('>').unwrap();
-        let words = rest.split_once("</text>").unwrap().0.to_owned();
-        let [x, y, size] = ["x", "y", "font-size"].map(|key| number(element, key));
-        let width = 0.42 * size * words.chars().count() as f64;
+        let words = rest.split_once('<').unwrap().0.to_owned();
+        let [x, y, size] = [" x", " y", " font-size"].map(|key| -> f64 {
+            let (_, value) = element.split_once(&format!("{key}=\"")).unwrap();
+            value.split_once('"').unwrap().0.parse().unwrap()
+        });
+        let width = wide * size * words.chars().count() as f64;
         let left = match element {
             _ if element.contains("\"end\"") => x - width,
             _ if element.contains("\"middle\"") => x - 0.5 * width,
             _ => x,
         };
-        (words, [left, y - 0.6 * size, left + width, y])
-    };
-    svg.split("<text").skip(1).map(of).collect()
+        (words, [left, y - above * size, left + width, y + below * size])
+    });
+    let boxes: Vec<(String, [f64; 4])> = boxes.collect();
+    for (k, (words, a)) in boxes.iter().enumerate() {
+        for (other, b) in &boxes[..k] {
+            let is_apart = (0..2).any(|k| a[k + 2] <= b[k] || b[k + 2] <= a[k]);
+            assert!(is_apart, "`{words}` lies over `{other}`: {a:?} {b:?}");
+        }
+    }
+    boxes.into_iter().map(|(words, _)| words).collect()
 }
 
 #[test]
 fn no_words_of_the_view_from_above_lie_over_others() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let svg = fs::read_to_string(root.join("docs/van/drawing.svg")).unwrap();
-    let all = texts(&svg);
-    let named = |words: &str| ["roof", "side-", "front"].iter().any(|name| words.starts_with(name));
-    assert!(all.iter().filter(|(words, _)| named(words)).count() > 7, "{all:?}");
-    for (k, (words, a)) in all.iter().enumerate() {
-        for (other, b) in &all[k + 1..] {
-            let apart = (0..2).any(|k| a[k + 2] <= b[k] || b[k + 2] <= a[k]);
-            assert!(apart, "`{words}` and `{other}`: {a:?} {b:?}");
-        }
-    }
+    let all = texts_apart(&svg, 0.42, [0.6, 0.0]);
+    let named = |words: &&String| ["roof", "side-", "front"].iter().any(|of| words.starts_with(of));
+    assert!(all.iter().filter(named).count() > 7, "{all:?}");
 }

@@ -1,19 +1,13 @@
 //! `rig handover` of the folder of a run, and of a front.
 
-use std::fs;
-
-use serde_json::json;
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok};
+use crate::cli::*;
 use crate::cli_handover::folder;
 
 /// A run in a yard: its folder, beside a vehicle and a scene.
 fn run_folder() -> TempDir {
     let dir = folder();
     let path = dir.path().join("cart.json");
-    let mut vehicle: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut vehicle = read_json(&path);
     vehicle["require"] =
         json!([{ "target": "car", "from": 30, "within": 30, "beams": 90, "share": 1 }]);
     fs::write(&path, vehicle.to_string()).unwrap();
@@ -25,13 +19,12 @@ fn run_folder() -> TempDir {
         // A vehicle of its own, in whose place the run has another.
         "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 90, "range": 40 },
         "mount": { "min": [-1, -0.5, 2], "max": [1, 0.5, 2.2], "lidars": 2 } });
-    fs::write(dir.path().join("yard.json"), scene.to_string()).unwrap();
+    write(&dir, "yard.json", &scene);
     let line =
         "optimize yard.json --vehicle cart.json --evaluations 10 --backend cpu --out runs/yard";
-    let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
-    assert_eq!(run.status.code(), Some(1), "{}", String::from_utf8_lossy(&run.stderr));
+    let (code, [text, said]) = ran(&dir, line);
+    assert_eq!(code, Some(1), "{said}");
     // No sensor here puts 90 beams on a car at 30 m, on no pose: said before the search and in its result.
-    let (said, text) = (String::from_utf8_lossy(&run.stderr), String::from_utf8_lossy(&run.stdout));
     assert!(!text.contains("\n\n\n"), "one empty line at a time: {text}");
     let words = "car at 30 m, 90 beams: even the best pose of each mount meets it with at most ";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
@@ -43,7 +36,7 @@ fn run_folder() -> TempDir {
 #[test]
 fn the_folder_of_a_run_stands_for_its_optimum() {
     let dir = run_folder();
-    let ok = |line: &str| ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let ok = |line: &str| ok(&dir, line);
     ok("rig handover runs/yard --backend cpu --out a");
     ok(
         "rig handover runs/yard/placements.json:optimized --vehicle cart.json --backend cpu --out b",
@@ -61,8 +54,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     }
     assert!(read("a/drawing.svg").contains("Found with seed 1 in the run yard"));
     // The folder of a run carries its result, its warnings and its command; a placement of a file has none.
-    let mut result: serde_json::Value =
-        serde_json::from_str(&read("runs/yard/result.json")).unwrap();
+    let mut result: Value = serde_json::from_str(&read("runs/yard/result.json")).unwrap();
     let verdict = result["verdict"].as_str().unwrap();
     assert!(verdict.starts_with("The requirement is not met"), "{verdict}");
     let guards = result["best"]["scores"]["guards"].as_array().unwrap().iter();
@@ -86,8 +78,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     assert!(lines.iter().all(|line| in_scene.contains(line)), "{in_scene}");
     assert!(in_scene.contains("in frame 1 of yard"), "{in_scene}");
     // In another scene the vehicle is that of the run, and the requirement is measured there.
-    fs::write(dir.path().join("other.json"), read("yard.json").replace("\"yard\"", "\"other\""))
-        .unwrap();
+    write(&dir, "other.json", &read("yard.json").replace("\"yard\"", "\"other\""));
     ok("rig handover other.json runs/yard --backend cpu --out i");
     let elsewhere = read("i/README.txt");
     assert!(!elsewhere.contains("Result: ") && elsewhere.contains("NOT MET: car"), "{elsewhere}");
@@ -95,11 +86,11 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     let requirement = &mut result["best"]["scores"]["requirements"][0];
     requirement["found"] = json!(1.0);
     requirement["holds_in"] = json!(0.9);
-    fs::write(dir.path().join("runs/yard/result.json"), result.to_string()).unwrap();
+    write(&dir, "runs/yard/result.json", &result);
     ok("rig handover runs/yard --backend cpu --out d");
     result["best"]["scores"]["requirements"][0]["holds_in"] = json!(0.97);
     result["best"]["scores"]["requirements_hold_in"] = json!(0.94);
-    fs::write(dir.path().join("runs/yard/result.json"), result.to_string()).unwrap();
+    write(&dir, "runs/yard/result.json", &result);
     ok("rig handover runs/yard --backend cpu --out f");
     let moved = read("p.json").replacen("0.25", "3.25", 1);
     fs::write(dir.path().join("moved.json"), moved).unwrap();
@@ -128,16 +119,15 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
         ] {
             let said = |rig: &str| {
                 let line = command.replace("RIG", rig) + " --backend cpu --format csv";
-                let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
-                assert!(run.status.code().is_some_and(|code| code < 2), "{line}: {run:?}");
-                String::from_utf8(run.stdout).unwrap()
+                let (code, [text, told]) = ran(&dir, &line);
+                assert!(code.is_some_and(|code| code < 2), "{line}: {told}");
+                text
             };
             assert_eq!(said(folder), said(&named), "{command}");
         }
     }
     let run = |line: &str| {
-        let run = crate::cli::sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
-        assert!(run.status.success(), "{line}: {run:?}");
+        printed(&dir, line);
     };
     run("rig export runs/yard --vehicle cart.json --format urdf --out own.urdf");
     run(
@@ -147,8 +137,8 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     let same = ok("rig compare runs/yard runs/yard/placements.json:optimized");
     assert!(same["lidars"].as_array().unwrap().iter().all(|of| of["moved"] == 0.0), "{same}");
     let view = "view yard.json runs/yard --vehicle cart.json --backend cpu --out view.html";
-    let view = crate::cli::sightline(dir.path(), &view.split(' ').collect::<Vec<_>>());
-    assert_eq!(view.status.code(), Some(1), "the requirement is not met: {view:?}");
+    let (code, [_, told]) = ran(&dir, view);
+    assert_eq!(code, Some(1), "the requirement is not met: {told}");
     // A study of one placement names it in its record, and one of another does not go on with it.
     let study = |rig: &str| {
         format!(
@@ -156,11 +146,11 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
         )
     };
     assert_eq!(ok(&study("runs/yard"))["rows"][0]["name"], "optimized");
-    let told = fails(dir.path(), &study("runs/yard:plain").split(' ').collect::<Vec<_>>());
+    let told = fails(&dir, &study("runs/yard:plain"));
     assert!(told.contains("lost: holds a study of other settings"), "{told}");
-    let told = fails(dir.path(), &["rig", "handover", "runs", "--out", "c"]);
+    let told = fails(&dir, "rig handover runs --out c");
     assert!(told.contains("runs: is a folder without result.json; give a file"), "{told}");
-    let told = fails(dir.path(), &["rig", "handover", "yard.json", "p.json", "--out", "c"]);
+    let told = fails(&dir, "rig handover yard.json p.json --out c");
     assert!(told.contains("`sightline rig handover yard.json p.json:rig`"), "{told}");
     // A vehicle that is another one now: its rules count, and the hand-over says so.
     let lower = read("cart.json").replace("1.7],", "1.6],").replace("2.4],", "1.65],");
@@ -178,8 +168,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
 fn two_of_a_model_on_a_mount_of_several_models_break_no_rule() {
     let dir = folder();
     let path = dir.path().join("cart.json");
-    let mut vehicle: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut vehicle = read_json(&path);
     vehicle["mounts"][0]["sensors"] = json!(["turning", "side, narrow"]);
     vehicle["mounts"][0]["count"] = json!([0, 2]);
     vehicle.as_object_mut().unwrap().remove("require");
@@ -189,9 +178,9 @@ fn two_of_a_model_on_a_mount_of_several_models_break_no_rule() {
     {
         let lidars: Vec<_> = xs.iter().map(|x| roof(*x)).collect();
         let rig = json!({ "placements": [{ "name": name, "lidars": lidars }] });
-        fs::write(dir.path().join("rig.json"), rig.to_string()).unwrap();
+        write(&dir, "rig.json", &rig);
         let line = format!("rig handover rig.json --vehicle cart.json --backend cpu --out {name}");
-        ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+        ok(&dir, &line);
         let text = fs::read_to_string(dir.path().join(name).join("README.txt")).unwrap();
         assert_eq!(text.contains("RULE BROKEN: "), breaks, "{text}");
     }

@@ -1,11 +1,8 @@
 //! Help of every command: `-h` fits one screen and has an example, `--help` names every option.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 
-use tempfile::TempDir;
-
-use crate::cli::{ok, room, sightline};
+use crate::cli::*;
 
 /// Lines and columns of one screen.
 const SCREEN: (usize, usize) = (24, 80);
@@ -33,9 +30,7 @@ fn options(script: &str) -> BTreeMap<Vec<String>, BTreeSet<String>> {
 fn help(dir: &TempDir, names: &[String], flag: &str) -> String {
     let mut args: Vec<&str> = names.iter().map(String::as_str).collect();
     args.push(flag);
-    let output = sightline(dir.path(), &args);
-    assert!(output.status.success(), "{args:?}");
-    String::from_utf8(output.stdout).unwrap()
+    stdout(dir, &args)
 }
 
 fn has_word(text: &str, option: &str) -> bool {
@@ -45,7 +40,7 @@ fn has_word(text: &str, option: &str) -> bool {
 #[test]
 fn short_help_fits_one_screen_and_long_help_names_every_option() {
     let dir = TempDir::new().unwrap();
-    let script = sightline(dir.path(), &["completions", "bash"]);
+    let script = sightline(&dir, "completions bash");
     let all = options(&String::from_utf8(script.stdout).unwrap());
     assert!(all.len() > 30, "{} commands", all.len());
     let (lines, columns) = SCREEN;
@@ -73,11 +68,10 @@ fn short_help_fits_one_screen_and_long_help_names_every_option() {
 
 #[test]
 fn help_names_every_option_of_the_command_that_repeats_a_run() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let line = "optimize room.json --backend cpu --evaluations 4 --population 4 --method cma --enough 0.001 \
                 --delta 0.3 --frames 1 --mirror --equal-height --fix z=1.5 --condition rain --out run";
-    ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    ok(&dir, line);
     let page = fs::read_to_string(dir.path().join("run").join("report.html")).unwrap();
     let code = page.split("<code>").find(|code| code.starts_with("sightline optimize "));
     let (command, _) = code.unwrap().split_once("</code>").unwrap();
@@ -120,7 +114,7 @@ fn value(help: &str, option: &str) -> String {
 #[test]
 fn one_word_names_one_thing_in_all_commands() {
     let dir = TempDir::new().unwrap();
-    let script = sightline(dir.path(), &["completions", "bash"]);
+    let script = sightline(&dir, "completions bash");
     let all = options(&String::from_utf8(script.stdout).unwrap());
     let mut values: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
     for (names, options) in &all {

@@ -1,50 +1,44 @@
 //! Files that are read: what they are taken for, and what a run does when they change.
 
-use std::fs;
-use std::process::Output;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{self, corridor, fails, ok, room, scene, sightline};
+use crate::cli::*;
 
 #[test]
 fn a_run_does_not_go_on_with_other_files() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| dir.path().join(name);
-    let mut scene: Value = serde_json::from_slice(&fs::read(room(dir.path())).unwrap()).unwrap();
-    ok(dir.path(), &["psog", "build", "room.json", "--out", "room.npz"]);
+    let mut scene = read_json(room(dir.path()));
+    ok(&dir, "psog build room.json --out room.npz");
     scene["psog"] = json!({ "file": "room.npz" });
     scene["lidar"] = json!({ "file": "sensor.json", "azimuth_steps": 60, "range": 20 });
     scene["static"][0] = json!({ "class": "wall", "mesh": { "file": "wall.obj" } });
-    fs::write(path("room.json"), scene.to_string()).unwrap();
-    fs::write(path("sensor.json"), "{ \"elevation_deg\": [-20, 0] }").unwrap();
-    fs::write(path("wall.obj"), "v 3 -3 0\nv 3 3 0\nv 3 0 3\nf 1 2 3\n").unwrap();
+    write(&dir, "room.json", &scene);
+    write(&dir, "sensor.json", "{ \"elevation_deg\": [-20, 0] }");
+    write(&dir, "wall.obj", "v 3 -3 0\nv 3 3 0\nv 3 0 3\nf 1 2 3\n");
     let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "8", "--out", "run"];
-    let begun = ok(dir.path(), &args);
+    let begun = ok(&dir, &args);
     let resume = ["optimize", "--resume", "run", "--backend", "cpu"];
     for name in ["room.json", "sensor.json", "wall.obj", "room.npz"] {
         let bytes = fs::read(path(name)).unwrap();
         // A byte more is still the same scene to the reader of each of these.
         fs::write(path(name), [&bytes[..], b"\n"].concat()).unwrap();
-        let message = fails(dir.path(), &resume);
+        let message = fails(&dir, &resume);
         assert!(message.contains(&format!("{name}: has changed")), "{message}");
         fs::write(path(name), bytes).unwrap();
     }
     // Nothing is left to do: the result is told as it was written, with the times of the search.
-    let resumed = ok(dir.path(), &resume);
+    let resumed = ok(&dir, &resume);
     assert_eq!(resumed["best"], begun["best"]);
     assert_eq!(resumed["timings"]["generations"], begun["timings"]["generations"]);
     assert!(resumed["rate"].as_f64() > Some(0.0), "{}", resumed["rate"]);
     assert_eq!(resumed["timings"]["page"], begun["timings"]["page"]);
     assert_eq!(resumed["timings"]["total"], begun["timings"]["total"]);
     // A run that replaces another one has not taken its time.
-    let mut times: Value =
-        serde_json::from_slice(&fs::read(path("run/times.json")).unwrap()).unwrap();
+    let mut times = read_json(path("run/times.json"));
     times["times"]["search"] = json!(1e6);
-    fs::write(path("run/times.json"), times.to_string()).unwrap();
-    let anew = ok(dir.path(), &[&args[..], &["--force"]].concat());
-    assert!(anew["timings"]["search"].as_f64() < Some(1e6), "{}", anew["timings"]);
+    write(&dir, "run/times.json", &times);
+    let anew = ok(&dir, &[&args[..], &["--force"]].concat());
+    let seconds = anew["timings"]["search"].as_f64();
+    assert!(seconds.is_some_and(|seconds| seconds < 1e6), "{}", anew["timings"]);
 }
 
 fn line(name: &str) -> String {
@@ -54,7 +48,7 @@ fn line(name: &str) -> String {
 /// Scores placements that come through a pipe.
 fn piped(dir: &TempDir, input: &str, more: &[&str]) -> Output {
     let args = ["score", "scene.json", "-", "--format", "json", "--backend", "cpu"];
-    cli::piped(dir.path(), &[&args[..], more].concat(), input.as_bytes())
+    crate::cli::piped(dir.path(), &[&args[..], more].concat(), input.as_bytes())
 }
 
 #[test]
@@ -124,11 +118,11 @@ fn wrong_placements_are_answered_with_place_and_mend() {
         ),
     ] {
         fs::write(dir.path().join(name), text).unwrap();
-        let message = fails(dir.path(), &["score", "scene.json", name, "--backend", "cpu"]);
+        let message = fails(&dir, &["score", "scene.json", name, "--backend", "cpu"]);
         assert!(message.contains(name) && message.contains(words), "{message}");
     }
     fs::write(dir.path().join("f.json"), b"{\"placements\": [\xff]}").unwrap();
-    let message = fails(dir.path(), &["score", "scene.json", "f.json"]);
+    let message = fails(&dir, "score scene.json f.json");
     assert!(message.contains("f.json: is not UTF-8 text from byte 16 on"), "{message}");
 }
 
@@ -145,9 +139,7 @@ fn what_is_most_likely_not_meant_is_told_once_and_taken_as_it_is() {
         .extend((0..3).map(|k| one(&format!("p{k}"), json!({ "x": 1.4, "y": 0.5, "z": 0.5 }))));
     let text = json!({ "placements": placements }).to_string();
     fs::write(dir.path().join("odd.json"), text).unwrap();
-    let scored = sightline(dir.path(), &["score", "scene.json", "odd.json", "--backend", "cpu"]);
-    let told = String::from_utf8_lossy(&scored.stderr).into_owned();
-    assert!(scored.status.success(), "{told}");
+    let told = stderr(&dir, "score scene.json odd.json --backend cpu");
     for words in [
         "odd.json: placement `turned`, LiDAR 0: yaw = 90 is more than a turn; angles are in radians",
         "placement `high`, LiDAR 0: z = 2500 is far from any vehicle; positions are in metres",
@@ -164,8 +156,8 @@ fn with_scene(pointer: &str, value: Value, args: &[&str]) -> String {
     let dir = corridor();
     let mut scene = scene();
     *scene.pointer_mut(pointer).unwrap() = value;
-    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
-    fails(dir.path(), args)
+    write(&dir, "scene.json", &scene);
+    fails(&dir, args)
 }
 
 #[test]
@@ -179,52 +171,50 @@ fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
     let dir = TempDir::new().unwrap();
     let path = room(dir.path());
     let optimize = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "8"];
-    fs::write(dir.path().join("file"), "").unwrap();
+    write(&dir, "file", "");
     for (more, words) in [
         (["--delta", "1e-9"], "widen --delta"),
         (["--adapter", "X"], "leave one of them out"),
         (["--memory", "16"], "--memory"),
     ] {
-        let message = fails(dir.path(), &[&optimize[..], &more].concat());
+        let message = fails(&dir, &[&optimize[..], &more].concat());
         assert!(message.contains(words), "{message}");
         assert!(!dir.path().join("runs").exists(), "{more:?} left a folder");
     }
-    fs::write(dir.path().join("p.json"), format!("{{\"placements\":[{}]}}", line("a"))).unwrap();
-    let message = fails(dir.path(), &["cast", "room.json", "p.json", "--frame", "99"]);
+    write(&dir, "p.json", &format!("{{\"placements\":[{}]}}", line("a")));
+    let message = fails(&dir, "cast room.json p.json --frame 99");
     assert!(message.contains("room.json: there is no frame 99; give --frame 0 to 2"), "{message}");
-    let many = sightline(dir.path(), &["score", "room.json", "p.json", "--frames", "99"]);
-    let message = String::from_utf8_lossy(&many.stderr).into_owned();
-    assert!(many.status.success() && message.contains("--frames 99: the scene has 3"), "{message}");
+    let message = stderr(&dir, "score room.json p.json --frames 99");
+    assert!(message.contains("--frames 99: the scene has 3"), "{message}");
 
     // Headings of a log count turns on.
-    let mut scene: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let mut scene = read_json(&path);
     let tau = std::f64::consts::TAU;
     let poses = [0, 1, 2].map(|turn| json!({ "x": 0, "y": 0, "yaw": f64::from(turn) * tau }));
     scene["ego"] = json!({ "poses": poses });
     fs::write(&path, scene.to_string()).unwrap();
-    ok(dir.path(), &["score", "room.json", "p.json", "--backend", "cpu"]);
+    ok(&dir, "score room.json p.json --backend cpu");
     // Further apart than the mount is long; and not, but still further than two can be.
     scene["mount"]["min_distance"] = json!(50);
     fs::write(&path, scene.to_string()).unwrap();
-    let message = fails(dir.path(), &optimize);
+    let message = fails(&dir, &optimize);
     assert!(message.contains("room.json: mount.min_distance: 50 is not"), "{message}");
     scene["mount"]["keep_out"] = json!([{ "min": [-1, -1, 1], "max": [0.5, 1, 2] }]);
     scene["mount"]["min_distance"] = json!(1.5);
     fs::write(&path, scene.to_string()).unwrap();
-    let message = fails(dir.path(), &optimize);
+    let message = fails(&dir, &optimize);
     assert!(message.contains("was found that keeps its rules (at least 1.5 m apart;"), "{message}");
 }
 
 #[test]
 fn doubts_about_a_sensor_file_are_told_and_refused_under_strict() {
     let dir = TempDir::new().unwrap();
-    let write =
-        |name: &str, value: &Value| fs::write(dir.path().join(name), value.to_string()).unwrap();
+    let write = |name: &str, value: &Value| write(&dir, name, &value);
     write("radians.json", &json!({ "elevation_deg": [-0.2, -0.1, 0.0, 0.1, 0.2] }));
-    let facts = ok(dir.path(), &["sensor", "info", "radians.json"]);
+    let facts = ok(&dir, "sensor info radians.json");
     assert!(facts["notes"][0].as_str().unwrap().contains("radians?"), "{facts}");
     let args = ["sensor", "info", "radians.json", "--out", "p.svg", "--strict"];
-    assert!(fails(dir.path(), &args).contains("radians?"));
+    assert!(fails(&dir, &args).contains("radians?"));
     assert!(!dir.path().join("p.svg").exists());
 }
 
@@ -233,9 +223,9 @@ fn doubts_about_a_sensor_file_are_told_and_refused_under_strict() {
 fn other_columns_than_those_of_the_file_are_told() {
     let dir = TempDir::new().unwrap();
     let file = json!({ "beam_altitude_angles": [10, 0], "beam_azimuth_angles": [0, 0], "lidar_mode": "512x20" });
-    fs::write(dir.path().join("os.json"), file.to_string()).unwrap();
+    write(&dir, "os.json", &file);
     let notes = |steps: &str| {
-        let facts = ok(dir.path(), &["sensor", "info", "os.json", "--azimuth-steps", steps]);
+        let facts = ok(&dir, &["sensor", "info", "os.json", "--azimuth-steps", steps]);
         facts["notes"].to_string()
     };
     assert!(
@@ -257,13 +247,13 @@ fn utf_16_is_told_with_the_mend() {
     }
     let placements =
         json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0, "y": 0, "z": 2 }] }] });
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "p.json", &placements);
     for args in [
         &["score", "scene.json", "p.json"][..],
         &["study", "targets", "p.json", "--vehicle", "vehicle.json", "--target", "child"],
         &["scene", "import", "map.xodr", "--out", "w.json"],
     ] {
-        let told = fails(dir.path(), args);
+        let told = fails(&dir, args);
         assert!(told.contains("is UTF-16 text; save it as UTF-8"), "{told}");
     }
 }
@@ -275,10 +265,10 @@ fn facts_of_a_sensor_can_be_read_again() {
     let emitters = json!([{ "azimuthDeg": [0, 0], "elevationDeg": [-15, 15] }]);
     let profile = json!({ "profile": { "scanType": "rotary", "farRangeM": 80, "scanRateBaseHz": 10,
         "reportRateBaseHz": 3600, "startAzimuthDeg": -60, "endAzimuthDeg": 60, "emitterStates": emitters } });
-    fs::write(dir.path().join("profile.json"), profile.to_string()).unwrap();
-    let first = ok(dir.path(), &["sensor", "info", "profile.json"]);
-    fs::write(dir.path().join("facts.json"), first.to_string()).unwrap();
-    let second = ok(dir.path(), &["sensor", "info", "facts.json"]);
+    write(&dir, "profile.json", &profile);
+    let first = ok(&dir, "sensor info profile.json");
+    write(&dir, "facts.json", &first);
+    let second = ok(&dir, "sensor info facts.json");
     assert_eq!((&first["beams"], &first["range"]), (&json!(242), &json!(80.0)));
     for key in ["beams", "range", "rate", "azimuth_window", "azimuth_steps", "elevation_deg"] {
         assert_eq!(first[key], second[key], "{key}");

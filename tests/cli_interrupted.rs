@@ -1,44 +1,30 @@
 //! Commands that are interrupted, hung up or run twice at once, and the page's command that repeats a run.
 
-use std::fs;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::ChildStderr;
 
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{corridor, fails, ok, scene, sightline};
+use crate::cli::*;
 use crate::cli_files::{all_files, is_litter, world};
 
-pub(crate) fn spawn(dir: &Path, args: &[&str]) -> Child {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
-    command.args(args).current_dir(dir).stdin(Stdio::null()).stdout(Stdio::null());
-    command.stderr(Stdio::piped()).spawn().unwrap()
+/// The program, running, with a pipe of what it tells.
+pub(crate) fn spawn(dir: &Path, args: &(impl Words + ?Sized)) -> Child {
+    program(dir, args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-fn wait_for(what: impl Fn() -> bool) {
-    let until = Instant::now() + Duration::from_secs(60);
-    while !what() {
-        assert!(Instant::now() < until, "waited for a minute");
-        std::thread::sleep(Duration::from_millis(5));
+/// Text that the program tells up to the first sentence of the engine: scoring begins. The rest is still to be read.
+fn told_until_work(child: &mut Child) -> (BufReader<ChildStderr>, String) {
+    let (mut told, mut words) = (BufReader::new(child.stderr.take().unwrap()), String::new());
+    while !words.contains("computing on cpu") {
+        assert!(told.read_line(&mut words).unwrap() > 0, "{words}");
     }
-}
-
-fn interrupt(child: &Child, signal: &str) {
-    assert!(
-        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success()
-    );
+    (told, words)
 }
 
 #[test]
 fn scores_of_many_placements_go_on_where_they_stopped() {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
-    let line =
-        |k: u32| format!("{{\"name\":\"p{k}\",\"lidars\":[{{\"x\":0.5,\"y\":0.5,\"z\":0.5}}]}}\n");
-    fs::write(at("many.jsonl"), (0..30_000).map(line).collect::<String>()).unwrap();
+    many(dir.path(), 30_000);
     let timings = |text: Vec<u8>| {
         let text = String::from_utf8(text).unwrap();
         text.split("\"timings\"").next().unwrap().to_owned()
@@ -47,12 +33,12 @@ fn scores_of_many_placements_go_on_where_they_stopped() {
         let args =
             ["score", "scene.json", "many.jsonl", "--backend", "cpu", "--format", format, "--out"];
         let with = |more: &[&'static str]| [&args[..], more].concat();
-        assert!(sightline(dir.path(), &with(&["whole"])).status.success());
+        printed(&dir, &with(&["whole"]));
         for signal in ["-INT", "-KILL", "-TERM"] {
             let mut child = spawn(dir.path(), &with(&["cut"]));
             let partial = at("cut.partial");
             wait_for(|| fs::metadata(&partial).is_ok_and(|meta| meta.len() > 2000));
-            let second = fails(dir.path(), &with(&["cut", "--resume"]));
+            let second = fails(&dir, &with(&["cut", "--resume"]));
             assert!(
                 second.contains("another run writes into it") || second.contains("already exists"),
                 "{second}"
@@ -64,14 +50,14 @@ fn scores_of_many_placements_go_on_where_they_stopped() {
                 "{signal}: ended before it was told to"
             );
             assert_eq!(status.code(), (signal != "-KILL").then_some(130), "{signal}");
-            assert!(fails(dir.path(), &with(&["cut"])).contains("cut.partial: holds the scores"));
+            assert!(fails(&dir, &with(&["cut"])).contains("cut.partial: holds the scores"));
             let other = with(&["cut", "--resume", "--frames", "1"]);
-            assert!(fails(dir.path(), &other).contains("was begun with other"));
+            assert!(fails(&dir, &other).contains("was begun with other"));
             // A torn end, as a full disk leaves it.
             let mut bytes = fs::read(&partial).unwrap();
             bytes.extend_from_slice(b"{\"scored\":99999,\"bytes\":40,\"sha256\":\"");
             fs::write(&partial, bytes).unwrap();
-            assert!(sightline(dir.path(), &with(&["cut", "--resume"])).status.success());
+            printed(&dir, &with(&["cut", "--resume"]));
             assert!(!partial.exists());
             let (cut, whole) = (fs::read(at("cut")).unwrap(), fs::read(at("whole")).unwrap());
             assert!(timings(cut) == timings(whole), "{format} {signal}");
@@ -88,15 +74,11 @@ fn no_picture_of_some_placements_is_left_under_its_name() {
     let pose = |k: u32| json!({ "x": 0, "y": 0.01 * f64::from(k % 40), "z": 2 });
     let many = |k: u32| json!({ "name": format!("p{k}"), "lidars": [pose(k), pose(k + 1)] });
     let placements = json!({ "placements": (0..4000).map(many).collect::<Vec<_>>() });
-    fs::write(dir.path().join("many.json"), placements.to_string()).unwrap();
+    write(&dir, "many.json", &placements);
     for study in ["nearfield", "targets"] {
         let args = ["study", study, "town.json", "many.json", "--backend", "cpu", "--out", "o.svg"];
         let mut child = spawn(dir.path(), &args);
-        let mut told = BufReader::new(child.stderr.take().unwrap());
-        let mut words = String::new();
-        while !words.contains("computing on cpu") {
-            assert!(told.read_line(&mut words).unwrap() > 0, "{words}");
-        }
+        let (mut told, mut words) = told_until_work(&mut child);
         std::thread::sleep(Duration::from_millis(300));
         assert!(child.try_wait().unwrap().is_none(), "{study}: ended before it was told to");
         interrupt(&child, "-INT");
@@ -132,33 +114,16 @@ fn the_command_on_the_page_gives_the_same_run() {
     for name in ["town.json", "m.obj", "p.json"] {
         fs::copy(at(name), at("a b's").join(name)).unwrap();
     }
-    ok(
-        dir.path(),
-        &[
-            "optimize",
-            "a b's/town.json",
-            "--backend",
-            "cpu",
-            "--evaluations",
-            "24",
-            "--seed",
-            "7",
-            "--baselines",
-            "a b's/p.json",
-            "--inject",
-            "p.json",
-            "--symmetric",
-            "--fix",
-            "roll=0",
-            "--condition",
-            "fog:mor=50",
-            "--objective",
-            "0.5*near_gain + 0.5*information_gain",
-            "--out",
-            "first",
-        ],
-    );
+    let files =
+        ["optimize", "a b's/town.json", "--baselines", "a b's/p.json", "--inject", "p.json"];
+    let objective = ["--objective", "0.5*near_gain + 0.5*information_gain"];
+    let more = "--backend cpu --evaluations 24 --seed 7 --symmetric --fix roll=0 --frames 1 --condition fog:mor=50";
+    let more: Vec<&str> = more.split(' ').chain(["--out", "first"]).collect();
+    let text = stdout(&dir, &[&files[..], &objective, &more].concat());
+    assert!(text.contains(" over 2 frames, under fog:mor=50\n"), "{text}");
     let page = fs::read_to_string(at("first/report.html")).unwrap();
+    assert!(!page.contains("near field %"), "a column that nobody looked for");
+    assert!(page.contains("sightline · town, under fog:mor=50<"), "{page:.2000}");
     let begin = page.find("<code>sightline").unwrap() + "<code>".len();
     let command = page[begin..].split("</code>").next().unwrap();
     let command = command
@@ -182,7 +147,7 @@ fn the_command_on_the_page_gives_the_same_run() {
         assert!(first == again, "{name} differs");
     }
     let result = |path: PathBuf| {
-        let mut result: Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
+        let mut result = read_json(path);
         for key in ["timings", "peak_memory", "evaluations_per_second"] {
             result.as_object_mut().unwrap().remove(key);
         }
@@ -235,24 +200,14 @@ fn a_batch_that_is_not_kept_says_how_far_it_came() {
     let second = scene().to_string().replace("\"corridor\"", "\"second\"");
     fs::write(dir.path().join("second.json"), second).unwrap();
     for (files, all) in [
-        (&["scene.json", "second.json", "many.jsonl"][..], " of 30000 placements"),
-        (&["scene.json", "-"], " placements"),
+        ("scene.json second.json many.jsonl", " of 30000 placements"),
+        ("scene.json -", " placements"),
     ] {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-            .arg("score")
-            .args(files)
-            .args(["--backend", "cpu", "--verbose", "--out", "cut"])
-            .current_dir(dir.path())
-            .stdin(fs::File::open(dir.path().join("many.jsonl")).unwrap())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        // The first sentence of the engine: scoring begins.
-        let mut told = BufReader::new(child.stderr.take().unwrap());
-        let mut words = String::new();
-        while !words.contains("computing on cpu") {
-            assert!(told.read_line(&mut words).unwrap() > 0, "{words}");
-        }
+        let mut command =
+            program(&dir, &format!("score {files} --backend cpu --verbose --out cut"));
+        command.stdin(fs::File::open(dir.path().join("many.jsonl")).unwrap());
+        let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+        let (mut told, mut words) = told_until_work(&mut child);
         std::thread::sleep(Duration::from_millis(50));
         interrupt(&child, "-INT");
         told.read_to_string(&mut words).unwrap();
@@ -267,11 +222,10 @@ fn a_batch_that_is_not_kept_says_how_far_it_came() {
 #[test]
 fn a_scan_ends_soon_within_a_long_frame_and_goes_on() {
     let dir = world();
-    let town = fs::read_to_string(dir.path().join("town.json")).unwrap();
-    let mut town: Value = serde_json::from_str(&town).unwrap();
-    town["lidar"] =
-        json!({ "channels": 128, "fov": [-20, 2], "azimuth_steps": 20_000, "range": 40 });
-    fs::write(dir.path().join("dense.json"), town.to_string()).unwrap();
+    change_as(&dir, ["town.json", "dense.json"], |town| {
+        town["lidar"] =
+            json!({ "channels": 128, "fov": [-20, 2], "azimuth_steps": 20_000, "range": 40 })
+    });
     let args =
         ["scan", "dense.json", "--placement", "p.json", "--backend", "cpu", "--threads", "1"];
     let mut child = spawn(dir.path(), &[&args[..], &["--out", "set"]].concat());
@@ -288,7 +242,7 @@ fn a_page_of_a_run_that_time_ended_says_so() {
     let dir = world();
     let args = ["optimize", "town.json", "--backend", "cpu"];
     let page = |folder: &str, limit: &[&str]| {
-        ok(dir.path(), &[&args[..], &["--out", folder], limit].concat());
+        ok(&dir, &[&args[..], &["--out", folder], limit].concat());
         fs::read_to_string(dir.path().join(folder).join("report.html")).unwrap()
     };
     let ended = page("ended", &["--max-seconds", "2", "--evaluations", "1000000"]);
@@ -302,17 +256,16 @@ fn a_batch_that_was_killed_at_its_start_begins_anew() {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
     let args = ["score", "scene.json", "placements.json", "--backend", "cpu", "--out"];
-    assert!(sightline(dir.path(), &[&args[..], &["whole"]].concat()).status.success());
+    printed(&dir, &[&args[..], &["whole"]].concat());
     for begin in ["", "{\"sightline_part"] {
         fs::write(at("cut.partial"), begin).unwrap();
-        let output = sightline(dir.path(), &[&args[..], &["cut", "--resume"]].concat());
-        assert!(output.status.success(), "{output:?}");
+        printed(&dir, &[&args[..], &["cut", "--resume"]].concat());
         assert!(fs::read(at("cut")).unwrap() == fs::read(at("whole")).unwrap());
         assert!(!at("cut.partial").exists());
         fs::remove_file(at("cut")).unwrap();
     }
-    fs::write(at("cut.partial"), "my notes").unwrap();
-    let refused = fails(dir.path(), &[&args[..], &["cut", "--resume"]].concat());
+    write(&dir, "cut.partial", "my notes");
+    let refused = fails(&dir, &[&args[..], &["cut", "--resume"]].concat());
     assert!(refused.contains("was begun with other"), "{refused}");
     assert_eq!(fs::read_to_string(at("cut.partial")).unwrap(), "my notes");
 }
@@ -324,7 +277,8 @@ fn a_front_that_was_killed_goes_on_to_the_same_bytes() {
     crate::front::street(dir.path(), [30, 11], require);
     let line = "optimize street.json --front price,near_gain --backend cpu --evaluations 30 --out";
     let args: Vec<&str> = line.split(' ').collect();
-    assert!(sightline(dir.path(), &[&args[..], &["whole"]].concat()).status.code().is_some());
+    let (code, [_, told]) = ran(&dir, &[&args[..], &["whole"]].concat());
+    assert!(matches!(code, Some(0 | 1)), "{told}");
     for signal in ["-KILL", "-INT"] {
         let mut child = spawn(dir.path(), &[&args[..], &["cut"]].concat());
         wait_for(|| dir.path().join("cut/checkpoint.json").exists());
@@ -333,8 +287,8 @@ fn a_front_that_was_killed_goes_on_to_the_same_bytes() {
         assert_eq!(status.code(), (signal != "-KILL").then_some(130), "{signal}");
         let finished = fs::read_to_string(dir.path().join("cut/result.json")).unwrap_or_default();
         assert!(!finished.contains("complete: "), "{signal}: ended before it was told to");
-        let resumed = sightline(dir.path(), &["optimize", "--resume", "cut", "--backend", "cpu"]);
-        assert_ne!(resumed.status.code(), Some(2), "{resumed:?}");
+        let (resumed, [_, told]) = ran(&dir, "optimize --resume cut --backend cpu");
+        assert_eq!(resumed, code, "{told}");
         crate::front::assert_same(dir.path(), "whole", "cut");
         fs::remove_dir_all(dir.path().join("cut")).unwrap();
     }

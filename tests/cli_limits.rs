@@ -1,15 +1,8 @@
 //! Limits of the program: deadlines, interrupts at any moment, numbers without measure, checkpoints of others.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-
-use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
-use tempfile::TempDir;
 
-use crate::cli::{corridor, fails, ok, room, sightline};
+use crate::cli::*;
 
 /// Time that an end may take on a busy machine.
 const LATE: Duration = Duration::from_secs(20);
@@ -26,7 +19,7 @@ fn write_fleet(dir: &Path) {
         .map(|i| json!({ "name": format!("m{i}"), "min": [0.1, 0.1, 0.1], "max": [0.9, 1.9, 0.9], "count": [0, 4] }))
         .collect();
     let vehicle = json!({ "sightline": 1, "sensors": sensors, "mounts": mounts });
-    fs::write(dir.join("fleet.json"), vehicle.to_string()).unwrap();
+    write(dir, "fleet.json", &vehicle);
 }
 
 #[test]
@@ -39,33 +32,25 @@ fn time_ends_the_choice_of_sensors() {
         "run",
     ];
     let start = Instant::now();
-    let output = sightline(dir.path(), &[&args[..], &more[..]].concat());
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
+    let [text, told] = printed(&dir, &[&args[..], &more[..]].concat());
     assert!(start.elapsed() < LATE, "{:?}", start.elapsed());
     assert!(told.contains("the time ended while the sensors were chosen"), "{told}");
-    let text = String::from_utf8_lossy(&output.stdout);
     let cut = "The time ended while the sensors were chosen (";
     assert!(text.contains(cut) && text.contains(" of 500 spent)"), "{text}");
     assert!(text.contains("--resume and more time than the 0.02 s it had; poses"), "{text}");
     assert!(!text.contains("a --budget above"), "{text}");
-    let huge = fails(
-        dir.path(),
-        &["optimize", "scene.json", "--vehicle", "fleet.json", "--budget", "1e300"],
-    );
+    let huge = fails(&dir, "optimize scene.json --vehicle fleet.json --budget 1e300");
     assert!(
         huge.contains("give a price up to 1e12, as 12000") && !huge.contains("0000000"),
         "{huge}"
     );
-    let result: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("run/result.json")).unwrap()).unwrap();
+    let result = read_json(dir.path().join("run/result.json"));
     assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");
     // A resumed run goes on with the choice, not with what was taken in a hurry.
-    let saved: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("run/checkpoint.json")).unwrap()).unwrap();
+    let saved = read_json(dir.path().join("run/checkpoint.json"));
     assert!(saved["state"]["equipping"].is_object(), "{saved}");
     let more = ["optimize", "--resume", "run", "--max-seconds", "0.02", "--backend", "cpu"];
-    let told = String::from_utf8(sightline(dir.path(), &more).stderr).unwrap();
+    let told = String::from_utf8(sightline(&dir, &more).stderr).unwrap();
     let note = "the run had not chosen its sensors: the poses to choose from are cast again";
     assert!(told.contains(note), "{told}");
 }
@@ -75,7 +60,7 @@ fn numbers_beyond_any_machine_are_refused() {
     let dir = corridor();
     let most = u64::MAX.to_string();
     for option in ["--random", "--hostile", "--sample"] {
-        let told = fails(dir.path(), &["verify", "scene.json", option, &most]);
+        let told = fails(&dir, &["verify", "scene.json", option, &most]);
         assert!(told.contains(option) && told.contains("give at most"), "{told}");
     }
     let optimize = ["optimize", "scene.json", "--backend", "cpu", "--out", "never"];
@@ -90,7 +75,7 @@ fn numbers_beyond_any_machine_are_refused() {
         ("--threads", "0"),
         ("--seed", "1.5"),
     ] {
-        fails(dir.path(), &[&optimize[..], &[option, value]].concat());
+        fails(&dir, &[&optimize[..], &[option, value]].concat());
         assert!(!dir.path().join("never").exists(), "{option} {value} left a folder");
     }
 }
@@ -112,14 +97,12 @@ fn forge(run: &Path, whole: &Value, place: &str, value: &Value) -> bool {
 
 #[test]
 fn a_checkpoint_whose_numbers_do_not_belong_together_is_refused() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let args =
         ["--evaluations", "400", "--max-seconds", "0.05", "--backend", "cpu", "--out", "run"];
-    sightline(dir.path(), &[&["optimize", "room.json"], &args[..]].concat());
+    sightline(&dir, &[&["optimize", "room.json"], &args[..]].concat());
     let run = dir.path().join("run");
-    let whole: Value =
-        serde_json::from_slice(&fs::read(run.join("checkpoint.json")).unwrap()).unwrap();
+    let whole = read_json(run.join("checkpoint.json"));
     let cma = "/run/generations/cma/running/cma";
     let changes = [
         ("/run/levels/at".to_owned(), json!(u64::MAX)),
@@ -146,7 +129,7 @@ fn a_checkpoint_whose_numbers_do_not_belong_together_is_refused() {
     let mut forged = 0;
     for (place, value) in &changes {
         if forge(&run, &whole, place, value) {
-            let told = fails(dir.path(), &["optimize", "--resume", "run", "--backend", "cpu"]);
+            let told = fails(&dir, "optimize --resume run --backend cpu");
             assert!(told.contains("checkpoint.json: "), "{place}: {told}");
             assert!(told.contains("; start a new run"), "{place}: {told}");
             forged += 1;
@@ -158,27 +141,20 @@ fn a_checkpoint_whose_numbers_do_not_belong_together_is_refused() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_ends_every_command_soon() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    let commands: [&[&str]; 8] = [
-        &["optimize", "room.json", "--evaluations", "100000", "--out", "o"],
-        &["study", "lidars", "room.json", "--evaluations", "5000", "--out", "s"],
-        &["chart", "room.json", "--placements", "2000", "--out", "c"],
-        &["audit", "room.json"],
-        &["near-field", "room.json", "--backend", "cpu"],
-        &["psog", "build", "room.json", "--out", "p.npz"],
-        &["view", "room.json", "--out", "v.html"],
-        &["scene", "new", "--kind", "town", "--out", "t.json"],
+    let dir = in_room();
+    let commands = [
+        "optimize room.json --evaluations 100000 --out o",
+        "study lidars room.json --evaluations 5000 --out s",
+        "chart room.json --placements 2000 --out c",
+        "audit room.json",
+        "near-field room.json --backend cpu",
+        "psog build room.json --out p.npz",
+        "view room.json --out v.html",
+        "scene new --kind town --out t.json",
     ];
-    for (number, command) in commands.iter().enumerate() {
+    for (number, command) in commands.into_iter().enumerate() {
         for wait in [5, 60, 400] {
-            let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-                .args(*command)
-                .current_dir(dir.path())
-                .stdout(Stdio::null())
-                .stderr(Stdio::null())
-                .spawn()
-                .unwrap();
+            let mut child = begun(&dir, command);
             std::thread::sleep(Duration::from_millis(wait + 7 * number as u64));
             let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
             let start = Instant::now();
@@ -188,10 +164,7 @@ fn an_interrupt_ends_every_command_soon() {
             assert!(matches!(code, None | Some(0 | 1 | 2 | 130)), "{command:?}: {code:?}");
             for half in ["p.npz", "v.html", "t.json"] {
                 let file = dir.path().join(half);
-                assert!(
-                    !file.exists() || fs::metadata(&file).unwrap().len() > 0,
-                    "{half} is empty"
-                );
+                assert!(!file.exists() || file.metadata().unwrap().len() > 0, "{half} is empty");
             }
             for folder in ["o", "s", "c"] {
                 let _ = fs::remove_dir_all(dir.path().join(folder));
@@ -202,12 +175,8 @@ fn an_interrupt_ends_every_command_soon() {
 
 #[test]
 fn a_page_forbids_what_it_does_not_need() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    ok(
-        dir.path(),
-        &["optimize", "room.json", "--evaluations", "30", "--backend", "cpu", "--out", "run"],
-    );
+    let dir = in_room();
+    ok(&dir, "optimize room.json --evaluations 30 --backend cpu --out run");
     let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
     let policy = page.find("Content-Security-Policy").expect("a policy");
     assert!(page[policy..].contains("default-src 'none'"));
@@ -217,18 +186,17 @@ fn a_page_forbids_what_it_does_not_need() {
 /// A scene so small that any of its commands is done at once.
 fn closet(dir: &Path) {
     room(dir);
-    let text = fs::read_to_string(dir.join("room.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&text).unwrap();
-    scene["name"] = json!("closet");
-    scene["roi"]["voxel"] = json!([2, 2, 1]);
-    scene["frames"] = json!(2);
-    scene["actors"][0]["poses"].as_array_mut().unwrap().truncate(2);
-    scene["lidar"]["azimuth_steps"] = json!(4);
-    scene["psog"]["scan"]["azimuth_steps"] = json!(8);
-    fs::write(dir.join("closet.json"), scene.to_string()).unwrap();
+    change_as(dir, ["room.json", "closet.json"], |scene| {
+        scene["name"] = json!("closet");
+        scene["roi"]["voxel"] = json!([2, 2, 1]);
+        scene["frames"] = json!(2);
+        scene["actors"][0]["poses"].as_array_mut().unwrap().truncate(2);
+        scene["lidar"]["azimuth_steps"] = json!(4);
+        scene["psog"]["scan"]["azimuth_steps"] = json!(8);
+    });
     let placed = json!({ "placements": [{ "name": "a", "lidars": [
         { "x": 0.0, "y": 0.0, "z": 1.5 }, { "x": 0.5, "y": 0.0, "z": 1.5 }] }] });
-    fs::write(dir.join("placed.json"), placed.to_string()).unwrap();
+    write(dir, "placed.json", &placed);
     let kitti = dir.join("kitti");
     for sub in ["velodyne", "labels"] {
         fs::create_dir_all(kitti.join(sub)).unwrap();
@@ -236,33 +204,17 @@ fn closet(dir: &Path) {
     let point = [5.0_f32, 1.0, -1.7, 0.0].map(f32::to_le_bytes).concat();
     fs::write(kitti.join("velodyne/000000.bin"), point).unwrap();
     fs::write(kitti.join("labels/000000.label"), 40_u32.to_le_bytes()).unwrap();
-    fs::write(kitti.join("poses.txt"), "1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
-    fs::write(kitti.join("calib.txt"), "Tr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n").unwrap();
+    write(&kitti, "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
+    write(&kitti, "calib.txt", "Tr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n");
 }
 
 /// Runs a command that must end by itself within the time; its exit code and its words.
-fn ends(dir: &Path, args: &[String]) -> (Option<i32>, String) {
+fn ends(dir: &Path, line: &str) -> (Option<i32>, String) {
     let errors = dir.join("errors.txt");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(args)
-        .current_dir(dir)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(fs::File::create(&errors).unwrap())
-        .spawn()
-        .unwrap();
-    let start = Instant::now();
-    let code = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status.code();
-        }
-        if start.elapsed() > 3 * LATE {
-            child.kill().unwrap();
-            panic!("{args:?} did not end");
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    };
-    (code, fs::read_to_string(errors).unwrap())
+    let mut command = program(dir, line);
+    let child = command.stdout(Stdio::null()).stderr(fs::File::create(&errors).unwrap()).spawn();
+    let status = end_within(3 * LATE, child.unwrap(), line);
+    (status.code(), fs::read_to_string(errors).unwrap())
 }
 
 /// Commands, and options of each; @ is where the number stands.
@@ -329,8 +281,7 @@ fn every_number_of_every_command_is_taken_or_refused_in_a_sentence() {
             let values = if option.contains('@') { &HOSTILE[..] } else { &[""] };
             for value in values {
                 let line = format!("{command} {}", option.replace('@', value));
-                let args: Vec<String> = line.split(' ').map(str::to_owned).collect();
-                let (code, told) = ends(dir.path(), &args);
+                let (code, told) = ends(dir.path(), &line);
                 assert!(matches!(code, Some(0..=2)), "{line}: {code:?}: {told}");
                 assert!(!told.contains("panicked"), "{line}: {told}");
                 if code == Some(2) {
@@ -352,16 +303,15 @@ fn every_number_of_every_command_is_taken_or_refused_in_a_sentence() {
 fn a_scan_of_more_beams_than_memory_holds_is_refused_before_it_is_taken() {
     let dir = TempDir::new().unwrap();
     closet(dir.path());
-    let text = fs::read_to_string(dir.path().join("closet.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&text).unwrap();
-    scene["lidar"] =
-        json!({ "channels": 100, "fov": [-30, 10], "azimuth_steps": 100_000, "range": 20 });
-    scene["mount"]["lidars"] = json!(16);
-    fs::write(dir.path().join("dense.json"), scene.to_string()).unwrap();
+    change_as(&dir, ["closet.json", "dense.json"], |scene| {
+        scene["lidar"] =
+            json!({ "channels": 100, "fov": [-30, 10], "azimuth_steps": 100_000, "range": 20 });
+        scene["mount"]["lidars"] = json!(16);
+    });
     let lidars: Vec<Value> =
         (0..16).map(|k| json!({ "x": 0.0, "y": 0.0, "z": 1.2 + 0.03 * f64::from(k) })).collect();
     let placed = json!({ "placements": [{ "name": "all", "lidars": lidars }] });
-    fs::write(dir.path().join("many.json"), placed.to_string()).unwrap();
+    write(&dir, "many.json", &placed);
     let program = env!("CARGO_BIN_EXE_sightline");
     let job =
         format!("exec '{program}' scan dense.json --placement many.json --backend cpu --out out");
@@ -384,23 +334,22 @@ fn a_mount_in_which_a_sensor_turns_any_way_is_searched_on_a_wider_grid() {
             "lidar": { "channels": 8, "fov": [-25, 2], "azimuth_steps": 60, "range": 30 } }],
         "mounts": [{ "name": "m", "min": [-2, -1, 1], "max": [4, 1, 3.5], "roll": [-3.13, 3.13],
             "pitch": [-1.57, 1.57], "yaw": [-3.13, 3.13], "count": [1, 2] }] });
-    fs::write(dir.path().join("v.json"), vehicle.to_string()).unwrap();
+    write(&dir, "v.json", &vehicle);
     let scene = json!({ "sightline": 1, "name": "s", "vehicle": "v.json", "coverage": "first-hit",
         "roi": { "min": [-8, -8, -0.4], "max": [8, 8, 2], "voxel": [1, 1, 0.6] },
         "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } },
                    { "class": "wall", "box": { "min": [5, 3, 0], "max": [7, 4, 2] } }],
         "ego": { "poses": [{ "x": 0, "y": 0 }, { "x": 1, "y": 0 }] } });
-    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
+    write(&dir, "s.json", &scene);
     let optimize = "optimize s.json --evaluations 10 --backend cpu --out";
     for command in [
         &format!("{optimize} run"),
         "study lidars s.json --evaluations 10 --backend cpu --out lidars",
         "study cost s.json --evaluations 10 --backend cpu --out cost",
     ] {
-        let output = sightline(dir.path(), &command.split(' ').collect::<Vec<_>>());
-        assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+        printed(&dir, command);
     }
     let given = format!("{optimize} other --delta 0.1");
-    let told = fails(dir.path(), &given.split(' ').collect::<Vec<_>>());
+    let told = fails(&dir, &given);
     assert!(told.contains("sensor poses, at most") && told.contains("widen --delta"), "{told}");
 }

@@ -1,11 +1,6 @@
 //! Slips of newcomers: each message names the file, the place in it and the mend.
 
-use std::fs;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 
 /// A car with one mount on its roof.
 fn car() -> Value {
@@ -28,14 +23,10 @@ fn folder() -> TempDir {
     let rigs = json!({ "$schema": "a, \"b\"", "sightline": 1, "placements": [
         { "name": "A", "lidars": [{ "x": 0.5, "y": 0, "z": 2 }] },
         { "name": "B", "lidars": [{ "x": 0.5, "y": 0.4, "z": 2 }, { "x": 0.5, "y": -0.4, "z": 2 }] }] });
-    write(&dir, "s.json", &scene.to_string());
+    write(&dir, "s.json", &scene);
     write(&dir, "car.json", &car().to_string());
-    write(&dir, "rigs.json", &rigs.to_string());
+    write(&dir, "rigs.json", &rigs);
     dir
-}
-
-fn write(dir: &TempDir, name: &str, text: &str) {
-    fs::write(dir.path().join(name), text).unwrap();
 }
 
 /// Message of the program on the scene of a car that is changed.
@@ -44,7 +35,7 @@ fn of_car(dir: &TempDir, change: impl Fn(&mut Value)) -> String {
     change(&mut car);
     write(dir, "own.json", &car.to_string());
     let args = ["score", "s.json", "rigs.json:A", "--vehicle", "own.json", "--backend", "cpu"];
-    String::from_utf8(sightline(dir.path(), &args).stderr).unwrap()
+    String::from_utf8(sightline(dir, &args).stderr).unwrap()
 }
 
 #[test]
@@ -64,26 +55,26 @@ fn files_of_other_kinds_are_named() {
             (["score", name, "rigs.json", "--backend", "cpu"], "a scene file begins with {"),
             (["score", "s.json", name, "--backend", "cpu"], "a file of placements begins with {"),
         ] {
-            let told = fails(dir.path(), &args);
+            let told = fails(&dir, &args);
             let begins = format!("{name}: {looks}; {begins}");
             assert!(told.contains(&begins), "{begins}: {told}");
         }
     }
     fs::create_dir(dir.path().join("runs")).unwrap();
-    let told = fails(dir.path(), &["optimize", "s.json", "--inject", "runs"]);
+    let told = fails(&dir, "optimize s.json --inject runs");
     assert!(told.contains("runs: is a directory; give a file of placements"), "{told}");
     // Binary ones are known by name.
     fs::write(dir.path().join("b.stl"), [0xff; 90]).unwrap();
-    let told = fails(dir.path(), &["score", "s.json", "b.stl", "--backend", "cpu"]);
+    let told = fails(&dir, "score s.json b.stl --backend cpu");
     assert!(told.contains("b.stl: is not JSON, it looks like an STL mesh; a file of"), "{told}");
-    let told = fails(dir.path(), &["score", "b.stl", "rigs.json", "--backend", "cpu"]);
+    let told = fails(&dir, "score b.stl rigs.json --backend cpu");
     assert!(told.contains("b.stl: is no text, it looks like an STL mesh; give a text"), "{told}");
     let result = json!({ "sightline": "0.1.0", "scene": "s", "settings": {}, "stopped": "time: over", "mounts": ["a"] });
-    write(&dir, "result.json", &result.to_string());
+    write(&dir, "result.json", &result);
     let words =
         "result.json: is the result of a run; give the folder of the run, or its placements.json";
     for command in ["score", "verify"] {
-        let told = fails(dir.path(), &[command, "s.json", "result.json"]);
+        let told = fails(&dir, &[command, "s.json", "result.json"]);
         assert!(told.contains(words), "{told}");
     }
     for (comment, line) in [("// mine\n", 1), ("\n/* mine */", 2), ("# mine\n# and yours\n", 1)] {
@@ -98,13 +89,13 @@ fn files_of_other_kinds_are_named() {
         ] {
             let text = fs::read_to_string(dir.path().join(file)).unwrap();
             write(&dir, "c.json", &format!("{comment}{text}"));
-            let told = fails(dir.path(), &args.split(' ').collect::<Vec<_>>());
+            let told = fails(&dir, args);
             let words = format!("c.json: line {line} is a comment, and JSON has no comments");
             assert!(told.contains(&words), "{args}: {told}");
         }
     }
     write(&dir, "a.json", "{ // mine\n \"sightline\": 1 }");
-    let told = fails(dir.path(), &["score", "s.json", "rigs.json", "--vehicle", "a.json"]);
+    let told = fails(&dir, "score s.json rigs.json --vehicle a.json");
     assert!(
         told.contains("a comment stands here, and JSON has none; remove it (line 1, column 3)"),
         "{told}"
@@ -115,9 +106,9 @@ fn files_of_other_kinds_are_named() {
 fn results_and_meshes_are_named_wherever_they_are_given() {
     let dir = folder();
     let result = json!({ "sightline": "0.1.0", "scene": "s", "settings": {}, "stopped": "time: over", "mounts": ["a"] });
-    write(&dir, "result.json", &result.to_string());
+    write(&dir, "result.json", &result);
     write(&dir, "m.gltf", "{\n  \"asset\": { \"version\": \"2.0\" },\n  \"nodes\": []\n}");
-    let told = fails(dir.path(), &["score", "s.json", "m.gltf"]);
+    let told = fails(&dir, "score s.json m.gltf");
     assert!(told.contains("m.gltf: is a glTF mesh; name it as `file` of a `mesh`"), "{told}");
     for (args, wanted) in [
         ("score FILE rigs.json", "a scene"),
@@ -131,13 +122,13 @@ fn results_and_meshes_are_named_wherever_they_are_given() {
             ("m.gltf", "a glTF mesh", "name it as `file` of a `mesh`"),
         ] {
             let args = args.replace("FILE", file);
-            let told = fails(dir.path(), &args.split(' ').collect::<Vec<_>>());
+            let told = fails(&dir, &args);
             let words = format!("{file}: is {is}, where {wanted} belongs; {mend}");
             assert!(told.contains(&words), "{args}: {told}");
         }
     }
     fs::create_dir(dir.path().join("runs")).unwrap();
-    let told = fails(dir.path(), &["rig", "export", "runs", "--format", "urdf"]);
+    let told = fails(&dir, "rig export runs --format urdf");
     assert!(told.contains("runs: is a directory; give a file of placements"), "{told}");
 }
 
@@ -189,10 +180,9 @@ fn doubts_about_a_vehicle_are_told_once() {
     let apart = of_car(&dir, |car| car["min_distance"] = json!(300));
     assert!(apart.contains("min_distance: 300 m is more than any two places"), "{apart}");
     assert!(apart.contains("300 mm are 0.3 m"), "{apart}");
-    let scene = fs::read_to_string(dir.path().join("s.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&scene).unwrap();
+    let mut scene = read_json(dir.path().join("s.json"));
     scene["ego"]["body"] = car()["body"].clone();
-    write(&dir, "s.json", &scene.to_string());
+    write(&dir, "s.json", &scene);
     let lent = of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")));
     assert!(
         lent.contains("own.json: has no `body`: the ego body of s.json stands for it"),
@@ -205,14 +195,13 @@ fn doubts_about_a_vehicle_are_told_once() {
 fn one_placement_of_a_file_is_read_alike_by_every_command() {
     let dir = folder();
     let names = |args: &[&str]| -> Vec<String> {
-        let scores = ok(dir.path(), args)["scores"].as_array().unwrap().clone();
+        let scores = ok(&dir, args)["scores"].as_array().unwrap().clone();
         scores.iter().map(|one| one["name"].as_str().unwrap().to_owned()).collect()
     };
     assert_eq!(names(&["score", "s.json", "rigs.json"]), ["A", "B"]);
     assert_eq!(names(&["score", "s.json", "rigs.json:B"]), ["B"]);
     // LiDARs that name no model are of the only one.
-    let output = sightline(dir.path(), &["score", "s.json", "rigs.json:B", "--backend", "cpu"]);
-    let text = String::from_utf8(output.stdout).unwrap();
+    let text = stdout(&dir, "score s.json rigs.json:B --backend cpu");
     assert!(
         text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; distances"),
         "{text}"
@@ -222,18 +211,17 @@ fn one_placement_of_a_file_is_read_alike_by_every_command() {
         ["study", "tolerance", "s.json", "rigs.json:C", "--frames=1"],
         ["audit", "s.json", "rigs.json:C", "--backend", "cpu"],
     ] {
-        let told = fails(dir.path(), &args);
+        let told = fails(&dir, &args);
         assert!(told.contains("rigs.json: has no placement `C`; it has A, B"), "{told}");
     }
-    let missing = fails(dir.path(), &["score", "s.json", "none.json:A"]);
+    let missing = fails(&dir, "score s.json none.json:A");
     assert!(missing.contains("none.json: cannot be read"), "{missing}");
 }
 
 #[test]
 fn placements_may_state_the_version_of_other_files() {
     let dir = folder();
-    let compared = sightline(dir.path(), &["rig", "compare", "rigs.json:A", "rigs.json:A"]);
-    assert!(compared.status.success(), "{compared:?}");
+    printed(&dir, "rig compare rigs.json:A rigs.json:A");
     let rigs = fs::read_to_string(dir.path().join("rigs.json")).unwrap();
     for (from, to, told) in [
         (
@@ -254,7 +242,7 @@ fn placements_may_state_the_version_of_other_files() {
             if args[0] == "rig" {
                 args.push("rigs.json:A");
             }
-            let said = fails(dir.path(), &args);
+            let said = fails(&dir, &args);
             assert!(said.contains(told) && !said.contains("placement `A`"), "{args:?}: {said}");
         }
     }
@@ -292,7 +280,7 @@ fn mirrored_pairs_may_face_back() {
     of_car(&dir, back(json!([2.6, 3.7]), -1.0));
     let args =
         ["optimize", "s.json", "--vehicle", "own.json", "--backend", "cpu", "--evaluations", "20"];
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     let lidars = found["best"]["placement"]["lidars"].as_array().unwrap().clone();
     let of = |lidar: usize, key: &str| lidars[lidar][key].as_f64().unwrap();
     assert!((of(0, "y") + of(1, "y")).abs() < 1e-6, "{lidars:?}");
@@ -312,15 +300,14 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     car["sensors"].as_array_mut().unwrap().push(json!({ "name": "idle", "price": 9,
         "lidar": { "channels": 4, "fov": [-25, 15], "azimuth_steps": 90, "range": 30 } }));
     car["require"] = json!([{ "ground": 5, "share": 0.0 }, { "target": "car", "from": 5, "within": 10, "share": 0.6 }]);
-    write(&dir, "car.json", &car.to_string());
+    write(&dir, "car.json", &car);
     // Looking up meets no car: the rig behind it is better though it gains less at the same place.
     let rigs = json!({ "placements": [
         { "name": "up", "lidars": [{ "x": 0.5, "y": 0, "z": 2, "pitch": -0.7, "sensor": "spin" }] },
         { "name": "level", "lidars": [{ "x": 0.5, "y": 0, "z": 2, "sensor": "spin" },
                                       { "x": 0.5, "y": 0.4, "z": 2, "sensor": "spin" }] }] });
-    write(&dir, "rigs.json", &rigs.to_string());
-    let output = sightline(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
-    let text = String::from_utf8(output.stdout).unwrap();
+    write(&dir, "rigs.json", &rigs);
+    let text = stdout(&dir, "score s.json rigs.json --backend cpu");
     assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
     assert!(
         text.contains("\nup: price 2; distances from the origin met in all 16 directions: car "),
@@ -335,7 +322,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
         ("nearfield", " m² of ground within 10 m of the body, "),
     ] {
         let args = ["study", study, "s.json", "rigs.json", "--frames", "1", "--backend", "cpu"];
-        let output = sightline(dir.path(), &args);
+        let output = sightline(&dir, &args);
         let text = String::from_utf8(output.stdout).unwrap();
         assert!(text.contains(from), "{study}: {text}");
     }
@@ -343,7 +330,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     assert!(last.starts_with("better: level (2 of 2 requirements met, near_gain "), "{text}");
     assert!(last.ends_with("then the number of violated guards, then near_gain"), "{text}");
     assert!(last.contains("missing, ") && last.contains("; decided by the requirements"), "{text}");
-    let scores = ok(dir.path(), &["score", "s.json", "rigs.json", "--backend", "cpu"]);
+    let scores = ok(&dir, "score s.json rigs.json --backend cpu");
     let card = &scores["scores"][0]["range_card"];
     for of in card["targets"][0]["bearings"].as_array().unwrap() {
         let bearing = of["bearing"].as_f64().unwrap();
@@ -351,7 +338,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     }
     let blind = &card["blind"][0];
     assert!(blind["worst"].is_number() && blind["lost"][0].is_array(), "{blind}");
-    let one = sightline(dir.path(), &["score", "s.json", "rigs.json:up", "--backend", "cpu"]);
+    let one = sightline(&dir, "score s.json rigs.json:up --backend cpu");
     assert!(!String::from_utf8(one.stdout).unwrap().contains("better"));
 }
 
@@ -407,18 +394,17 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
 fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     let dir = folder();
     let args = ["rig", "handover", "rigs.json:A", "--vehicle", "car.json", "--out", "h"];
-    let told = fails(dir.path(), &[&args[..], &["--base-link=-1400"]].concat());
+    let told = fails(&dir, &[&args[..], &["--base-link=-1400"]].concat());
     assert!(told.contains("-1400 m is far from any vehicle; -1400 mm are -1.4 m"), "{told}");
     let rig = r#"{ "sightline": 1, "placements": [{ "name": "A", "lidars": [
         { "x": 0.5, "y": 0, "z": 2, "sensor": "spin" }] }] }"#;
     write(&dir, "named.json", rig);
-    let mut scene: Value =
-        serde_json::from_str(&fs::read_to_string(dir.path().join("s.json")).unwrap()).unwrap();
+    let mut scene = read_json(dir.path().join("s.json"));
     scene.as_object_mut().unwrap().remove("vehicle");
     scene["lidar"] = json!({ "channels": 8, "fov": [-25, 15], "azimuth_steps": 60, "range": 30 });
     scene["mount"] = json!({ "min": [0, -1, 1], "max": [1, 1, 2], "lidars": 1 });
-    write(&dir, "plain.json", &scene.to_string());
-    let told = fails(dir.path(), &["score", "plain.json", "named.json", "--backend", "cpu"]);
+    write(&dir, "plain.json", &scene);
+    let told = fails(&dir, "score plain.json named.json --backend cpu");
     assert!(
         told.contains("names of models come with the file of a vehicle, `--vehicle FILE`"),
         "{told}"
@@ -429,11 +415,11 @@ fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     write(&dir, "run/placements.json", rig);
     let result =
         json!({ "settings": { "vehicle": "car.json" }, "best": { "placement": { "name": "A" } } });
-    write(&dir, "run/result.json", &result.to_string());
-    let told = fails(dir.path(), &["score", "plain.json", "run", "--backend", "cpu"]);
+    write(&dir, "run/result.json", &result);
+    let told = fails(&dir, "score plain.json run --backend cpu");
     assert!(told.contains("there is no sensor `spin`"), "{told}");
     assert!(told.contains("; give --vehicle car.json, with which this run was made"), "{told}");
-    let told = fails(dir.path(), &["optimize", "run"]);
+    let told = fails(&dir, "optimize run");
     let mend = "run: is the folder of a run; go on with --resume run, or give a scene file";
     assert!(told.contains(mend), "{told}");
 }

@@ -1,11 +1,6 @@
 //! Options that would pass in silence: models that do not exist, weights of 0, steps wider than a mount, wrong endings.
 
-use std::fs;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, sightline};
+use crate::cli::*;
 use crate::cli_vehicle::garage;
 
 /// A garage with a placement whose LiDARs name their models.
@@ -13,25 +8,21 @@ fn named() -> TempDir {
     let dir = garage();
     let lidar = |x: f64| json!({ "x": x, "y": 0, "z": 1.5, "sensor": "spinning" });
     let placement = json!({ "placements": [{ "name": "p", "lidars": [lidar(-0.2), lidar(0.2)] }] });
-    fs::write(dir.path().join("p.json"), placement.to_string()).unwrap();
+    write(&dir, "p.json", &placement);
     dir
-}
-
-fn words(line: &str) -> Vec<&str> {
-    line.split(' ').collect()
 }
 
 #[test]
 fn files_of_a_search_are_named_as_they_were_given() {
     let dir = named();
-    fs::write(dir.path().join("bad.json"), "{ \"sightline\": 1, ").unwrap();
+    write(&dir, "bad.json", "{ \"sightline\": 1, ");
     for (line, start) in [
         ("optimize nope.json", "sightline: nope.json: cannot be read: "),
         ("optimize bad.json", "sightline: bad.json: "),
         ("optimize room.json --vehicle nope.json", "sightline: nope.json: "),
         ("optimize nope.json --front price,near_gain", "sightline: nope.json: cannot be read: "),
     ] {
-        let told = fails(dir.path(), &words(line));
+        let told = fails(&dir, line);
         assert!(told.starts_with(start), "{line}: {told}");
     }
 }
@@ -39,7 +30,7 @@ fn files_of_a_search_are_named_as_they_were_given() {
 #[test]
 fn errors_that_need_no_scene_come_before_it_is_read() {
     let dir = named();
-    fs::write(dir.path().join("bad.json"), "{ \"sightline\": 1, ").unwrap();
+    write(&dir, "bad.json", "{ \"sightline\": 1, ");
     fs::create_dir(dir.path().join("taken")).unwrap();
     for name in ["f.html", "f.npz"] {
         fs::write(dir.path().join("taken").join(name), "").unwrap();
@@ -57,7 +48,7 @@ fn errors_that_need_no_scene_come_before_it_is_read() {
         ("study loss bad.json p.json --out taken", "taken: is not empty"),
         ("study loss bad.json p.json:q", "p.json: has no placement `q`"),
     ] {
-        let told = fails(dir.path(), &words(line));
+        let told = fails(&dir, line);
         assert!(told.contains(word) && !told.contains("bad.json"), "{line}: {told}");
     }
 }
@@ -77,13 +68,12 @@ fn models_and_indices_that_do_not_exist_are_refused() {
             "--sensor 7=solid: no placement of p.json has such a LiDAR; indices go from 0 to 1",
         ),
     ] {
-        let told = fails(dir.path(), &words(&format!("{SCORE} --sensor {choice}")));
+        let told = fails(&dir, &format!("{SCORE} --sensor {choice}"));
         assert!(told.contains(word), "{told}");
     }
-    let output = sightline(dir.path(), &words(&format!("{SCORE} --sensor all=solid")));
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let told = stderr(&dir, &format!("{SCORE} --sensor all=solid"));
     let note = "--sensor all=solid changes nothing: every LiDAR of p.json names its model";
-    assert!(output.status.success() && told.contains(note), "{told}");
+    assert!(told.contains(note), "{told}");
 }
 
 #[test]
@@ -94,7 +84,7 @@ fn options_that_leave_nothing_to_search_are_refused() {
         ("--objective 0*near_gain", "`0*near_gain`: every weight is 0"),
         ("--delta 100", "--delta: 100 m from pose to pose is more than any mount of "),
     ] {
-        let told = fails(dir.path(), &words(&format!("{optimize} {more}")));
+        let told = fails(&dir, &format!("{optimize} {more}"));
         assert!(told.contains(word), "{told}");
     }
     assert!(!dir.path().join("o").exists());
@@ -103,11 +93,8 @@ fn options_that_leave_nothing_to_search_are_refused() {
 #[test]
 fn a_spacing_of_more_beams_than_can_be_cast_is_refused_with_their_number() {
     let dir = named();
-    let text = fs::read_to_string(dir.path().join("room.json")).unwrap();
-    let mut room: Value = serde_json::from_str(&text).unwrap();
-    room["psog"] = json!({ "scan": { "spacing": 0.0001 } });
-    fs::write(dir.path().join("room.json"), room.to_string()).unwrap();
-    let told = fails(dir.path(), &words(SCORE));
+    change(&dir, "room.json", |room| room["psog"] = json!({ "scan": { "spacing": 0.0001 } }));
+    let told = fails(&dir, SCORE);
     assert!(told.contains("psog.scan.spacing: 0.0001 m makes "), "{told}");
     assert!(told.contains(" beams in each frame, at most 100000000 may be cast"), "{told}");
 }
@@ -115,10 +102,10 @@ fn a_spacing_of_more_beams_than_can_be_cast_is_refused_with_their_number() {
 #[test]
 fn studies_of_no_kind_name_all_of_them() {
     let dir = named();
-    let told = fails(dir.path(), &words("study nearfeld room.json"));
+    let told = fails(&dir, "study nearfeld room.json");
     assert!(told.contains("nearfield, targets, redundancy, overlap, sweep, tolerance]"), "{told}");
     assert!(told.contains("a similar value exists: 'nearfield'"), "{told}");
-    let told = fails(dir.path(), &words("study cost room.json p.json --vehicle cart.json"));
+    let told = fails(&dir, "study cost room.json p.json --vehicle cart.json");
     let list = "`nearfield`, `targets`, `redundancy`, `overlap`, `sweep` and `tolerance` do";
     assert!(told.contains(list), "{told}");
 }
@@ -135,7 +122,7 @@ fn files_with_the_ending_of_another_format_are_refused() {
         ("rig export p.json:p --format urdf --out c.json".to_owned(), "give it the ending .urdf"),
         ("rig export p.json:p --format urdf --out .".to_owned(), "is not empty"),
     ] {
-        let told = fails(dir.path(), &words(&line));
+        let told = fails(&dir, &line);
         assert!(told.contains(word), "{line}: {told}");
     }
     let mut left: Vec<_> =

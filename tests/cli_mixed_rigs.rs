@@ -1,11 +1,6 @@
 //! Rigs of several sensor models on the command line: LiDARs that name their model, or none.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 use crate::cli_vehicle::{CPU, changed, garage};
 
 /// Two LiDARs of a cart: without models, and with their own.
@@ -50,18 +45,18 @@ fn no_command_picks_a_model_for_a_lidar_that_names_none() {
         &["optimize", "room.json", "--baselines", "plain.json", "--out", "o"],
         &["optimize", "room.json", "--inject", "plain.json", "--out", "o"],
     ] {
-        let said = fails(dir.path(), &[args, &CART].concat());
+        let said = fails(&dir, &[args, &CART].concat());
         assert!(said.contains(wanted), "{args:?}: {said}");
     }
     let gain = |file: &str, more: &[&str]| {
         let args = [&["score", "room.json", file][..], &CART, more].concat();
-        ok(dir.path(), &args)["scores"][0]["information_gain"].as_f64().unwrap()
+        ok(&dir, &args)["scores"][0]["information_gain"].as_f64().unwrap()
     };
     let own = gain("named.json", &[]);
     assert_eq!(gain("plain.json", &["--sensor", "0=spinning", "--sensor", "all=solid"]), own);
     assert!(gain("plain.json", &["--sensor", "all=spinning"]) > own);
     let replaced = [&["score", "room.json", "named.json", "--sensor", "1=spinning"][..], &CART];
-    let said = fails(dir.path(), &replaced.concat());
+    let said = fails(&dir, &replaced.concat());
     assert!(
         said.contains("LiDAR 1 is a `solid`, and --sensor 1=spinning says otherwise"),
         "{said}"
@@ -74,20 +69,20 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
     two_lidars(dir.path());
     let gain = |file: &str| {
         let score = [&["score", "room.json", file][..], &CART].concat();
-        ok(dir.path(), &score)["scores"][0]["information_gain"].as_f64().unwrap()
+        ok(&dir, &score)["scores"][0]["information_gain"].as_f64().unwrap()
     };
     let own = gain("named.json");
     for format in ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "json"] {
         let [out, back] = [format!("{format}.out"), format!("{format}.json")];
         let to = ["--format", format, "--out", &out, "--vehicle", "cart.json"];
-        crate::cli::sightline(dir.path(), &[&["rig", "export", "named.json"][..], &to].concat());
+        crate::cli::sightline(&dir, &[&["rig", "export", "named.json"][..], &to].concat());
         let import = ["rig", "import", &out, "--out", &back];
-        assert!(crate::cli::sightline(dir.path(), &import).status.success(), "{format}");
+        printed(&dir, &import);
         if ["autoware", "urdf", "sdf", "json"].contains(&format) {
             assert_eq!(gain(&back), own, "{format}");
         } else {
             let score = [&["score", "room.json", &back][..], &CART].concat();
-            let said = fails(dir.path(), &score);
+            let said = fails(&dir, &score);
             assert!(said.contains("names no sensor, and the vehicle has 2 models"), "{said}");
         }
     }
@@ -115,9 +110,7 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
     assert_eq!(models["lidars"], json!({ "roof_lidar": "spinning", "lidar_1": "solid" }));
     assert_eq!(models["models"]["solid"]["azimuth"], json!([-50.0, 50.0]));
     let plain = ["rig", "export", "plain.json", "--format", "urdf", "--vehicle", "cart.json"];
-    assert!(
-        fails(dir.path(), &plain).contains("`roof_lidar` names no sensor, and the vehicle has")
-    );
+    assert!(fails(&dir, &plain).contains("`roof_lidar` names no sensor, and the vehicle has"));
 }
 
 #[test]
@@ -130,17 +123,16 @@ fn a_rig_of_the_second_model_of_a_mount_is_legal_everywhere() {
     let rigs = json!({ "placements": [
         { "name": "A", "lidars": [roof("spinning", 0.1)] },
         { "name": "B", "lidars": [roof("solid", 0.0)] }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    write(&dir, "rigs.json", &rigs);
     let room = ["room.json", "rigs.json:B", "--vehicle", "two.json", "--baselines", "rigs.json:A"];
-    let run = sightline(dir.path(), &[&["view"], &room[..], &["--out", "b.html"], &CPU].concat());
-    assert!(run.status.success(), "{run:?}");
+    printed(&dir, &[&["view"], &room[..], &["--out", "b.html"], &CPU].concat());
     let page = fs::read_to_string(dir.path().join("b.html")).unwrap();
     assert!(!page.contains("no mount for"), "{page}");
     let own = json!({ "placements": [rigs["placements"][1]] });
-    fs::write(dir.path().join("b.json"), own.to_string()).unwrap();
+    write(&dir, "b.json", &own);
     let sweep = ["study", "sweep", "room.json", "b.json", "--vehicle", "two.json"];
     let swept = ok(
-        dir.path(),
+        &dir,
         &[&sweep[..], &["--of", "roof.z", "--from", "1.5", "--to", "1.9", "--values", "2"], &CPU]
             .concat(),
     );
@@ -152,6 +144,6 @@ fn a_rig_of_the_second_model_of_a_mount_is_legal_everywhere() {
     let search =
         ["optimize", "room.json", "--vehicle", "two.json", "--budget", "10", "--evaluations", "20"];
     let more = ["--baselines", "b.json", "--out", "run", "--backend", "cpu"];
-    let found = ok(dir.path(), &[&search[..], &more].concat());
+    let found = ok(&dir, &[&search[..], &more].concat());
     assert_eq!(found["baselines"][0]["violations"], json!([]), "{found}");
 }

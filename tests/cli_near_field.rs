@@ -1,30 +1,17 @@
 //! `study nearfield`, weights of near ground and the guard of the own body, from outside.
 
-use std::fs;
+use crate::cli::*;
 
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
-
-/// Level ground, a walker that comes and goes, a vehicle of 4 × 2 × 1.5 m and a LiDAR over its roof.
+/// The yard with a LiDAR over the roof of its vehicle.
 fn yard(dir: &TempDir) {
-    let scene = json!({
-        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
-        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
-        "lidar": { "channels": 12, "fov": [-30, 0], "azimuth_steps": 120, "range": 60 },
-        "mount": { "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1 },
-        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
-        "actors": [{ "name": "walker", "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
-            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
-        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
-    });
-    fs::write(dir.path().join("yard.json"), scene.to_string()).unwrap();
+    let lidar = json!({ "channels": 12, "fov": [-30, 0], "azimuth_steps": 120, "range": 60 });
+    let mount = json!({ "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1 });
+    write(dir, "yard.json", &level_yard(lidar, mount));
     let pose = |z: f64| json!([{ "x": 0.0, "y": 0.0, "z": z }]);
     let low = json!({ "name": "low", "lidars": pose(1.6) });
     let high = json!({ "name": "high", "lidars": pose(2.4) });
     let placements = json!({ "placements": [low, high] });
-    fs::write(dir.path().join("two.json"), placements.to_string()).unwrap();
+    write(dir, "two.json", &placements);
 }
 
 #[test]
@@ -33,7 +20,7 @@ fn the_near_field_of_two_heights() {
     yard(&dir);
     let args =
         ["study", "nearfield", "yard.json", "two.json", "--backend", "cpu", "--out", "n.svg"];
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     let of = |k: usize| found["near_fields"][k].clone();
     let number = |value: &Value| value.as_f64().unwrap();
     let (low, high) = (of(0), of(1));
@@ -79,14 +66,14 @@ fn the_near_field_of_two_heights() {
     assert!(svg.matches("<circle").count() >= 116 && svg.ends_with("</svg>\n"));
     // Fog hides what is far, a wet road mirrors what is flat: more ground is blind, and more beams end at nothing.
     let weather = ["--condition", "fog:mor=10", "--condition", "wet:water=1"];
-    let hidden = ok(dir.path(), &[&args[..6], &weather].concat());
-    assert_eq!(hidden["conditions"], serde_json::json!(["fog:mor=10", "wet:water=1"]));
+    let hidden = ok(&dir, &[&args[..6], &weather].concat());
+    assert_eq!(hidden["conditions"], json!(["fog:mor=10", "wet:water=1"]));
     let hidden = &hidden["near_fields"][1];
     assert!(number(&hidden["blind_area"]) > number(&high["blind_area"]), "{hidden} {high}");
     assert!(number(&hidden["beams"][0]["nothing"]) > number(&high["beams"][0]["nothing"]));
     let twice = ["--condition", "rain", "--condition", "rain"];
-    assert!(fails(dir.path(), &[&args[..6], &twice].concat()).contains("rain is given twice"));
-    let text = sightline(dir.path(), &args[..6]);
+    assert!(fails(&dir, &[&args[..6], &twice].concat()).contains("rain is given twice"));
+    let text = sightline(&dir, &args[..6]);
     let text = String::from_utf8(text.stdout).unwrap();
     assert_eq!(text.lines().count(), 10, "{text}");
     assert!(text.contains("\nground is seen where a beam ends on ground within 0.5 m\n"), "{text}");
@@ -95,7 +82,7 @@ fn the_near_field_of_two_heights() {
     let row = text.lines().find(|line| line.starts_with("high ")).unwrap();
     let shown = row.split_whitespace().nth(1).unwrap();
     assert_eq!(shown, format!("{:.1}", (1e3 * share).floor() / 10.0), "{share}");
-    let text = sightline(dir.path(), &[&args[..6], &weather].concat());
+    let text = sightline(&dir, &[&args[..6], &weather].concat());
     assert!(String::from_utf8(text.stdout).unwrap().contains("under fog:mor=10 and wet:water=1"));
 }
 
@@ -105,14 +92,13 @@ fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
     yard(&dir);
     let scored = |more: &[&str]| {
         let args = ["score", "yard.json", "two.json", "--backend", "cpu"];
-        ok(dir.path(), &[&args[..], more].concat())["scores"].clone()
+        ok(&dir, &[&args[..], more].concat())["scores"].clone()
     };
     let plain = scored(&[]);
     let guards = |k: usize| plain[k]["guards"].to_string();
     assert!(guards(0).contains("self_hit: LiDAR 0 ends") && !guards(1).contains("self_hit"));
     // The near field is a score: that of the study.
-    let study =
-        ok(dir.path(), &["study", "nearfield", "yard.json", "two.json", "--backend", "cpu"]);
+    let study = ok(&dir, "study nearfield yard.json two.json --backend cpu");
     let looked = scored(&["--near-field"]);
     for k in 0..2 {
         let near = &study["near_fields"][k];
@@ -127,7 +113,7 @@ fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
     }
     // Over several scenes too, in each and in the mean.
     let args = ["score", "yard.json", "yard.json", "two.json", "--near-field", "--backend", "cpu"];
-    let both = ok(dir.path(), &args);
+    let both = ok(&dir, &args);
     for scores in [&both["scenes"][0]["scores"], &both["scenes"][1]["scores"], &both["mean"]] {
         let guards = |k: usize| scores[k]["guards"].to_string();
         assert!(guards(0).contains("self_hit") && !guards(1).contains("self_hit"), "{scores}");
@@ -139,16 +125,15 @@ fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
 fn without_a_scene_the_near_field_is_that_of_level_ground() {
     let dir = TempDir::new().unwrap();
     yard(&dir);
-    let yard: Value =
-        serde_json::from_str(&fs::read_to_string(dir.path().join("yard.json")).unwrap()).unwrap();
+    let yard = read_json(dir.path().join("yard.json"));
     let cart = json!({ "sightline": 1, "name": "cart", "body": yard["ego"]["body"],
         "sensors": [{ "name": "turning", "phase": 0, "lidar": yard["lidar"] }],
         "mounts": [{ "name": "roof", "sensors": ["turning"], "count": [1, 1],
                      "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4] }] });
-    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    write(&dir, "cart.json", &cart);
     let more = ["--vehicle", "cart.json", "--backend", "cpu"];
-    let near = ok(dir.path(), &[&["study", "nearfield", "two.json"], &more[..]].concat());
-    let shared = ok(dir.path(), &[&["study", "redundancy", "two.json"], &more[..]].concat());
+    let near = ok(&dir, &[&["study", "nearfield", "two.json"], &more[..]].concat());
+    let shared = ok(&dir, &[&["study", "redundancy", "two.json"], &more[..]].concat());
     for (near, shared) in
         near["near_fields"].as_array().unwrap().iter().zip(shared["rows"].as_array().unwrap())
     {
@@ -170,7 +155,7 @@ fn what_cannot_be_is_named() {
     fs::create_dir(dir.path().join("run")).unwrap();
     fs::copy(dir.path().join("two.json"), dir.path().join("run/placements.json")).unwrap();
     let result = json!({ "best": { "placement": { "name": "high" } } });
-    fs::write(dir.path().join("run/result.json"), result.to_string()).unwrap();
+    write(&dir, "run/result.json", &result);
     for (args, says) in [
         (&["study", "nearfield", "none.json"][..], "none.json"),
         (&["study", "nearfield", "yard.json", "two.json", "--out", "two.json"], "two.json"),
@@ -180,11 +165,11 @@ fn what_cannot_be_is_named() {
         (&["cast", "run", "two.json"], "run: is the folder of a run, where a scene belongs; give"),
         (&["study", "lidars", "run"], "high: holds placements, which `study lidars` does not take"),
     ] {
-        let message = fails(dir.path(), args);
+        let message = fails(&dir, args);
         assert!(message.contains(says), "{args:?}: {message}");
     }
     let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
-    fs::write(dir.path().join("yard.json"), text.replace("road", "wall")).unwrap();
-    let message = fails(dir.path(), &["study", "nearfield", "yard.json", "--backend", "cpu"]);
+    write(&dir, "yard.json", &text.replace("road", "wall"));
+    let message = fails(&dir, "study nearfield yard.json --backend cpu");
     assert!(message.contains("yard.json: there is no ground within 10 m"), "{message}");
 }

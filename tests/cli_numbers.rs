@@ -1,12 +1,6 @@
 //! Numbers as people write them, and names of mounts, in what `optimize`, `score` and `rig` print and write.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{ok, sightline};
+use crate::cli::*;
 
 /// A street corner with a car on it, and a vehicle whose LiDARs stand on a roof that is turned, so that poses are sums of
 /// products, and on a nose.
@@ -31,8 +25,8 @@ fn folder() -> TempDir {
             { "name": "nose", "min": [2.01, -0.33, 0.51], "max": [2.21, 0.31, 0.71], "pitch": [-0.1, 0.3], "count": [1, 1] },
         ],
     });
-    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
-    fs::write(dir.path().join("car.json"), vehicle.to_string()).unwrap();
+    write(&dir, "s.json", &scene);
+    write(&dir, "car.json", &vehicle);
     dir
 }
 
@@ -62,16 +56,6 @@ fn as_people_write(what: &str, document: &Value) {
     }
 }
 
-fn read(path: &Path) -> Value {
-    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
-}
-
-fn text(dir: &TempDir, args: &[&str]) -> String {
-    let output = sightline(dir.path(), args);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
 const OPTIMIZE: [&str; 12] = [
     "optimize", "s.json", "--vehicle", "car.json", "--evaluations", "40", "--seed", "3",
     "--backend", "cpu", "--out", "run",
@@ -80,9 +64,9 @@ const OPTIMIZE: [&str; 12] = [
 #[test]
 fn a_found_pose_has_nine_decimals_and_is_scored_as_it_is_written() {
     let dir = folder();
-    ok(dir.path(), &OPTIMIZE);
-    let mut result = read(&dir.path().join("run/result.json"));
-    let found = read(&dir.path().join("run/placements.json"));
+    ok(&dir, &OPTIMIZE);
+    let mut result = read_json(dir.path().join("run/result.json"));
+    let found = read_json(dir.path().join("run/placements.json"));
     as_people_write("placements", &json!(found["placements"][0]));
     as_people_write("result", &result["best"]["placement"]);
     // Poses of a turned roof are not on any grid, so the test is of something.
@@ -90,7 +74,7 @@ fn a_found_pose_has_nine_decimals_and_is_scored_as_it_is_written() {
     assert!(pose.len() > 80, "{pose}");
     let score =
         ["score", "s.json", "run/placements.json", "--vehicle", "car.json", "--backend", "cpu"];
-    let mut again = ok(dir.path(), &score)["scores"][0].take();
+    let mut again = ok(&dir, &score)["scores"][0].take();
     let mut scores = result["best"]["scores"].take();
     for one in [&mut again, &mut scores] {
         one.as_object_mut().unwrap().retain(|key, _| key != "guards" && key != "price");
@@ -101,7 +85,7 @@ fn a_found_pose_has_nine_decimals_and_is_scored_as_it_is_written() {
 #[test]
 fn lidars_carry_the_names_of_their_mounts() {
     let dir = folder();
-    let printed = text(&dir, &OPTIMIZE);
+    let printed = stdout(&dir, &OPTIMIZE);
     let rows: Vec<&str> =
         printed.lines().skip_while(|line| !line.starts_with("LiDAR ")).take(6).collect();
     assert!(
@@ -113,14 +97,14 @@ fn lidars_carry_the_names_of_their_mounts() {
     let metres: f64 = second.split_whitespace().nth(1).unwrap().parse().unwrap();
     let millimetres: f64 = rows[5].split_whitespace().nth(1).unwrap().parse().unwrap();
     assert!(metres > 2.0 && (millimetres - 1000.0 * metres).abs() <= 0.51, "{printed}");
-    let result = read(&dir.path().join("run/result.json"));
+    let result = read_json(dir.path().join("run/result.json"));
     assert_eq!(result["mounts"], json!(["roof", "nose"]));
     let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
     assert!(page.contains("Positions in millimetres") && page.contains(">nose<"));
 
     let export =
         ["rig", "export", "run/placements.json:optimized", "--vehicle", "car.json", "--format"];
-    let launch = text(&dir, &[&export[..], &["ros2-launch"]].concat());
+    let launch = stdout(&dir, &[&export[..], &["ros2-launch"]].concat());
     assert!(
         launch.contains("--child-frame-id roof_lidar\"")
             && launch.contains("--child-frame-id nose_lidar\"")
@@ -128,9 +112,10 @@ fn lidars_carry_the_names_of_their_mounts() {
     assert!(!launch.contains("e-1") && !launch.contains("-0 "), "{launch}");
     // Names of before stay good, and those given count.
     let named = ["carla", "--sensor", "lidar_1=four", "--sensor", "roof_lidar=four"];
-    let carla: Value = serde_json::from_str(&text(&dir, &[&export[..], &named].concat())).unwrap();
+    let carla: Value =
+        serde_json::from_str(&stdout(&dir, &[&export[..], &named].concat())).unwrap();
     assert_eq!([&carla[0]["id"], &carla[1]["id"]], ["roof_lidar", "nose_lidar"]);
     as_people_write("carla", &carla);
     let given = ["json", "--frame", "a", "--frame", "b"];
-    assert!(text(&dir, &[&export[..], &given].concat()).contains("four"));
+    assert!(stdout(&dir, &[&export[..], &given].concat()).contains("four"));
 }

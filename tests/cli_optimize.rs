@@ -1,14 +1,6 @@
 //! Runs of the search: their folder, their repeatability, Ctrl-C and resume.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{ok, room, sightline};
+use crate::cli::*;
 
 fn optimize_args<'a>(out: &'a str, evaluations: &'a str) -> Vec<&'a str> {
     let fixed = ["optimize", "room.json", "--backend", "cpu", "--seed", "5", "--frames", "2"];
@@ -17,16 +9,15 @@ fn optimize_args<'a>(out: &'a str, evaluations: &'a str) -> Vec<&'a str> {
 
 #[test]
 fn optimize_writes_its_folder_and_repeats_itself() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    let first = ok(dir.path(), &optimize_args("first", "90"));
+    let dir = in_room();
+    let first = ok(&dir, &optimize_args("first", "90"));
     let second = optimize_args("second", "90");
-    let second = ok(dir.path(), &[&second[..], &["--threads", "1"]].concat());
+    let second = ok(&dir, &[&second[..], &["--threads", "1"]].concat());
     let gpu: Vec<&str> = optimize_args("third", "90")
         .into_iter()
         .map(|arg| if arg == "cpu" { "gpu" } else { arg })
         .collect();
-    let third = ok(dir.path(), &gpu);
+    let third = ok(&dir, &gpu);
     for file in [
         "result.json", "history.jsonl", "checkpoint.json", "report.html", "convergence.svg",
         "placement.svg", "map.svg",
@@ -34,8 +25,7 @@ fn optimize_writes_its_folder_and_repeats_itself() {
         assert!(dir.path().join("first").join(file).exists(), "{file} is missing");
     }
     // Other commands take the placement found.
-    let found =
-        ok(dir.path(), &["score", "room.json", "first/placements.json", "--backend", "cpu"]);
+    let found = ok(&dir, "score room.json first/placements.json --backend cpu");
     assert_eq!(found["scores"][0]["name"], "optimized");
     assert_eq!(found["scores"][0]["information_gain"], first["best"]["scores"]["information_gain"]);
     let history =
@@ -77,7 +67,7 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     assert_eq!(first["baselines"].as_array().unwrap().len(), 11);
     // A finished run is not made again: its result stays as it is, to the times in it.
     let before = fs::read(dir.path().join("first/result.json")).unwrap();
-    let resumed = sightline(dir.path(), &["optimize", "--resume", "first"]);
+    let resumed = sightline(&dir, "optimize --resume first");
     let text = String::from_utf8_lossy(&resumed.stdout).into_owned();
     assert!(
         resumed.status.success() && text.starts_with("first: the run is finished (stopped: "),
@@ -88,18 +78,17 @@ fn optimize_writes_its_folder_and_repeats_itself() {
         "{text}"
     );
     assert_eq!(fs::read(dir.path().join("first/result.json")).unwrap(), before);
-    let again = sightline(dir.path(), &optimize_args("first", "90"));
+    let again = sightline(&dir, &optimize_args("first", "90"));
     assert_eq!(again.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&again.stderr).contains("--resume"));
 }
 
 #[test]
 fn what_two_lidars_see_is_searched_scored_and_bounded() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let run = |objective: &'static str, out: &'static str| {
         let args = optimize_args(out, "60");
-        ok(dir.path(), &[&args[..], &["--objective", objective]].concat())
+        ok(&dir, &[&args[..], &["--objective", objective]].concat())
     };
     let (plain, twice) = (run("near_gain", "plain"), run("near_gain_2", "twice"));
     let score = |run: &Value, name: &str| run["best"]["scores"][name].as_f64().unwrap();
@@ -118,38 +107,24 @@ fn what_two_lidars_see_is_searched_scored_and_bounded() {
 /// Exit code of a run into `broken` that is interrupted after its first checkpoint.
 #[cfg(unix)]
 fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(args)
-        .current_dir(dir)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let checkpoint = dir.join("broken/checkpoint.json");
-    let start = Instant::now();
-    while !checkpoint.exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    let pid = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    let mut child = begun(dir, args);
+    wait_for(|| dir.join("broken/checkpoint.json").exists());
+    interrupt(&child, "-INT");
     child.wait().unwrap().code()
 }
 
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_goes_on_to_the_same_bytes() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    ok(dir.path(), &optimize_args("whole", "400"));
+    let dir = in_room();
+    ok(&dir, &optimize_args("whole", "400"));
     let code = interrupted(dir.path(), &optimize_args("broken", "400"));
     // Too late an interrupt would prove nothing; 400 evaluations leave room for it.
     assert_eq!(code, Some(130));
-    let state: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("broken/result.json")).unwrap()).unwrap();
+    let state = read_json(dir.path().join("broken/result.json"));
     assert_eq!(state["stopped"], "interrupted");
     assert!(state["evaluations"].as_u64().unwrap() < 400);
-    let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    let resumed = ok(&dir, "optimize --resume broken --backend cpu");
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
     for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg", "map.svg"]
     {
@@ -164,12 +139,12 @@ fn a_bound_asked_for_is_closer_and_changes_nothing_else() {
     let dir = TempDir::new().unwrap();
     let path = room(dir.path());
     // Three LiDARs of few beams do not see all.
-    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut scene = read_json(&path);
     (scene["lidar"]["channels"], scene["lidar"]["azimuth_steps"]) = (json!(4), json!(24));
     scene["mount"]["lidars"] = json!(3);
     fs::write(&path, scene.to_string()).unwrap();
     let with = |out: &'static str, more: &[&'static str]| {
-        ok(dir.path(), &[&optimize_args(out, "12")[..], &["--delta", "0.3,0.3"], more].concat())
+        ok(&dir, &[&optimize_args(out, "12")[..], &["--delta", "0.3,0.3"], more].concat())
     };
     let (plain, close) = (with("plain", &[]), with("close", &["--bound", "0.7"]));
     let repeats = |run: &Value| run["command"].as_str().unwrap().contains(" --bound 0.7 ");
@@ -193,10 +168,9 @@ fn numbers_of(run: &Value) -> Vec<[f64; 4]> {
 
 #[test]
 fn every_method_says_what_it_found_and_the_better_one_wins() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let with = |out: &'static str, more: &[&'static str]| {
-        ok(dir.path(), &[&optimize_args(out, "60")[..], more].concat())
+        ok(&dir, &[&optimize_args(out, "60")[..], more].concat())
     };
     let both = with("both", &["--objective", "m_sog_scaled"]);
     let methods = both["methods"].as_array().unwrap();
@@ -205,7 +179,7 @@ fn every_method_says_what_it_found_and_the_better_one_wins() {
     assert_eq!(both["best"]["objective"].as_f64().unwrap(), best);
     let cma = with("cma", &["--method", "cma", "--objective", "m_sog_scaled"]);
     assert_eq!(cma["methods"].as_array().unwrap().len(), 1);
-    assert!(cma["best"]["objective"].as_f64() <= Some(best));
+    assert!(cma["best"]["objective"].as_f64().is_some_and(|found| found <= best), "{best}");
     assert!(cma["certificate"]["gain"].is_null(), "m_sog_scaled has no such bound");
     let says = cma["certificate"]["gain_says"].as_str().unwrap();
     assert!(says.contains("no bound is known"), "{says}");
@@ -221,8 +195,7 @@ fn every_method_says_what_it_found_and_the_better_one_wins() {
     assert!(found > 0.0 && swaps["generations"] == 0);
 
     let snapped = with("snapped", &["--method", "cma", "--delta", "0.25,0.1"]);
-    let scene: Value =
-        serde_json::from_str(&fs::read_to_string(dir.path().join("room.json")).unwrap()).unwrap();
+    let scene = read_json(dir.path().join("room.json"));
     for numbers in numbers_of(&snapped) {
         for (k, value) in numbers.into_iter().enumerate() {
             let (low, step) = match k {
@@ -236,14 +209,14 @@ fn every_method_says_what_it_found_and_the_better_one_wins() {
 }
 
 /// A room of eight frames, in which a few are enough to begin with.
-fn long_room(dir: &std::path::Path) {
+fn long_room(dir: &Path) {
     room(dir);
-    let text = fs::read_to_string(dir.join("room.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&text).unwrap();
-    scene["frames"] = json!(8);
-    scene["actors"][0]["poses"] =
-        (0..8).map(|t| json!({ "x": 2.0 - 0.5 * f64::from(t), "y": 0.2 * f64::from(t) })).collect();
-    fs::write(dir.join("room.json"), scene.to_string()).unwrap();
+    change(dir, "room.json", |scene| {
+        scene["frames"] = json!(8);
+        scene["actors"][0]["poses"] = (0..8)
+            .map(|t| json!({ "x": 2.0 - 0.5 * f64::from(t), "y": 0.2 * f64::from(t) }))
+            .collect();
+    });
 }
 
 /// Share of the objective that a search over frames on demand may end below one over all frames.
@@ -258,7 +231,7 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
         let out = format!("{fidelity}-{seed}");
         let _ = fs::remove_dir_all(dir.path().join(&out));
         let own = ["--out", &out, "--fidelity", fidelity, "--seed", seed];
-        ok(dir.path(), &[&args[..], &own].concat())
+        ok(&dir, &[&args[..], &own].concat())
     };
     let value = |run: &Value| run["best"]["objective"].as_f64().unwrap();
     // One seed more or less lucky says nothing.
@@ -286,7 +259,7 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     // A run that ends before the first check: its finalists at the end tell the loss.
     let short =
         ["optimize", "room.json", "--backend", "cpu", "--evaluations", "1", "--out", "short"];
-    let short = ok(dir.path(), &short);
+    let short = ok(&dir, &short);
     assert!(short["fidelity"]["worst_loss_seen"].is_number(), "{}", short["fidelity"]);
     // The bound holds over the frames that the search began with, and says so.
     let says = |run: &Value| run["certificate"]["gain_says"].as_str().unwrap().to_owned();
@@ -306,13 +279,12 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
 
 #[test]
 fn a_run_from_another_folder_writes_the_same_record() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let below = dir.path().join("below");
     fs::create_dir(&below).unwrap();
     let lidars = json!([{ "x": 0.3, "y": 0.3, "z": 1.5 }, { "x": -0.3, "y": -0.3, "z": 1.5 }]);
     let rig = json!({ "placements": [{ "name": "mine", "lidars": lidars }] });
-    fs::write(dir.path().join("mine.json"), rig.to_string()).unwrap();
+    write(&dir, "mine.json", &rig);
     let run = |from: &Path, to_room: &str| {
         let [scene, rigs, out] = ["room.json", "mine.json", "run"].map(|f| format!("{to_room}{f}"));
         let out = format!("{out}-{}", to_room.len());
@@ -342,10 +314,10 @@ fn an_interrupted_auto_run_goes_on_to_the_same_bytes() {
     long_room(dir.path());
     let args =
         |out| ["optimize", "room.json", "--backend", "cpu", "--evaluations", "300", "--out", out];
-    ok(dir.path(), &args("whole"));
+    ok(&dir, &args("whole"));
     let code = interrupted(dir.path(), &args("broken"));
     assert_eq!(code, Some(130));
-    let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    let resumed = ok(&dir, "optimize --resume broken --backend cpu");
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
     for file in ["history.jsonl", "checkpoint.json", "placement.svg"] {
         assert_eq!(read("whole", file), read("broken", file), "{file}");
@@ -357,9 +329,8 @@ fn an_interrupted_auto_run_goes_on_to_the_same_bytes() {
 
 #[test]
 fn a_damaged_checkpoint_is_refused() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    ok(dir.path(), &optimize_args("run", "30"));
+    let dir = in_room();
+    ok(&dir, &optimize_args("run", "30"));
     let path = dir.path().join("run/checkpoint.json");
     let whole = fs::read_to_string(&path).unwrap();
     for (from, to) in [("\"n\":", "\"n\":9"), ("\"population\":", "\"population\":7"), ("0.", "1.")]
@@ -367,7 +338,7 @@ fn a_damaged_checkpoint_is_refused() {
         let damaged = whole.replacen(from, to, 1);
         assert_ne!(damaged, whole, "{from}");
         fs::write(&path, damaged).unwrap();
-        let refused = sightline(dir.path(), &["optimize", "--resume", "run", "--backend", "cpu"]);
+        let refused = sightline(&dir, "optimize --resume run --backend cpu");
         assert_eq!(refused.status.code(), Some(2), "{from}");
         let message = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(message.contains("checkpoint.json"), "{message}");

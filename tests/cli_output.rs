@@ -1,17 +1,14 @@
 //! Where results go: pipes that are closed or full, files that are none, and numbers below 0.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
 
-use crate::cli::{corridor, fails, ok, sightline};
+use crate::cli::*;
 
 const SCORE: [&str; 5] = ["score", "scene.json", "placements.json", "--backend", "cpu"];
 
 fn with_stdout(dir: &Path, args: &[&str], stdout: impl Into<Stdio>) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
-    let child = command.args(args).current_dir(dir).stdout(stdout).stderr(Stdio::piped()).spawn();
+    let child = program(dir, args).stdout(stdout).stderr(Stdio::piped()).spawn();
     child.unwrap().wait_with_output().unwrap()
 }
 
@@ -29,20 +26,16 @@ fn a_closed_pipe_ends_quietly_and_a_full_disk_in_a_sentence() {
             if cfg!(target_os = "linux") {
                 let full = File::options().write(true).open("/dev/full").unwrap();
                 let full = with_stdout(dir.path(), &args, full);
-                let message = String::from_utf8_lossy(&full.stderr).into_owned();
-                assert_eq!(full.status.code(), Some(2), "{args:?}: {message}");
-                assert!(
-                    message.contains("sightline: stdout: the disk is full; make room"),
-                    "{message}"
-                );
+                let message = String::from_utf8(full.stderr).unwrap();
+                let is_told = message.contains("sightline: stdout: the disk is full; make room");
+                assert!(full.status.code() == Some(2) && is_told, "{args:?}: {message}");
             }
         }
     }
     // Its words on stderr are lost, and no more than that.
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
-    let deaf = command.args(SCORE).current_dir(dir.path()).stderr(writer).output().unwrap();
+    let deaf = program(&dir, &SCORE).stderr(writer).output().unwrap();
     assert!(deaf.status.success() && deaf.stdout.starts_with(b"corridor: "), "{deaf:?}");
 }
 
@@ -52,7 +45,7 @@ fn out_leaves_pipes_links_and_permissions_as_they_are() {
     let at = |name: &str| dir.path().join(name);
     let to = |name: &str| {
         let output = sightline(
-            dir.path(),
+            &dir,
             &[&SCORE[..], &["--format", "json", "--force", "--out", name]].concat(),
         );
         assert!(output.status.success(), "{name}: {output:?}");
@@ -68,7 +61,7 @@ fn out_leaves_pipes_links_and_permissions_as_they_are() {
     assert!(is_scores(&reader.join().unwrap()));
     assert!(fs::symlink_metadata(at("pipe")).unwrap().file_type().is_fifo());
 
-    fs::write(at("private"), "").unwrap();
+    write(&dir, "private", "");
     fs::set_permissions(at("private"), fs::Permissions::from_mode(0o600)).unwrap();
     symlink("private", at("link")).unwrap();
     symlink("new", at("dangling")).unwrap();
@@ -83,7 +76,7 @@ fn out_leaves_pipes_links_and_permissions_as_they_are() {
 
     for input in ["scene.json", "./placements.json", "corridor.psog.npz"] {
         let before = fs::read(at(input)).unwrap();
-        let message = fails(dir.path(), &[&SCORE[..], &["--out", input]].concat());
+        let message = fails(&dir, &[&SCORE[..], &["--out", input]].concat());
         assert!(message.contains("is read by this command"), "{message}");
         assert_eq!(fs::read(at(input)).unwrap(), before);
     }
@@ -94,12 +87,12 @@ fn results_are_text_in_a_pipe_and_in_a_file_unless_json_is_asked_for() {
     let dir = corridor();
     let psog = &["psog", "info", "corridor.psog.npz"][..];
     for (args, head) in [(&SCORE[..], "corridor: through over 1 frame"), (psog, "region")] {
-        let text = sightline(dir.path(), args).stdout;
+        let text = sightline(&dir, args).stdout;
         assert!(text.starts_with(head.as_bytes()), "{}", String::from_utf8_lossy(&text));
-        assert!(ok(dir.path(), args).is_object());
+        assert!(ok(&dir, args).is_object());
     }
-    let plain = sightline(dir.path(), &SCORE).stdout;
-    sightline(dir.path(), &[&SCORE[..], &["--out", "scores.txt"]].concat());
+    let plain = sightline(&dir, &SCORE).stdout;
+    sightline(&dir, &[&SCORE[..], &["--out", "scores.txt"]].concat());
     assert_eq!(fs::read(dir.path().join("scores.txt")).unwrap(), plain);
 }
 
@@ -107,11 +100,11 @@ fn results_are_text_in_a_pipe_and_in_a_file_unless_json_is_asked_for() {
 fn numbers_below_0_reach_the_options() {
     let dir = corridor();
     let optimize = ["optimize", "scene.json", "--evaluations", "4", "--backend", "cpu"];
-    let run = ok(dir.path(), &[&optimize[..], &["--target", "-8e-8"]].concat());
+    let run = ok(&dir, &[&optimize[..], &["--target", "-8e-8"]].concat());
     assert_eq!(run["settings"]["target"], -8e-8);
     // A score that no share reaches ends nothing, and is told.
     let said = sightline(
-        dir.path(),
+        &dir,
         &[&optimize[..], &["--objective", "near_gain", "--enough", "40", "--out", "on"]].concat(),
     );
     let said = String::from_utf8_lossy(&said.stderr).into_owned();
@@ -124,13 +117,13 @@ fn numbers_below_0_reach_the_options() {
         ("--seed", "-1", "give a whole number from 0 to 18446744073709551615"),
         ("--max-seconds", "-1", "give 0 to 1000000000 seconds"),
     ] {
-        let message = fails(dir.path(), &[&optimize[..], &[option, value]].concat());
+        let message = fails(&dir, &[&optimize[..], &[option, value]].concat());
         assert!(message.contains(option) && message.contains(words), "{message}");
     }
-    let message = fails(dir.path(), &["chart", "scene.json", "--regret", "-1"]);
+    let message = fails(&dir, "chart scene.json --regret -1");
     assert!(message.contains("give 0 to 1, as 0.01"), "{message}");
     for other in ["0", "fine"] {
-        let message = fails(dir.path(), &["chart", "scene.json", "--finest", other]);
+        let message = fails(&dir, &["chart", "scene.json", "--finest", other]);
         assert!(message.contains("give metres above 0, as 0.1"), "{message}");
     }
 }
@@ -138,7 +131,6 @@ fn numbers_below_0_reach_the_options() {
 #[test]
 fn a_street_is_not_written_where_its_mesh_cannot_stand_beside_it() {
     let dir = corridor();
-    let message =
-        fails(dir.path(), &["scene", "new", "--triangles", "20000", "--out", "/dev/stdout"]);
+    let message = fails(&dir, "scene new --triangles 20000 --out /dev/stdout");
     assert!(message.contains("/dev/stdout: is no regular file"), "{message}");
 }

@@ -1,13 +1,7 @@
 //! `require` of overlap from outside: the numbers of `study overlap`, words on LiDARs that are cut off, and what a search
 //! makes of it.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{cart, fails, ok, sightline, yard_of};
+use crate::cli::*;
 
 /// Ground with a wall and a walker who moves, and a cart with one LiDAR on its roof and others at its edge.
 fn yard(dir: &Path, require: Value) {
@@ -31,15 +25,7 @@ fn yard(dir: &Path, require: Value) {
         { "name": "apart", "lidars": [ahead, back] }, { "name": "beside", "lidars": [ahead, left] },
         { "name": "three", "lidars": [ahead, left, back] },
         { "name": "four", "lidars": [roof, left, back, ahead] }, { "name": "one", "lidars": [left] } ] });
-    fs::write(dir.join("rigs.json"), placements.to_string()).unwrap();
-}
-
-/// Replaces the rules of the cart.
-fn rule(dir: &Path, require: Value) {
-    let text = fs::read_to_string(dir.join("cart.json")).unwrap();
-    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
-    vehicle["require"] = require;
-    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    write(dir, "rigs.json", &placements);
 }
 
 fn run(dir: &Path, command: &[&str], more: &[&str]) -> Value {
@@ -62,11 +48,9 @@ fn required_overlap_has_the_number_of_the_study() {
                 "missing": "one LiDAR has nothing to share" })
         );
         // The study refuses a single LiDAR.
-        let mut rigs: Value =
-            serde_json::from_str(&fs::read_to_string(dir.path().join("rigs.json")).unwrap())
-                .unwrap();
-        rigs["placements"].as_array_mut().unwrap().pop();
-        fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+        change(&dir, "rigs.json", |rigs| {
+            rigs["placements"].as_array_mut().unwrap().pop();
+        });
         let rows = run(dir.path(), &["study", "overlap"], weather)["rows"].clone();
         for k in 0..4 {
             let up_to = &rows[k]["overlap_up_to"];
@@ -90,8 +74,7 @@ fn lidars_that_are_cut_off_are_named() {
     let row = &run_pairs(dir.path())["rows"][1]["overlap"][0][1];
     let shown = (1e3 * row.as_f64().unwrap()).floor() / 10.0;
     assert_eq!(missing(1), format!("LiDAR 1 is cut off: shares at most {shown:.1} % with LiDAR 0"));
-    let text = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
-    let text = String::from_utf8(text.stdout).unwrap();
+    let text = stdout(&dir, "score yard.json rigs.json --backend cpu");
     let line = format!(
         "! NOT MET: overlap of LiDARs: {shown:.1} % shared, 60.0 % required, LiDAR 1 is cut off: "
     );
@@ -100,11 +83,10 @@ fn lidars_that_are_cut_off_are_named() {
 
 /// The study of the rigs of two LiDARs or more.
 fn run_pairs(dir: &Path) -> Value {
-    let text = fs::read_to_string(dir.join("rigs.json")).unwrap();
-    let mut rigs: Value = serde_json::from_str(&text).unwrap();
-    rigs["placements"].as_array_mut().unwrap().pop();
-    fs::write(dir.join("pairs.json"), rigs.to_string()).unwrap();
-    ok(dir, &["study", "overlap", "yard.json", "pairs.json", "--backend", "cpu"])
+    change_as(dir, ["rigs.json", "pairs.json"], |rigs| {
+        rigs["placements"].as_array_mut().unwrap().pop();
+    });
+    ok(dir, "study overlap yard.json pairs.json --backend cpu")
 }
 
 #[test]
@@ -112,16 +94,15 @@ fn without_any_one_the_least_that_is_left_counts() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([{ "overlap": 0.9, "without_any_one": true }]));
     let all = run(dir.path(), &SCORE, &[])["scores"].clone();
-    let text = fs::read_to_string(dir.path().join("rigs.json")).unwrap();
-    let rigs: Value = serde_json::from_str(&text).unwrap();
+    let rigs = read_json(dir.path().join("rigs.json"));
     let without = |lost: usize| {
         let mut lidars = rigs["placements"][3]["lidars"].as_array().unwrap().clone();
         lidars.remove(lost);
         json!({ "name": format!("without-{lost}"), "lidars": lidars })
     };
     let one_less: Vec<Value> = (0..4).map(without).collect();
-    fs::write(dir.path().join("rigs.json"), json!({ "placements": one_less }).to_string()).unwrap();
-    rule(dir.path(), json!([{ "overlap": 0.9 }]));
+    write(&dir, "rigs.json", &json!({ "placements": one_less }));
+    set_rules(&dir, json!([{ "overlap": 0.9 }]));
     let each = run(dir.path(), &SCORE, &[])["scores"].clone();
     let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].as_f64().unwrap();
     let lefts: Vec<f64> = (0..4).map(|k| found(&each, k)).collect();
@@ -135,15 +116,14 @@ fn without_any_one_the_least_that_is_left_counts() {
 fn over_several_scenes_the_mean_counts() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([{ "overlap": 0.5 }]));
-    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&text).unwrap();
-    (scene["name"], scene["static"][1]["box"]) =
-        (json!("walled"), json!({ "min": [2, -8, 0], "max": [2.5, 12, 3] }));
-    fs::write(dir.path().join("walled.json"), scene.to_string()).unwrap();
+    change_as(&dir, ["yard.json", "walled.json"], |scene| {
+        (scene["name"], scene["static"][1]["box"]) =
+            (json!("walled"), json!({ "min": [2, -8, 0], "max": [2.5, 12, 3] }))
+    });
     run_pairs(dir.path());
     let of = |command: &[&str]| {
         ok(
-            dir.path(),
+            &dir,
             &[command, &["yard.json", "walled.json", "pairs.json", "--backend", "cpu"]].concat(),
         )
     };
@@ -159,22 +139,16 @@ fn over_several_scenes_the_mean_counts() {
 #[test]
 fn a_search_finds_a_rig_whose_lidars_share_enough() {
     let dir = TempDir::new().unwrap();
-    let three = |require: Value, count: Value| {
-        yard(dir.path(), require);
-        let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
-        let mut edge = vehicle["mounts"][1].clone();
-        edge["count"] = count;
-        vehicle["mounts"] = json!([edge]);
-        fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
-    };
     let search = |out: &str, require: Value, count: Value| {
-        three(require, count);
-        let args = "optimize yard.json --backend cpu --evaluations 12 --seed 2 --format json --out";
-        let args: Vec<&str> = args.split(' ').chain([out]).collect();
-        let output = sightline(dir.path(), &args);
-        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-        (output.status.code(), found["best"]["scores"].clone())
+        yard(dir.path(), require);
+        change(&dir, "cart.json", |vehicle| {
+            let mut edge = vehicle["mounts"][1].clone();
+            edge["count"] = count;
+            vehicle["mounts"] = json!([edge]);
+        });
+        let args = "optimize yard.json --backend cpu --evaluations 12 --seed 2 --out";
+        let (code, found, _) = answer(&dir, &format!("{args} {out}"));
+        (code, found["best"]["scores"].clone())
     };
     let required = json!([{ "overlap": 0.7 }]);
     let (code, scores) = search("asked", required.clone(), json!(3));
@@ -183,15 +157,14 @@ fn a_search_finds_a_rig_whose_lidars_share_enough() {
     assert!(found["met"] == true && found["holds_in"].as_f64().is_some(), "{found}");
     // Where one LiDAR would do, one alone does not: it shares nothing.
     let (code, scores) = search("few", required.clone(), json!([1, 3]));
-    let best = fs::read_to_string(dir.path().join("few/placements.json")).unwrap();
-    let best: Value = serde_json::from_str(&best).unwrap();
+    let best = read_json(dir.path().join("few/placements.json"));
     let lidars = best["placements"][0]["lidars"].as_array().unwrap();
     assert!(code == Some(0) && lidars.len() > 1, "{scores} {best}");
     // Without the rule the LiDARs look apart.
     search("free", json!([]), json!(3));
-    rule(dir.path(), required);
+    set_rules(&dir, required);
     let free = ["score", "yard.json", "free/placements.json", "--backend", "cpu"];
-    let free = ok(dir.path(), &free)["scores"][0].clone();
+    let free = ok(&dir, &free)["scores"][0].clone();
     assert_eq!(free["requirements"][0]["met"], false, "{}", free["requirements"]);
 }
 
@@ -210,16 +183,13 @@ fn wrong_rules_on_overlap_are_named() {
         (json!({ "overlap": 0.1, "of": "voxels" }), "`of`"),
     ] {
         yard(dir.path(), json!([{ "ground": 1, "share": 0 }, wrong]));
-        let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+        let error = fails(&dir, "score yard.json rigs.json --backend cpu");
         let is_placed = error.contains("cart.json") && error.contains("require[1]");
         assert!(is_placed && error.contains(said), "{wrong}: {error}");
     }
     yard(dir.path(), json!([{ "overlap": 0.1 }]));
-    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
-    let mut through: Value = serde_json::from_str(&text).unwrap();
-    through["coverage"] = json!("through");
-    fs::write(dir.path().join("yard.json"), through.to_string()).unwrap();
-    let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+    change(&dir, "yard.json", |through| through["coverage"] = json!("through"));
+    let error = fails(&dir, "score yard.json rigs.json --backend cpu");
     assert!(error.contains("`overlap of LiDARs`, and beams end at nothing"), "{error}");
 }
 
@@ -242,11 +212,10 @@ fn requirements_are_told_in_the_order_of_the_file() {
     assert_eq!(names(&scores[3]["requirements"]), ["e", "d", "area", "b", "a"]);
     // Each number goes with its name: alone, a rule finds the same.
     let alone = |rule_alone: Value| {
-        rule(dir.path(), json!([rule_alone]));
+        set_rules(&dir, json!([rule_alone]));
         run(dir.path(), &["score"], &[])["scores"][3]["requirements"][0].clone()
     };
-    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-    let all: Value = serde_json::from_str(&text).unwrap();
+    let all = read_json(dir.path().join("cart.json"));
     for k in 0..5 {
         let (told, one) = (&scores[3]["requirements"][k], alone(all["require"][k].clone()));
         assert_eq!(told, &one, "share, and copies that hold");
@@ -254,8 +223,8 @@ fn requirements_are_told_in_the_order_of_the_file() {
     // An area without a voxel is told by its own place.
     let mut gone = all["require"].clone();
     (gone[2]["min"], gone[2]["max"]) = (json!([90, 90, 0]), json!([91, 91, 1]));
-    rule(dir.path(), gone);
-    let error = fails(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
+    set_rules(&dir, gone);
+    let error = fails(&dir, "score yard.json rigs.json --backend cpu");
     assert!(error.contains("require[2]: `area` holds no voxel"), "{error}");
 }
 
@@ -266,13 +235,11 @@ fn seats_are_said_to_be_too_few_to_share_or_to_lose_a_lidar() {
     let both = json!({ "name": "both", "overlap": 0.1, "without_any_one": true });
     for (mounts, on_last, hold) in [(1, 1, Some("one")), (2, 1, Some("two")), (2, 2, None)] {
         yard(dir.path(), json!([{ "overlap": 0.1 }, loss, both]));
-        let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
-        vehicle["mounts"].as_array_mut().unwrap().truncate(mounts);
-        vehicle["mounts"][mounts - 1]["count"] = json!([0, on_last]);
-        fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
-        let run = sightline(dir.path(), &["score", "yard.json", "rigs.json", "--backend", "cpu"]);
-        let told = String::from_utf8(run.stderr).unwrap();
+        change(&dir, "cart.json", |vehicle| {
+            vehicle["mounts"].as_array_mut().unwrap().truncate(mounts);
+            vehicle["mounts"][mounts - 1]["count"] = json!([0, on_last]);
+        });
+        let told = stderr(&dir, "score yard.json rigs.json --backend cpu");
         for (place, takes, is_told) in [
             ("require[0].overlap", "two", hold == Some("one")),
             ("require[1].without_any_one", "two", hold == Some("one")),

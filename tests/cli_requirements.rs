@@ -1,12 +1,6 @@
 //! Requirements from outside: copies within the mounting tolerance, and the fewest sensors that meet them.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 
 /// A street whose vehicle may carry up to four LiDARs on a mast: `half` looks ±90° around its front, `narrow` ±30°.
 fn street(dir: &Path, require: Value) {
@@ -18,14 +12,14 @@ fn street(dir: &Path, require: Value) {
         "sensors": [model("half", 3, 90), model("narrow", 1, 30)],
         "mounts": [{ "name": "mast", "min": [-0.5, -0.5, 1], "max": [0.5, 0.5, 1.5], "yaw": [-3.15, 3.15],
             "sensors": ["half", "narrow"], "count": [0, 4] }], "require": require });
-    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    write(dir, "cart.json", &vehicle);
     let scene = json!({ "sightline": 1, "name": "street", "vehicle": "cart.json", "frames": 4,
         "roi": { "min": [-16, -16, -0.5], "max": [16, 16, 3.5], "voxel": [0.5, 0.5, 0.5] },
         "static": [{ "class": "ground", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
         "actors": [{ "name": "crate", "kind": "car",
             "parts": [{ "class": "vehicle", "box": { "min": [-1, -1, 0], "max": [1, 1, 2] } }],
             "poses": [{ "x": 8, "y": 0 }, { "x": 9, "y": 2 }, { "x": 10, "y": 3 }, { "x": 7, "y": -4 }] }] });
-    fs::write(dir.join("street.json"), scene.to_string()).unwrap();
+    write(dir, "street.json", &scene);
 }
 
 fn car(bearing: [i32; 2], share: f64) -> Value {
@@ -38,11 +32,11 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
     let dir = TempDir::new().unwrap();
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar], "price": 3 }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    write(&dir, "rigs.json", &rigs);
     let score = |require: Value, more: &[&str]| {
         street(dir.path(), require);
         let args = [&["score", "street.json", "rigs.json", "--backend", "cpu"], more].concat();
-        ok(dir.path(), &args)["scores"][0].clone()
+        ok(&dir, &args)["scores"][0].clone()
     };
     // All round a half turn sees about half: just the share that it sees is required in the second run.
     let found = score(json!([car([-180, 180], 0.1)]), &[]);
@@ -59,8 +53,7 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
     let view = |tolerance: &str| {
         let args = "view street.json rigs.json --backend cpu --force --out v.html --tolerance";
         let args: Vec<&str> = args.split(' ').chain([tolerance]).collect();
-        let run = sightline(dir.path(), &args);
-        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        printed(&dir, &args);
         fs::read_to_string(dir.path().join("v.html")).unwrap()
     };
     let page = view("5mm,2deg");
@@ -82,10 +75,10 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
     let plain = score(all, &["--tolerance", "0"]);
     assert_eq!(plain["requirements"][2].get("holds_in"), None);
     let args = ["score", "street.json", "rigs.json", "--backend", "cpu", "--tolerance", "5mm,2deg"];
-    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    let text = stdout(&dir, &args);
     assert!(text.contains("required, ON PAPER ONLY, met by "), "{text}");
     assert!(text.contains("all requirements: ON PAPER ONLY, met by "), "{text}");
-    let wrong = fails(dir.path(), &["score", "street.json", "rigs.json", "--tolerance", "5"]);
+    let wrong = fails(&dir, "score street.json rigs.json --tolerance 5");
     assert!(wrong.contains("5mm,0.5deg"), "{wrong}");
 }
 
@@ -95,10 +88,9 @@ fn a_result_is_moved_until_its_copies_within_the_tolerance_meet_what_is_required
     street(dir.path(), json!([car([-180, 180], 0.685)]));
     let search = |tolerance: &str| {
         let args = "optimize street.json --budget 3 --backend cpu --evaluations 30 --force --out run --tolerance";
-        let args: Vec<&str> = args.split(' ').chain([tolerance]).collect();
-        assert!(sightline(dir.path(), &args).status.success());
+        printed(&dir, &format!("{args} {tolerance}"));
         let args = "score street.json run/placements.json --backend cpu --tolerance 10mm,1deg";
-        ok(dir.path(), &args.split(' ').collect::<Vec<_>>())["scores"][0].clone()
+        ok(&dir, args)["scores"][0].clone()
     };
     let (paper, mounted) = (search("0"), search("10mm,1deg"));
     for found in [&paper, &mounted] {
@@ -116,26 +108,13 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     let dir = TempDir::new().unwrap();
     let search = |out: &str, require: Value| {
         street(dir.path(), require);
-        let args = "optimize street.json --fewest --backend cpu --evaluations 16 --seed 3 --format json --out";
-        let args: Vec<&str> = args.split(' ').chain([out]).collect();
-        let output = sightline(dir.path(), &args);
-        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let listed = fs::read_to_string(dir.path().join(out).join("placements.json")).unwrap();
-        let listed: Value = serde_json::from_str(&listed).unwrap();
+        let args = "optimize street.json --fewest --backend cpu --evaluations 16 --seed 3 --out";
+        let (code, found, told) = answer(&dir, &format!("{args} {out}"));
+        let listed = read_json(dir.path().join(out).join("placements.json"));
         let best = listed["placements"][0].clone();
-        let sensors: Vec<String> = best["lidars"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(|l| l["sensor"].as_str().unwrap().to_owned())
-            .collect();
-        (
-            output.status.code(),
-            sensors,
-            best["price"].as_f64().unwrap(),
-            found,
-            String::from_utf8(output.stderr).unwrap(),
-        )
+        let sensors = best["lidars"].as_array().unwrap().iter();
+        let sensors: Vec<_> = sensors.map(|l| l["sensor"].as_str().unwrap().to_owned()).collect();
+        (code, sensors, best["price"].as_f64().unwrap(), found, told)
     };
     // One narrow sensor is enough ahead, and cheaper than a wide one; all round it takes two wide ones.
     let (code, sensors, price, ..) = search("ahead", json!([car([-15, 15], 0.95)]));
@@ -148,7 +127,7 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     );
     // It wrote a file of placements.
     let again = ["score", "street.json", "round/placements.json", "--backend", "cpu"];
-    assert_eq!(ok(dir.path(), &again)["scores"][0]["requirements"][0]["met"], true);
+    assert_eq!(ok(&dir, &again)["scores"][0]["requirements"][0]["met"], true);
     // One LiDAR alone can never hold what must hold without any one: the choice begins with two.
     let mut lost = car([-15, 15], 0.95);
     lost["without_any_one"] = json!(true);
@@ -162,16 +141,14 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     assert_eq!(found["best"]["scores"]["requirements"][0]["met"], false);
     // Time that ends before more are tried is told.
     let args = "optimize street.json --fewest --max-seconds 0.01 --backend cpu --out late";
-    let late = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
-    let told = String::from_utf8(late.stderr).unwrap();
+    let (_, [_, told]) = ran(&dir, args);
     assert!(told.contains("rigs of more than 1 sensor were not tried"), "{told}");
     // No more sensors are tried than the budget pays for.
     let args = "optimize street.json --fewest --budget 2 --backend cpu --evaluations 16 --out poor";
-    let poor = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
-    let told = String::from_utf8(poor.stderr).unwrap();
+    let (_, [_, told]) = ran(&dir, args);
     assert!(told.contains("1 sensor was found") && !told.contains("2 sensors was"), "{told}");
     street(dir.path(), json!([]));
-    let nothing = fails(dir.path(), &["optimize", "street.json", "--fewest"]);
+    let nothing = fails(&dir, "optimize street.json --fewest");
     assert!(nothing.contains("--fewest: the vehicle requires nothing"), "{nothing}");
 }
 
@@ -179,14 +156,14 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
 fn the_rig_that_is_best_after_its_worst_loss_meets_what_is_required() {
     let dir = TempDir::new().unwrap();
     street(dir.path(), json!([car([-180, 180], 0.95)]));
-    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
-    vehicle["sensors"].as_array_mut().unwrap().truncate(1);
-    (vehicle["mounts"][0]["count"], vehicle["mounts"][0]["sensors"]) = (json!(2), json!(["half"]));
-    fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    change(&dir, "cart.json", |vehicle| {
+        vehicle["sensors"].as_array_mut().unwrap().truncate(1);
+        (vehicle["mounts"][0]["count"], vehicle["mounts"][0]["sensors"]) =
+            (json!(2), json!(["half"]));
+    });
     // All that changes is ahead: two LiDARs that look there lose nothing with one of them.
     let args = "study loss street.json --backend cpu --evaluations 40 --seed 1 --out loss";
-    let found = ok(dir.path(), &args.split(' ').collect::<Vec<_>>());
+    let found = ok(&dir, args);
     for row in found["rows"].as_array().unwrap() {
         assert_eq!(row["requirements_met"], true, "{row}");
     }
@@ -199,8 +176,8 @@ fn a_requirement_beyond_the_range_of_the_sensors_says_so() {
     street(dir.path(), json!([at("near", 10, 20), at("partly", 40, 80), at("far", 70, 80)]));
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
-    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    write(&dir, "rigs.json", &rigs);
+    let found = ok(&dir, "score street.json rigs.json --backend cpu");
     let missing =
         |k: usize| found["scores"][0]["requirements"][k]["missing"].as_str().unwrap().to_owned();
     assert!(!missing(0).contains("sensors reach"), "{}", missing(0));
@@ -215,18 +192,17 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
     street(dir.path(), json!([car([-60, 60], 0.1)]));
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
-    let text = fs::read_to_string(dir.path().join("street.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    write(&dir, "rigs.json", &rigs);
+    let mut scene = read_json(dir.path().join("street.json"));
     for (z, is_told) in [(0.2, false), (1.5, true)] {
         let plane = |from: i32, to: i32, z: f64| json!({ "class": "road", "plane": { "min": [from, -40], "max": [to, 40], "z": z } });
         scene["static"] = json!([plane(-40, 12, 0.0), plane(12, 60, z)]);
-        fs::write(dir.path().join("street.json"), scene.to_string()).unwrap();
+        write(&dir, "street.json", &scene);
         let words = "stand on level ground, and the ground of street rises 1.5 m to 15 m at 0° in frame 0; `study targets`";
         for command in ["score", "view"] {
             let mut args = vec![command, "street.json", "rigs.json", "--backend", "cpu"];
             args.extend(if command == "view" { &["--force", "--out", "v.html"][..] } else { &[] });
-            let told = String::from_utf8(sightline(dir.path(), &args).stderr).unwrap();
+            let (_, [_, told]) = ran(&dir, &args);
             assert_eq!(told.contains(words), is_told, "{told}");
         }
         let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
@@ -235,12 +211,8 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
     // A requirement that stands on the ground of the scene is no reason to doubt.
     let mut on_scene = car([-60, 60], 0.1);
     on_scene["ground"] = json!("scene");
-    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
-    let mut cart: Value = serde_json::from_str(&text).unwrap();
-    cart["require"] = json!([on_scene]);
-    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
-    let told = sightline(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
-    let told = String::from_utf8(told.stderr).unwrap();
+    set_rules(&dir, json!([on_scene]));
+    let told = stderr(&dir, "score street.json rigs.json --backend cpu");
     assert!(told.contains("targets of the range card stand on level ground, "), "{told}");
 }
 
@@ -249,12 +221,12 @@ fn a_vehicle_without_requirements_is_told_of_them_first() {
     let dir = TempDir::new().unwrap();
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    write(&dir, "rigs.json", &rigs);
     for (require, is_told) in [(json!([]), true), (json!([car([-60, 60], 0.1)]), false)] {
         street(dir.path(), require);
         let text = |args: &str| {
-            let args = args.split(' ').chain(["--backend", "cpu"]).collect::<Vec<_>>();
-            String::from_utf8(sightline(dir.path(), &args).stdout).unwrap()
+            let (_, [text, _]) = ran(&dir, &format!("{args} --backend cpu"));
+            text
         };
         let hint = "\nNo requirement is set: `require` of the vehicle says what must be seen. ";
         let scored = text("score street.json rigs.json");
@@ -279,18 +251,18 @@ fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     street(dir.path(), json!([rule]));
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    write(&dir, "rigs.json", &rigs);
     let mut shares = Vec::new();
     for weather in [&[][..], &["--condition", "fog:mor=40"], &["--condition", "fog:mor=15"]] {
         let score = ["score", "street.json", "rigs.json", "--backend", "cpu"];
-        let score = ok(dir.path(), &[&score[..], weather].concat())["scores"][0].clone();
+        let score = ok(&dir, &[&score[..], weather].concat())["scores"][0].clone();
         // The places of the rule, every 2.5 m.
         let distances: Vec<String> =
             (0..13).map(|k| (10.0 + 2.5 * f64::from(k)).to_string()).collect();
         let distances = distances.join(",");
         let study = ["study", "targets", "rigs.json", "--vehicle", "cart.json", "--target", "car"];
         let places = ["--distances", &distances, "--bearings", "0"];
-        let rows = ok(dir.path(), &[&study[..], &places, weather].concat())["rows"].clone();
+        let rows = ok(&dir, &[&study[..], &places, weather].concat())["rows"].clone();
         let met = rows.as_array().unwrap().iter().filter(|row| row["beams"].as_u64() >= Some(5));
         let share = met.count() as f64 / 13.0;
         assert_eq!(score["requirements"][0]["found"].as_f64(), Some(share), "{score} {rows}");
@@ -305,20 +277,20 @@ fn a_rule_may_count_only_beams_that_return_in_clear_air() {
     let dir = TempDir::new().unwrap();
     let dark = json!({ "sightline": 1, "name": "dark box", "reflectance": 0.02, "source": "made here",
         "shapes": [{ "box": { "foot": [0, 0, 0], "size": [2, 2, 2] } }] });
-    fs::write(dir.path().join("dark.json"), dark.to_string()).unwrap();
+    write(&dir, "dark.json", &dark);
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    write(&dir, "rigs.json", &rigs);
     let rule = |response: bool| json!({ "target": "dark.json", "from": 10, "within": 40, "bearing": [0, 0], "share": 0.9, "response": response });
     street(dir.path(), json!([rule(false), rule(true)]));
     let score = ["score", "street.json", "rigs.json", "--backend", "cpu"];
-    let required = ok(dir.path(), &score)["scores"][0]["requirements"].clone();
+    let required = ok(&dir, &score)["scores"][0]["requirements"].clone();
     let distances: Vec<String> = (0..13).map(|k| (10.0 + 2.5 * f64::from(k)).to_string()).collect();
     let distances = distances.join(",");
     let share = |more: &[&str]| {
         let study = ["study", "targets", "rigs.json", "--vehicle", "cart.json", "--target"];
         let places = ["dark.json", "--distances", &distances, "--bearings", "0"];
-        let found = ok(dir.path(), &[&study[..], &places, more].concat());
+        let found = ok(&dir, &[&study[..], &places, more].concat());
         let rows = found["rows"].as_array().unwrap().iter();
         rows.filter(|row| row["beams"].as_u64() >= Some(5)).count() as f64 / 13.0
     };
@@ -332,7 +304,7 @@ fn a_rule_may_count_only_beams_that_return_in_clear_air() {
     assert_eq!([0, 1].map(|k| required[k]["holds_in"].as_f64()), [Some(1.0), Some(0.0)]);
     // Another kind of rule has no such key.
     street(dir.path(), json!([{ "ground": 3, "share": 0.5, "response": true }]));
-    let wrong = fails(dir.path(), &score);
+    let wrong = fails(&dir, &score);
     assert!(
         wrong.contains("require[0]: `response` cannot stand here: a rule on the ground"),
         "{wrong}"

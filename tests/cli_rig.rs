@@ -1,11 +1,6 @@
 //! Rigs on the command line: out, in again, compared, refused.
 
-use std::fs;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, piped, sightline};
+use crate::cli::*;
 
 const FORMATS: [&str; 7] =
     ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "json"];
@@ -18,16 +13,8 @@ fn folder() -> TempDir {
         { "name": "pair", "lidars": [lidar(0.5, -0.02), lidar(-0.5, -0.02)] },
         { "name": "one", "lidars": [{ "x": 0.0, "y": 0.0, "z": 2.0, "sensor": "VLP-16" }] },
     ]});
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "p.json", &placements);
     dir
-}
-
-fn printed(dir: &TempDir, args: &[&str]) -> (String, String) {
-    let output = sightline(dir.path(), args);
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
-    assert!(output.status.success(), "{args:?}: {stderr}");
-    (stdout, stderr)
 }
 
 #[test]
@@ -40,7 +27,7 @@ fn a_placement_goes_out_and_comes_in_in_every_format() {
         // Placements of this program are in the ego frame already.
         let base = if format == "json" { "--base-link=0" } else { base };
         let name = ["--name", "pair"];
-        let (read, _) = printed(&dir, &[&["rig", "import", &out, base][..], &name].concat());
+        let read = stdout(&dir, &[&["rig", "import", &out, base][..], &name].concat());
         let read: Value = serde_json::from_str(&read).unwrap();
         assert_eq!(read["placements"][0]["name"], "pair", "{format}");
         for (lidar, y) in
@@ -66,15 +53,14 @@ fn a_placement_goes_out_and_comes_in_in_every_format() {
 fn both_files_of_autoware_on_stdout_are_one_document() {
     let dir = folder();
     let export = ["rig", "export", "p.json:one", "--format", "autoware", "--frame", "velodyne_top"];
-    let (text, notes) = printed(&dir, &export);
+    let [text, notes] = printed(&dir, &export);
     assert!(text.contains("z: 1.9623") && notes.contains("--optical-height"), "{text}{notes}");
     fs::write(dir.path().join("both.yaml"), text).unwrap();
     let args =
         ["rig", "import", "both.yaml", "--sensor", "velodyne_top=VLP-16", "--out", "in.json"];
-    let (stdout, notes) = printed(&dir, &args);
+    let [stdout, notes] = printed(&dir, &args);
     assert!(stdout.is_empty() && notes.contains("LiDAR 0 is `velodyne_top`, VLP-16"), "{notes}");
-    let read: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("in.json")).unwrap()).unwrap();
+    let read = read_json(dir.path().join("in.json"));
     let lidar = &read["placements"][0]["lidars"][0];
     assert_eq!((&lidar["sensor"], &lidar["z"]), (&json!("VLP-16"), &json!(2.0)));
 }
@@ -83,11 +69,11 @@ fn both_files_of_autoware_on_stdout_are_one_document() {
 fn rigs_are_compared_as_text_and_as_json() {
     let dir = folder();
     let args = ["rig", "compare", "p.json:pair", "p.json:pair"];
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     assert_eq!(found["lidars"][0]["moved"], 0.0);
     assert_eq!(found["after"][0]["same_roll"], true);
     assert!((found["after"][0]["turned"].as_f64().unwrap() - 0.04).abs() < 1e-9);
-    let (text, _) = printed(&dir, &args);
+    let text = stdout(&dir, &args);
     assert!(
         text.contains("lidar_0 with lidar_1") && text.contains("roll changes its sign"),
         "{text}"
@@ -95,40 +81,40 @@ fn rigs_are_compared_as_text_and_as_json() {
     assert!(text.contains("\ndifferent in pose or model: 0 of 2 LiDARs\n"), "{text}");
     // Equal pose, another model.
     let read = fs::read_to_string(dir.path().join("p.json")).unwrap();
-    fs::write(dir.path().join("q.json"), read.replace("VLP-16", "VLS-128")).unwrap();
+    write(&dir, "q.json", &read.replace("VLP-16", "VLS-128"));
     let args = ["rig", "compare", "p.json:one", "q.json:one"];
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     assert_eq!(found["lidars"][0]["models"], json!(["VLP-16", "VLS-128"]));
     assert_eq!((&found["lidars"][0]["moved"], &found["different"]), (&json!(0.0), &json!(1)));
-    let (text, _) = printed(&dir, &args);
+    let text = stdout(&dir, &args);
     let told = "  ! lidar_0: the model is VLP-16 before and VLS-128 after\ndifferent in pose or model: 1 of 1";
     assert!(text.contains(told), "{text}");
     // A model that is not known is no difference.
-    fs::write(
-        dir.path().join("u.json"),
-        read.replace("\"sensor\":\"VLP-16\",", "").replace(",\"sensor\":\"VLP-16\"", ""),
-    )
-    .unwrap();
-    let (text, _) = printed(&dir, &["rig", "compare", "p.json:one", "u.json:one"]);
+    write(
+        &dir,
+        "u.json",
+        &read.replace("\"sensor\":\"VLP-16\",", "").replace(",\"sensor\":\"VLP-16\"", ""),
+    );
+    let text = stdout(&dir, &["rig", "compare", "p.json:one", "u.json:one"]);
     assert!(!text.contains("the model is"), "{text}");
     assert!(text.contains("different in pose or model: 0 of 1 LiDAR\n"), "{text}");
     // A file in another base frame.
     let base = ["--format", "urdf", "--base-link=0.3", "--out", "base.urdf"];
     printed(&dir, &[&["rig", "export", "p.json:pair"], &base[..]].concat());
     let compare = ["rig", "compare", "p.json:pair", "base.urdf"];
-    let (text, _) = printed(&dir, &compare);
+    let text = stdout(&dir, &compare);
     let told = "all moved by (-0.3, 0, 0) m: another base frame? give --base-link\n";
     assert!(text.contains(told), "{text}");
-    let (text, _) = printed(&dir, &[&compare[..], &["--base-link=0.3"]].concat());
+    let text = stdout(&dir, &[&compare[..], &["--base-link=0.3"]].concat());
     assert!(!text.contains("all moved by"), "{text}");
-    let (text, _) = printed(&dir, &["rig", "compare", "p.json:one", "p.json:pair"]);
+    let text = stdout(&dir, &["rig", "compare", "p.json:one", "p.json:pair"]);
     let told = "The first rig has 1 LiDAR, the second 2: compared by frame, then by least distance.\n\
                 Without a partner in the first rig: lidar_1.\n";
     let count = " of the 1 with a partner; 1 and 2 LiDARs in all\n";
     assert!(text.contains(count), "{text}");
     assert!(text.starts_with(told), "{text}");
     let csv = ["rig", "compare", "p.json:one", "p.json:pair", "--format", "csv"];
-    assert!(printed(&dir, &csv).0.contains("\nalone_after,lidar_1,,,,,,,\n"));
+    assert!(stdout(&dir, &csv).contains("\nalone_after,lidar_1,,,,,,,\n"));
 }
 
 #[test]
@@ -155,7 +141,7 @@ fn a_rig_comes_through_standard_input() {
     for args in
         [["import", "-", "p.json"], ["import", "p.json", "-"], ["compare", "p.json:one", "-"]]
     {
-        let told = fails(dir.path(), &[&["rig"], &args[..]].concat());
+        let told = fails(&dir, &[&["rig"], &args[..]].concat());
         assert!(told.contains(alone), "{args:?}: {told}");
     }
 }
@@ -163,11 +149,11 @@ fn a_rig_comes_through_standard_input() {
 #[test]
 fn what_cannot_be_done_is_a_sentence() {
     let dir = folder();
-    let export = |args: &[&str]| fails(dir.path(), &[&["rig", "export"], args].concat());
+    let export = |args: &[&str]| fails(&dir, &[&["rig", "export"], args].concat());
     let several = "pick one of `pair`, `one` as FILE:NAME (in Python name=NAME)";
     assert!(export(&["p.json", "--format", "urdf"]).contains(several));
-    assert!(fails(dir.path(), &["rig", "import", "p.json"]).contains(several));
-    let (one, _) = printed(&dir, &["rig", "import", "p.json:one"]);
+    assert!(fails(&dir, "rig import p.json").contains(several));
+    let one = stdout(&dir, &["rig", "import", "p.json:one"]);
     assert!(one.contains("\"one\"") && !one.contains("\"pair\""), "{one}");
     assert!(export(&["p.json:two", "--format", "urdf"]).contains("called `two`"));
     assert!(export(&["p.json:one", "--format", "usd"]).contains("carla-objects"));
@@ -181,7 +167,7 @@ fn what_cannot_be_done_is_a_sentence() {
     let args = ["p.json:one", "--format", "urdf", "--out", "p.json"];
     assert!(export(&args).contains("would be overwritten"));
     assert!(export(&["none.json", "--format", "urdf"]).contains("none.json"));
-    let error = fails(dir.path(), &["rig", "import", "p.json", "--base-link", "1,2"]);
+    let error = fails(&dir, "rig import p.json --base-link 1,2");
     assert!(error.contains("X,Y,Z"), "{error}");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     for (name, text, words) in [

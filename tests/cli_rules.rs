@@ -1,25 +1,18 @@
 //! Rules of a run and what ends it: kept by every candidate, named in the result, the same on resume.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use sightline::engine::CpuBackend;
 use sightline::internals::{Generations, Ties};
 use sightline::search::{Evaluator, Settings};
-use sightline::vehicle::Constraints;
-use tempfile::TempDir;
 
-use crate::cli::{fails, ok, room, sightline};
-use crate::common::{MEMORY, mounted, random_problem};
+use crate::cli::*;
+use crate::common::*;
 
 /// A room whose mount has other keys, too.
 fn room_with(dir: &Path, mount: &[(&str, Value)]) {
-    let mut scene: Value = serde_json::from_slice(&fs::read(room(dir)).unwrap()).unwrap();
+    let mut scene = read_json(room(dir));
     for (key, value) in mount {
         scene["mount"][*key] = value.clone();
     }
-    fs::write(dir.join("room.json"), scene.to_string()).unwrap();
+    write(dir, "room.json", &scene);
 }
 
 fn args<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
@@ -85,11 +78,11 @@ fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
     let dir = TempDir::new().unwrap();
     room_with(dir.path(), &[("lidars", json!(3)), keep_out(), ("symmetric", json!(true))]);
     let more = ["--equal-height", "--fix", "roll=0.0"];
-    let first = ok(dir.path(), &args("first", &more));
-    let one = ok(dir.path(), &args("one", &[&more[..], &["--threads", "1"]].concat()));
+    let first = ok(&dir, &args("first", &more));
+    let one = ok(&dir, &args("one", &[&more[..], &["--threads", "1"]].concat()));
     let gpu: Vec<&str> =
         args("gpu", &more).into_iter().map(|a| if a == "cpu" { "gpu" } else { a }).collect();
-    let gpu = ok(dir.path(), &gpu);
+    let gpu = ok(&dir, &gpu);
     for (run, other) in [("one", &one), ("gpu", &gpu)] {
         assert_eq!(
             read(dir.path(), "first", "history.jsonl"),
@@ -116,9 +109,9 @@ fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
     // Both ways of searching took part.
     let methods = first["methods"].as_array().unwrap();
     assert!(methods.iter().any(|m| m["method"] == "swaps" && m["poses_cast"].as_u64() > Some(10)));
-    let swaps = ok(dir.path(), &args("swaps", &["--method", "swaps", "--equal-height"]));
+    let swaps = ok(&dir, &args("swaps", &["--method", "swaps", "--equal-height"]));
     assert_eq!(swaps["best"]["violations"], json!([]));
-    let grid = ok(dir.path(), &args("grid", &["--delta", "0.25,0.2", "--equal-height"]));
+    let grid = ok(&dir, &args("grid", &["--delta", "0.25,0.2", "--equal-height"]));
     assert_eq!(grid["best"]["violations"], json!([]));
 }
 
@@ -126,13 +119,11 @@ fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
 fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
     let dir = TempDir::new().unwrap();
     room_with(dir.path(), &[("lidars", json!(4)), keep_out(), ("symmetric", json!(true))]);
-    ok(dir.path(), &args("whole", &[]));
+    ok(&dir, &args("whole", &[]));
     let stopped = |args: &[&str]| {
-        let output = sightline(dir.path(), &[args, &["--format", "json"]].concat());
-        assert_eq!(output.status.code(), Some(0));
-        let stderr = String::from_utf8(output.stderr).unwrap();
+        let (code, run, stderr) = answer(&dir, args);
+        assert_eq!(code, Some(0), "{stderr}");
         assert!(stderr.contains("time: ") && stderr.contains("--resume broken"), "{stderr}");
-        let run: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert!(run["stopped"].as_str().unwrap().starts_with("time: "), "{}", run["stopped"]);
         assert!(run["evaluations"].as_u64().unwrap() < 120);
         assert_eq!(run["best"]["violations"], json!([]));
@@ -142,24 +133,18 @@ fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
     let resume = ["optimize", "--resume", "broken", "--backend", "cpu"];
     assert_eq!(stopped(&[&resume[..], &["--time", "0"]].concat()), 2, "a generation a sitting");
     // A better rig of an earlier sitting is the result of one without time.
-    let times = dir.path().join("broken/times.json");
-    let mut spent: Value = serde_json::from_str(&read(dir.path(), "broken", "times.json")).unwrap();
-    let best: Value = serde_json::from_str(&read(dir.path(), "whole", "result.json")).unwrap();
-    spent["kept"] = best["best"]["placement"].clone();
-    fs::write(&times, spent.to_string()).unwrap();
+    let of = |file: &str| read_json(dir.path().join(file));
+    let best = of("whole/result.json")["best"]["placement"].clone();
+    change(&dir, "broken/times.json", |spent| spent["kept"] = best.clone());
     assert_eq!(stopped(&[&resume[..], &["--max-seconds", "0"]].concat()), 3);
-    let kept: Value = serde_json::from_str(&read(dir.path(), "broken", "result.json")).unwrap();
-    assert_eq!(kept["best"]["placement"], best["best"]["placement"]);
-    assert_eq!(
-        serde_json::from_str::<Value>(&read(dir.path(), "broken", "times.json")).unwrap()["kept"],
-        best["best"]["placement"]
-    );
-    let resumed = ok(dir.path(), &resume);
+    assert_eq!(of("broken/result.json")["best"]["placement"], best);
+    assert_eq!(of("broken/times.json")["kept"], best);
+    let resumed = ok(&dir, &resume);
     for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg", "map.svg"]
     {
         assert_eq!(read(dir.path(), "whole", file), read(dir.path(), "broken", file), "{file}");
     }
-    let whole: Value = serde_json::from_str(&read(dir.path(), "whole", "result.json")).unwrap();
+    let whole = of("whole/result.json");
     for key in ["best", "stopped", "constraints", "active_bounds", "ended"] {
         assert_eq!(whole[key], resumed[key], "{key}");
     }
@@ -168,23 +153,22 @@ fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
 
 #[test]
 fn a_target_ends_the_search_once_it_holds_over_all_frames() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    let whole = ok(dir.path(), &args("whole", &["--method", "cma"]));
+    let dir = in_room();
+    let whole = ok(&dir, &args("whole", &["--method", "cma"]));
     let best = whole["best"]["objective"].as_f64().unwrap();
     let unreached = (1.5 * best).to_string();
-    let missed = ok(dir.path(), &args("missed", &["--target", &unreached]));
+    let missed = ok(&dir, &args("missed", &["--target", &unreached]));
     assert_eq!(missed["stopped"], "evaluations: the limit is reached");
     for (out, more) in [("auto", &[][..]), ("one", &["--frames", "1"])] {
         let target = (0.9 * best).to_string();
-        let run = ok(dir.path(), &args(out, &[more, &["--target", &target]].concat()));
+        let run = ok(&dir, &args(out, &[more, &["--target", &target]].concat()));
         assert_eq!(run["stopped"], "target: a placement reached the score that was wanted");
         assert!(run["evaluations"].as_u64().unwrap() < 120);
         assert!(run["best"]["objective"].as_f64().unwrap() >= 0.9 * best);
         // Two LiDARs of a few beams lose a car far away, which speaks against no score.
         let guards = run["best"]["scores"]["guards"].as_array().unwrap();
         assert!(guards.iter().all(|guard| guard.as_str().unwrap().starts_with("blind_sector")));
-        let again = ok(dir.path(), &["optimize", "--resume", out, "--backend", "cpu"]);
+        let again = ok(&dir, &["optimize", "--resume", out, "--backend", "cpu"]);
         assert_eq!((&again["best"], &again["stopped"]), (&run["best"], &run["stopped"]));
     }
 }
@@ -200,12 +184,9 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
         { "name": "single", "lidars": [lidar(0.0, 0.0)] },
         { "name": "row", "lidars": [lidar(0.5, 0.0), lidar(-0.5, 0.0)] },
         { "name": "askew", "lidars": [lidar(0.5, 0.3), lidar(-0.5, -0.3)] } ] });
-    fs::write(dir.path().join("mine.json"), file.to_string()).unwrap();
-    let more = ["--inject", "mine.json", "--format", "json"];
-    let output = sightline(dir.path(), &args("run", &more));
-    assert!(output.status.success());
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    let run: Value = serde_json::from_slice(&output.stdout).unwrap();
+    write(&dir, "mine.json", &file);
+    let (code, run, stderr) = answer(&dir, &args("run", &["--inject", "mine.json"]));
+    assert_eq!(code, Some(0), "{stderr}");
     let left_out = run["left_out"].as_array().unwrap();
     assert_eq!(left_out.len(), 4, "{left_out:?}");
     for (name, why) in [
@@ -241,7 +222,7 @@ fn rules_that_contradict_each_other_are_answered_with_key_and_mend() {
     ];
     for (mount, options, wanted) in cases {
         room_with(dir.path(), mount);
-        let answer = fails(dir.path(), &args("run", options));
+        let answer = fails(&dir, &args("run", options));
         assert!(answer.contains(wanted), "{options:?}: {answer}");
         assert!(!dir.path().join("run").exists(), "{options:?} left a folder");
     }

@@ -1,13 +1,8 @@
 //! `scan` on the command line: folders that are whole or go on, the same bytes, refusals.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
 
-use serde_json::json;
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 
 /// A street with a house and a car that drives, and two placements.
 pub(crate) fn street() -> TempDir {
@@ -29,8 +24,8 @@ pub(crate) fn street() -> TempDir {
         { "name": "one", "lidars": [lidar(0.0)] },
         { "name": "two", "lidars": [lidar(0.5), lidar(-0.5)] },
     ]});
-    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "s.json", &scene);
+    write(&dir, "p.json", &placements);
     dir
 }
 
@@ -59,7 +54,7 @@ fn a_folder_is_whole_the_same_on_any_threads_and_goes_on_where_it_was_left() {
         let scan = |out: &str, threads: &str, more: &[&str]| {
             let args = ["scan", "s.json", "--placement", "p.json:two", "--layout", layout];
             let rest = ["--out", out, "--threads", threads];
-            ok(dir.path(), &[&args[..], &rest, more].concat())
+            ok(&dir, &[&args[..], &rest, more].concat())
         };
         let (first, second) = (format!("{layout}-1"), format!("{layout}-2"));
         let summary = scan(&first, "1", &[]);
@@ -74,7 +69,8 @@ fn a_folder_is_whole_the_same_on_any_threads_and_goes_on_where_it_was_left() {
         let lost = whole.keys().find(|name| name.ends_with(".npz") || name.ends_with(".bin"));
         fs::remove_file(dir.path().join(&second).join(lost.unwrap())).unwrap();
         let again = scan(&second, "2", &[]);
-        assert!(again["datasets"][0]["points_now"].as_u64() < set["points"].as_u64());
+        let points = |set: &Value, key: &str| set[key].as_u64().unwrap();
+        assert!(points(&again["datasets"][0], "points_now") < points(set, "points"), "{again}");
         assert_eq!(whole, files(&dir.path().join(&second)), "{layout}: gone on with");
     }
 }
@@ -82,37 +78,36 @@ fn a_folder_is_whole_the_same_on_any_threads_and_goes_on_where_it_was_left() {
 #[test]
 fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
     let dir = street();
-    ok(dir.path(), &["scan", "s.json", "--placement", "p.json", "--out", "all"]);
+    ok(&dir, "scan s.json --placement p.json --out all");
     for name in ["one", "two"] {
         assert!(dir.path().join("all").join(name).join("dataset.json").is_file());
     }
     let points = |condition: &str| {
         let args = ["scan", "s.json", "--placement", "p.json:one"];
         let rest = ["--out", condition, "--condition", condition];
-        let set = ok(dir.path(), &[&args[..], &rest].concat());
+        let set = ok(&dir, &[&args[..], &rest].concat());
         set["datasets"][0]["points"].as_u64().unwrap()
     };
     assert!(points("fog:mor=15") < points("fog:mor=inf"));
     let score = |condition: &[&str]| {
         let args = ["score", "s.json", "p.json", "--backend", "cpu"];
-        ok(dir.path(), &[&args[..], condition].concat())["scores"][1]["covered"].as_f64().unwrap()
+        ok(&dir, &[&args[..], condition].concat())["scores"][1]["covered"].as_f64().unwrap()
     };
     assert!(score(&["--condition", "fog:mor=10"]) < score(&[]));
     // Scores in bad weather say so, in text and in JSON.
     let score = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "wet:water=1"];
-    assert_eq!(ok(dir.path(), &score)["conditions"], json!(["wet:water=1"]));
-    let text = String::from_utf8(sightline(dir.path(), &score).stdout).unwrap();
+    assert_eq!(ok(&dir, &score)["conditions"], json!(["wet:water=1"]));
+    let text = String::from_utf8(sightline(&dir, &score).stdout).unwrap();
     assert!(text.lines().next().unwrap().ends_with(" a LiDAR, under wet:water=1"), "{text}");
-    assert!(ok(dir.path(), &score[..5]).get("conditions").is_none());
+    assert!(ok(&dir, &score[..5]).get("conditions").is_none());
     let blur = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "blur"];
-    let noted = |args: &[&str]| String::from_utf8(sightline(dir.path(), args).stderr).unwrap();
+    let noted = |args: &[&str]| String::from_utf8(sightline(&dir, args).stderr).unwrap();
     let words = noted(&blur);
     assert!(words.contains("blur: takes no beam away") && words.contains("fog:mor=inf"), "{words}");
     let words = noted(&[&blur[..], &["--condition", "wet:water=1"]].concat());
     assert!(words.contains("scores are those of the other conditions"), "{words}");
     // Beams that the sensor itself loses are lost in clear air, too.
-    let scores =
-        |condition: &[&str]| ok(dir.path(), &[&blur[..5], condition].concat())["scores"].clone();
+    let scores = |condition: &[&str]| ok(&dir, &[&blur[..5], condition].concat())["scores"].clone();
     let blurred = scores(&["--condition", "blur"]);
     assert_eq!(blurred, scores(&["--condition", "fog:mor=inf"]));
     assert_ne!(blurred, scores(&[]));
@@ -125,7 +120,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         fs::read_to_string(dir.path().join("p.json")).unwrap().replace("\"two\"", "\"velodyne\"");
     fs::write(dir.path().join("v.json"), named).unwrap();
     let refused = |args: &[&str]| {
-        let error = fails(dir.path(), &[&["scan", "s.json"][..], args].concat());
+        let error = fails(&dir, &[&["scan", "s.json"][..], args].concat());
         assert!(!dir.path().join("out").exists(), "{args:?}");
         error
     };
@@ -204,47 +199,45 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
             .starts_with("sightline: /proc/xx: cannot be written: No such")
     );
     fs::create_dir(dir.path().join("mine")).unwrap();
-    fs::write(dir.path().join("mine/thesis.txt"), "all of it").unwrap();
-    let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "mine"]);
+    write(&dir, "mine/thesis.txt", "all of it");
+    let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", "mine"]);
     assert!(error.contains("is not empty and holds no data set"), "{error}");
-    ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    ok(&dir, &["scan", "s.json", one[0], one[1], "--out", "set"]);
     // The seed is 1 unless given, as in Python: the set is the same.
-    ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "1"]);
-    let error =
-        fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
+    ok(&dir, &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "1"]);
+    let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
     assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
     for inner in ["set/inner", "set/street/deep/inner"] {
-        let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", inner]);
+        let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", inner]);
         assert!(error.contains(&format!("{inner}: lies in ")), "{error}");
         assert!(error.contains("set, the folder of another data set"), "{error}");
         assert!(!dir.path().join(inner).exists());
     }
     // Files that a killed run had begun go, by the number of its process.
-    let mut ended = std::process::Command::new("true").spawn().unwrap();
+    let mut ended = Command::new("true").spawn().unwrap();
     ended.wait().unwrap();
     let begun = format!("set/.sightline/.sightline-{}-AbCdEf.tmp", ended.id());
     fs::write(dir.path().join(&begun), "{").unwrap();
     fs::remove_file(dir.path().join("set/street/000001.npz")).unwrap();
-    ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    ok(&dir, &["scan", "s.json", one[0], one[1], "--out", "set"]);
     assert!(!dir.path().join(&begun).exists());
-    fs::write(dir.path().join("set/dataset.json"), "\n").unwrap();
-    let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    write(&dir, "set/dataset.json", "\n");
+    let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", "set"]);
     assert!(error.contains("dataset.json: cannot be read (EOF"), "{error}");
     assert!(error.contains("put it back as it was, or name another folder"), "{error}");
-    let help = sightline(dir.path(), &["scan", "--help"]);
+    let help = sightline(&dir, "scan --help");
     assert!(String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/highway.json"));
 }
 
 #[test]
 fn a_folder_is_gone_on_with_only_with_the_same_files() {
     let dir = street();
-    let mut scene: serde_json::Value =
-        serde_json::from_slice(&fs::read(dir.path().join("s.json")).unwrap()).unwrap();
+    let mut scene = read_json(dir.path().join("s.json"));
     scene["static"][1] = json!({ "class": "building", "mesh": { "file": "house.obj" } });
-    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
-    fs::write(dir.path().join("house.obj"), "v 12 -9 0\nv 12 9 0\nv 12 0 6\nf 1 2 3\n").unwrap();
+    write(&dir, "s.json", &scene);
+    write(&dir, "house.obj", "v 12 -9 0\nv 12 9 0\nv 12 0 6\nf 1 2 3\n");
     let args = |scene| ["scan", scene, "--placement", "p.json:one", "--out", "set"];
-    ok(dir.path(), &args("s.json"));
+    ok(&dir, &args("s.json"));
     let frame = dir.path().join("set/street/000001.npz");
     let bytes = fs::read(&frame).unwrap();
     fs::remove_file(&frame).unwrap();
@@ -254,7 +247,7 @@ fn a_folder_is_gone_on_with_only_with_the_same_files() {
         let after = before.replacen(from, to, 1);
         assert_ne!(before, after);
         fs::write(&path, after).unwrap();
-        let error = fails(dir.path(), &args("s.json"));
+        let error = fails(&dir, &args("s.json"));
         let words = format!("set: `{name}` has changed since this data set was begun; put it back");
         assert!(error.contains(&words), "{error}");
         assert!(!frame.exists());
@@ -273,9 +266,7 @@ fn a_device_casts_to_the_same_bytes_and_is_named() {
     let dir = street();
     let scan = |out: &str, more: &[&str]| {
         let args = ["scan", "s.json", "--placement", "p.json", "--condition", "fog:mor=60"];
-        let done = sightline(dir.path(), &[&args[..], &["--out", out], more].concat());
-        let said = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert!(done.status.success(), "{said}");
+        let said = stderr(&dir, &[&args[..], &["--out", out], more].concat());
         said
     };
     let by_device = scan("device", &["--backend", "gpu"]);
@@ -285,7 +276,7 @@ fn a_device_casts_to_the_same_bytes_and_is_named() {
     let [host, device] = ["host", "device"].map(|out| files(&dir.path().join(out)));
     assert!(host == device && host.len() > 6, "{:?}", host.keys());
     let wrong = ["scan", "s.json", "--placement", "p.json", "--out", "x", "--adapter", "abacus"];
-    assert!(fails(dir.path(), &wrong).contains("no Vulkan device named `abacus`"));
-    let both = fails(dir.path(), &[&wrong[..], &["--backend", "cpu"]].concat());
+    assert!(fails(&dir, &wrong).contains("no Vulkan device named `abacus`"));
+    let both = fails(&dir, &[&wrong[..], &["--backend", "cpu"]].concat());
     assert!(both.contains("--adapter abacus: picks a Vulkan device"), "{both}");
 }

@@ -1,13 +1,8 @@
 //! Clouds of data sets as a loader reads them: by one calibration in all frames, with intensities of the format.
 
-use std::fs;
-use std::path::Path;
-
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use serde_json::{Value, json};
-use tempfile::TempDir;
 
-use crate::cli::ok;
+use crate::cli::*;
 use crate::cli_scan::street;
 
 /// The street with sensors whose phases differ from frame to frame.
@@ -21,11 +16,11 @@ fn free_street() -> TempDir {
     });
     let tilted = json!({ "placements": [{ "name": "tilted", "lidars": [
         { "x": 0.5, "y": 0.2, "z": 2.3, "roll": 0.2 }, { "x": -0.5, "y": 0, "z": 2.4, "pitch": 0.1, "yaw": 0.7 }] }] });
-    fs::write(dir.path().join("v.json"), vehicle.to_string()).unwrap();
-    fs::write(dir.path().join("t.json"), tilted.to_string()).unwrap();
+    write(&dir, "v.json", &vehicle);
+    write(&dir, "t.json", &tilted);
     let scan = ["scan", "s.json", "--vehicle", "v.json", "--placement", "t.json"];
     for layout in ["nuscenes", "semantickitti"] {
-        ok(dir.path(), &[&scan[..], &["--layout", layout, "--out", layout]].concat());
+        ok(&dir, &[&scan[..], &["--layout", layout, "--out", layout]].concat());
     }
     dir
 }
@@ -109,7 +104,7 @@ fn intensities_of_nuscenes_are_those_of_a_byte_whatever_the_noise() {
     let noise = ["--condition", "crosstalk:share=0.5", "--merged-only"];
     let scan =
         ["scan", "s.json", "--placement", "p.json:one", "--layout", "nuscenes", "--out", "set"];
-    ok(dir.path(), &[&scan[..], &noise].concat());
+    ok(&dir, &[&scan[..], &noise].concat());
     let cloud = fs::read_dir(dir.path().join("set/samples/LIDAR_TOP")).unwrap().next().unwrap();
     let bytes = fs::read(cloud.unwrap().path()).unwrap();
     let numbers: Vec<f32> = bytemuck::pod_collect_to_vec(&bytes);

@@ -1,16 +1,11 @@
 //! Generated scenes: what they hold, that they repeat themselves, and that they can be scored.
 
-use std::fs;
-
-use serde_json::json;
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 
 fn generate(dir: &TempDir, file: &str, seed: &str) {
     let args =
         ["scene", "new", "--triangles", "5000", "--frames", "2", "--seed", seed, "--out", file];
-    let output = sightline(dir.path(), &args);
+    let output = sightline(dir, &args);
     assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
 }
 
@@ -20,9 +15,9 @@ fn a_generated_street_can_be_cast_into() {
     generate(&dir, "street.json", "1");
     let placements = json!({ "placements": [
         { "name": "roof", "lidars": [{ "x": 0, "y": 0, "z": 2.4 }] }] });
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "p.json", &placements);
     let args = ["cast", "street.json", "p.json", "--out", "hits.npz", "--backend", "cpu"];
-    let answer = ok(dir.path(), &args);
+    let answer = ok(&dir, &args);
     assert_eq!(answer["beams"], 16 * 720);
     let hits = answer["hits"].as_u64().unwrap();
     assert!((8 * 720..16 * 720).contains(&hits), "{hits} hits");
@@ -37,11 +32,11 @@ fn a_generated_street_can_be_cast_into() {
 #[test]
 fn a_street_that_cannot_be_made_is_refused() {
     let dir = TempDir::new().unwrap();
-    let error = fails(dir.path(), &["scene", "new", "--triangles", "10", "--out", "x.json"]);
+    let error = fails(&dir, "scene new --triangles 10 --out x.json");
     assert!(error.contains("--triangles") && error.contains("4000"), "{error}");
-    let error = fails(dir.path(), &["scene", "new", "--out", "x.ply"]);
+    let error = fails(&dir, "scene new --out x.ply");
     assert!(error.contains("ending .json"), "{error}");
-    let error = fails(dir.path(), &["scene", "new", "--out", "a\tb.json"]);
+    let error = fails(&dir, &["scene", "new", "--out", "a\tb.json"]);
     assert!(
         error.contains("\"a\\tb\": is to be the name of the scene, which has no control"),
         "{error}"
@@ -55,17 +50,17 @@ fn a_mesh_that_nobody_has_named_is_left_alone() {
     let read = |file: &str| fs::read(dir.path().join(file)).unwrap();
     let new =
         ["scene", "new", "--triangles", "4000", "--frames", "1", "--force", "--out", "car.json"];
-    fs::write(dir.path().join("car.ply"), "a scan of my car").unwrap();
+    write(&dir, "car.ply", "a scan of my car");
     let words = "car.ply: is there and would be overwritten by the scene's mesh; name another scene than car.json";
-    let error = fails(dir.path(), &new);
+    let error = fails(&dir, &new);
     assert!(error.contains(words), "{error}");
-    fs::write(dir.path().join("car.json"), "{ \"mesh\": \"my-car.ply\" }").unwrap();
-    assert!(fails(dir.path(), &new).contains(words));
+    write(&dir, "car.json", "{ \"mesh\": \"my-car.ply\" }");
+    assert!(fails(&dir, &new).contains(words));
     assert_eq!((&read("car.ply")[..], read("car.json").len()), (&b"a scan of my car"[..], 24));
     // A scene's own mesh is made anew with it.
     fs::remove_file(dir.path().join("car.ply")).unwrap();
     for _ in 0..2 {
-        assert!(sightline(dir.path(), &new).status.success());
+        printed(&dir, &new);
     }
     assert!(read("car.ply").starts_with(b"ply"));
 }
@@ -76,10 +71,10 @@ fn a_world_is_made_and_its_contents_counted() {
     for kind in ["yard", "residential"] {
         let file = format!("{kind}.json");
         let args = ["scene", "new", "--kind", kind, "--frames", "2", "--out", &file];
-        let output = sightline(dir.path(), &args);
+        let output = sightline(&dir, &args);
         assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
     }
-    let facts = ok(dir.path(), &["scene", "info", "yard.json", "residential.json"]);
+    let facts = ok(&dir, "scene info yard.json residential.json");
     let [yard, residential] = [&facts[0], &facts[1]];
     assert_eq!((&yard["name"], &yard["frames"]), (&json!("yard"), &json!(2)));
     assert!(yard["actors"]["truck"].as_u64().unwrap() > 0, "{yard}");
@@ -96,12 +91,12 @@ fn a_map_is_imported_or_refused() {
     let map = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/fork.xodr");
     fs::copy(map, dir.path().join("fork.xodr")).unwrap();
     let args = ["scene", "import", "fork.xodr", "--frames", "3", "--out", "fork.json"];
-    let output = sightline(dir.path(), &args);
+    let output = sightline(&dir, &args);
     assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
     assert!(dir.path().join("fork.ply").is_file());
-    let facts = ok(dir.path(), &["scene", "info", "fork.json"]);
+    let facts = ok(&dir, "scene info fork.json");
     assert!(facts[0]["voxel_share"]["sidewalk"].as_f64().unwrap() > 0.1, "{facts}");
-    let import = |file: &str| fails(dir.path(), &["scene", "import", file, "--out", "x.json"]);
+    let import = |file: &str| fails(&dir, &["scene", "import", file, "--out", "x.json"]);
     assert!(import("none.xodr").contains("none.xodr"));
     assert!(import("fork.json").contains("OpenDRIVE"));
     let folder = import(".");
@@ -121,7 +116,7 @@ fn a_map_is_imported_or_refused() {
         ),
         (&["d", "--nuscenes", "--scene", "s", "--frames", "3"], "--frames <N>"),
     ] {
-        let error = fails(dir.path(), &[&["scene", "import", "--out", "x.json"], more].concat());
+        let error = fails(&dir, &[&["scene", "import", "--out", "x.json"], more].concat());
         assert!(error.contains(words), "{more:?}: {error}");
     }
     assert!(!dir.path().join("x.json").exists());

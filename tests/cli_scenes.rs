@@ -1,19 +1,10 @@
 //! Commands over several scenes, as a user would give them.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, room, sightline};
+use crate::cli::*;
 
 /// Two rooms of one vehicle, and two placements: in the second room another walker goes about, on one side.
 fn rooms() -> TempDir {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let other = |scene: &mut Value| {
         scene["name"] = json!("hall");
         scene["frames"] = json!(4);
@@ -25,16 +16,15 @@ fn rooms() -> TempDir {
         { "name": "middle", "lidars": [{ "x": 0, "y": 0.2, "z": 1.5 }, { "x": 0, "y": -0.2, "z": 1.5 }] },
         { "name": "sides", "lidars": [{ "x": 0.1, "y": 0.5, "z": 1.7, "roll": 0.2 },
                                       { "x": 0, "y": -0.5, "z": 1.3 }] }] });
-    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    write(&dir, "p.json", &placements);
     dir
 }
 
 /// The room with something else in it.
 fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
-    let text = fs::read_to_string(dir.join("room.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    let mut scene = read_json(dir.join("room.json"));
     change(&mut scene);
-    fs::write(dir.join(name), scene.to_string()).unwrap();
+    write(dir, name, &scene);
 }
 
 const CPU: [&str; 2] = ["--backend", "cpu"];
@@ -42,12 +32,11 @@ const CPU: [&str; 2] = ["--backend", "cpu"];
 #[test]
 fn score_prints_each_scene_and_the_mean() {
     let dir = rooms();
-    let score = |files: &[&str]| ok(dir.path(), &[&["score"], files, &CPU].concat());
+    let score = |files: &[&str]| ok(&dir, &[&["score"], files, &CPU].concat());
     // Placements may stand anywhere, and scenes of one name are told apart.
     let files = ["room.json", "p.json", "hall.json", "room.json"];
     let all = score(&files);
-    let twice = sightline(dir.path(), &[&["score"], &files[..], &CPU].concat());
-    let told = String::from_utf8_lossy(&twice.stderr);
+    let told = stderr(&dir, &[&["score"], &files[..], &CPU].concat());
     assert!(told.contains("room.json: is given twice and counts twice in means"), "{told}");
     let alone = ["room.json", "hall.json"].map(|scene| score(&[scene, "p.json"]));
     let scenes = all["scenes"].as_array().unwrap();
@@ -68,15 +57,15 @@ fn score_prints_each_scene_and_the_mean() {
         assert!((share(mean) - want).abs() < 1e-9);
     }
     let covers = [&["score", "room.json", "hall.json", "p.json", "--coverage-out", "c"], &CPU[..]];
-    ok(dir.path(), &covers.concat());
+    ok(&dir, &covers.concat());
     assert!(dir.path().join("c/hall/sides.npy").exists());
     // Several files of placements are scored together; a name that comes again gets its file behind it.
     fs::copy(dir.path().join("p.json"), dir.path().join("again.json")).unwrap();
-    let once = ok(dir.path(), &[&["score", "room.json", "p.json"], &CPU[..]].concat());
+    let once = ok(&dir, &[&["score", "room.json", "p.json"], &CPU[..]].concat());
     for scenes in [&["room.json"][..], &["room.json", "hall.json"]] {
         let line =
             [&["score"], scenes, &["p.json", "again.json", "p.json:sides"], &CPU[..]].concat();
-        let all = ok(dir.path(), &line);
+        let all = ok(&dir, &line);
         let all = if scenes.len() == 1 { &all } else { &all["scenes"][0] };
         let [once, all] = [&once, all].map(|of| of["scores"].as_array().unwrap());
         assert_eq!(all.len(), 2 * once.len() + 1);
@@ -86,8 +75,7 @@ fn score_prints_each_scene_and_the_mean() {
         assert_eq!(all[again]["information_gain"], all[sides]["information_gain"]);
         assert_eq!(names[names.len() - 1], "sides (p.json)", "{names:?}");
     }
-    let text = sightline(dir.path(), &["score", "room.json", "hall.json", "p.json"]);
-    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    let text = stdout(&dir, "score room.json hall.json p.json");
     for words in ["room: first-hit over 3", "hall: first-hit over 4", "mean of room, hall"] {
         assert!(text.contains(words), "{text}");
     }
@@ -102,7 +90,7 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
     for command in [&["optimize"][..], &["score", "p.json"]] {
         let run = |scene: &str| {
             let files = ["room.json", scene, "--backend", "cpu"];
-            fails(dir.path(), &[command, &files[..]].concat())
+            fails(&dir, &[command, &files[..]].concat())
         };
         for (scene, words) in [
             ("dense.json", "dense.json: the scene `room-2` has another LiDAR than `room`"),
@@ -113,7 +101,7 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
             assert!(error.contains(words), "{error}");
         }
     }
-    fs::write(dir.path().join("q.jsonl"), "").unwrap();
+    write(&dir, "q.jsonl", "");
     for (args, words) in [
         (&["score", "p.json"][..], "p.json: holds placements; give a scene"),
         (&["score", "room.json"], "room.json: is the only file"),
@@ -134,7 +122,7 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
             "room.json: is a scene, where a rig of another program belongs; give it as SCENE",
         ),
     ] {
-        let error = fails(dir.path(), args);
+        let error = fails(&dir, args);
         assert!(error.contains(words), "{args:?}: {error}");
         assert!(!error.contains("counts twice"), "{args:?}: {error}");
     }
@@ -144,9 +132,7 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
         scene["static"][1]["class"] = json!("hedge");
         scene["name"] = json!("garden");
     });
-    let output = sightline(dir.path(), &["score", "room.json", "tree.json", "p.json"]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{said}");
+    let said = stderr(&dir, "score room.json tree.json p.json");
     assert!(
         said.contains("garden: its classes are not those of room: it")
             && said.contains("adds hedge"),
@@ -167,9 +153,7 @@ fn scenes_of_other_own_bodies_keep_them_and_are_told() {
         ),
         ("hall.json", ""),
     ] {
-        let output = sightline(dir.path(), &["score", "room.json", scene, "p.json"]);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{said}");
+        let said = stderr(&dir, &["score", "room.json", scene, "p.json"]);
         let is_told = said.contains("its own body is not that of");
         assert!(said.contains(words) && is_told != words.is_empty(), "{said}");
     }
@@ -183,10 +167,8 @@ fn optimize<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 #[test]
 fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
     let dir = rooms();
-    let found = ok(
-        dir.path(),
-        &optimize("both", &["--evaluations", "60", "--mirror", "--baselines", "p.json"]),
-    );
+    let found =
+        ok(&dir, &optimize("both", &["--evaluations", "60", "--mirror", "--baselines", "p.json"]));
     let scenes = found["scenes"].as_array().unwrap();
     let names: Vec<&str> = scenes.iter().map(|s| s["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["room", "room mirrored", "hall", "hall mirrored"]);
@@ -205,11 +187,10 @@ fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
     assert!(dir.path().join("both/map-2.svg").exists());
     // One scene cannot say, and its result has no keys of several.
     let args = ["optimize", "hall.json", "--out", "one", "--evaluations", "30"];
-    let text = sightline(dir.path(), &[&args[..], &["--baselines", "p.json"], &CPU].concat());
+    let text = sightline(&dir, &[&args[..], &["--baselines", "p.json"], &CPU].concat());
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     assert!(text.contains("One scene only: give several to see whether"), "{text}");
-    let one: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("one/result.json")).unwrap()).unwrap();
+    let one = read_json(dir.path().join("one/result.json"));
     assert!(["scenes", "spread"].iter().all(|key| one.get(key).is_none()));
     assert!(one["best"].get("by_scene").is_none() && one["settings"].get("mirror").is_none());
 }
@@ -218,26 +199,16 @@ fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
 fn a_run_over_scenes_that_was_interrupted_goes_on_to_the_same_bytes() {
     let dir = rooms();
     let more = ["--evaluations", "400", "--mirror"];
-    ok(dir.path(), &optimize("whole", &more));
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(optimize("broken", &more))
-        .current_dir(dir.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let (checkpoint, start) = (dir.path().join("broken/checkpoint.json"), Instant::now());
-    while !checkpoint.exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    ok(&dir, &optimize("whole", &more));
+    let mut child = begun(&dir, &optimize("broken", &more));
+    wait_for(|| dir.path().join("broken/checkpoint.json").exists());
     // Killed, not asked: what stands in the folder is all there is.
     child.kill().unwrap();
     child.wait().unwrap();
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
     let cut = read("broken", "checkpoint.json");
     assert_ne!(cut, read("whole", "checkpoint.json"), "killed too late");
-    let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    let resumed = ok(&dir, "optimize --resume broken --backend cpu");
     for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "map.svg", "map-2.svg"] {
         assert_eq!(read("whole", file), read("broken", file), "{file}");
     }
@@ -247,7 +218,7 @@ fn a_run_over_scenes_that_was_interrupted_goes_on_to_the_same_bytes() {
     }
     // Another second scene is another run.
     changed(dir.path(), "hall.json", |scene| scene["name"] = json!("hall"));
-    let error = fails(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    let error = fails(&dir, "optimize --resume broken --backend cpu");
     assert!(error.contains("hall.json: has changed"), "{error}");
 }
 
@@ -255,16 +226,14 @@ fn a_run_over_scenes_that_was_interrupted_goes_on_to_the_same_bytes() {
 fn audit_study_and_chart_go_from_scene_to_scene() {
     let dir = rooms();
     let both = ["room.json", "hall.json"];
-    let args = [&["audit"], &both[..], &["p.json", "--format", "json"], &CPU].concat();
-    let audit = sightline(dir.path(), &args);
-    let audit: Value = serde_json::from_slice(&audit.stdout).unwrap();
+    let (_, audit, _) = answer(&dir, "audit room.json hall.json p.json --backend cpu");
     let names: Vec<&str> =
         audit["scenes"].as_array().unwrap().iter().map(|s| s["scene"].as_str().unwrap()).collect();
     assert_eq!(names, ["room", "hall"]);
     assert!(audit["passed"].is_boolean());
 
     let more = ["--evaluations", "24", "--out", "study"];
-    let study = ok(dir.path(), &[&["study", "height"], &both[..], &more, &CPU].concat());
+    let study = ok(&dir, &[&["study", "height"], &both[..], &more, &CPU].concat());
     let gain = |table: &Value| table["rows"][0]["values"][0].as_f64().unwrap();
     let scenes = study["scenes"].as_array().unwrap();
     let mean = 0.5 * (gain(&scenes[0]) + gain(&scenes[1]));
@@ -272,14 +241,13 @@ fn audit_study_and_chart_go_from_scene_to_scene() {
     assert!(dir.path().join("study/hall/table.csv").exists());
 
     let more = ["--placements", "4", "--out", "chart"];
-    let charts = ok(dir.path(), &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
+    let charts = ok(&dir, &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
     assert_eq!(charts["scenes"][1]["scene"], "hall");
     assert_eq!(charts["scenes"][0]["placements"].as_array().unwrap().len(), 6);
     assert!(dir.path().join("chart/room/chart.svg").exists());
 
     let more = ["--placements", "4", "--quick", "--out", "quick", "--format", "csv"];
-    let printed =
-        sightline(dir.path(), &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
+    let printed = stdout(&dir, &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
     let read = |scene: &str| {
         fs::read_to_string(dir.path().join("quick").join(scene).join("chart.csv")).unwrap()
     };
@@ -288,5 +256,5 @@ fn audit_study_and_chart_go_from_scene_to_scene() {
     };
     let titles = format!("scene,{}\n", read("room").lines().next().unwrap());
     let wanted = titles + &behind("room") + &behind("hall");
-    assert_eq!(String::from_utf8(printed.stdout).unwrap(), wanted);
+    assert_eq!(printed, wanted);
 }

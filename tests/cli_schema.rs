@@ -2,14 +2,7 @@
 //!
 //! `python/tests/test_schemas.py` holds the schemas against another validator and the files of the project.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, piped};
-use crate::cli_shell::printed;
+use crate::cli::*;
 
 const KINDS: [&str; 4] = ["scene", "vehicle", "placements", "targets"];
 
@@ -18,19 +11,19 @@ fn the_files_of_the_documentation_are_those_that_the_program_prints() {
     let dir = TempDir::new().unwrap();
     for kind in KINDS {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("docs/schemas/{kind}.json"));
-        let printed = printed(dir.path(), &["schema", kind]);
+        let printed = stdout(&dir, &["schema", kind]);
         assert!(
             fs::read_to_string(&file).unwrap() == printed,
             "{kind}: run `sightline schema {kind} > docs/schemas/{kind}.json`"
         );
     }
-    assert!(fails(dir.path(), &["schema", "rig"]).contains("scene, vehicle, placements, targets"));
+    assert!(fails(&dir, "schema rig").contains("scene, vehicle, placements, targets"));
 }
 
 /// Text of a file of the project with a first key that names its schema.
 fn naming_its_schema(file: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
-    let Value::Object(keys) = serde_json::from_slice(&fs::read(path).unwrap()).unwrap() else {
+    let Value::Object(keys) = read_json(path) else {
         panic!("{file} is no object");
     };
     let mut named = serde_json::Map::from_iter([("$schema".to_owned(), json!("a/b, \"c\"?.json"))]);
@@ -59,9 +52,9 @@ fn every_kind_of_file_may_name_its_schema_and_an_unknown_key_stays_an_error() {
     let study = "study targets yard.json placements.json --target post.json --frames 1";
     for (command, (file, text)) in [score, on_vehicle, score, study].into_iter().zip(&files) {
         let words: Vec<&str> = command.split(' ').collect();
-        printed(dir.path(), &words);
+        stdout(&dir, &words);
         fs::write(dir.path().join(file), text.replacen("$schema", "$scheme", 1)).unwrap();
-        let told = fails(dir.path(), &words);
+        let told = fails(&dir, &words);
         assert!(told.contains("unknown key `$scheme`; did you mean `$schema`?"), "{file}: {told}");
         fs::write(dir.path().join(file), text).unwrap();
     }

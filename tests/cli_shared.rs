@@ -2,16 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
-use std::fs;
-use std::path::Path;
 
-use serde_json::{Value, json};
 use sightline::scene::Target;
 use sightline::shared::{LEAST_SHARED, REDUNDANCY_TARGETS, redundancy_question};
 use sightline::{EngineChoice, Job, Scene, read_placements};
-use tempfile::TempDir;
 
-use crate::cli::{array, fails, ok, sightline};
+use crate::cli::*;
 
 /// Classes of the yard by id.
 const CLASSES: [&str; 4] = ["road", "wall", "thing", "vehicle"];
@@ -57,6 +53,15 @@ pub(crate) fn yard() -> TempDir {
         write(&format!("{name}.json"), &scene).unwrap();
     }
     dir
+}
+
+/// Middles of the cells on the ground within 10 m of a box in plan around the origin, and their distance from it.
+pub(crate) fn cells(half: [f64; 2]) -> Vec<([f64; 2], f64)> {
+    let grid = (-60..60).flat_map(|i| (-60..60).map(move |j| [i, j]));
+    let middles = grid.map(|place| place.map(|k| 0.25 * f64::from(k) + 0.125));
+    let beyond = |v: f64, half: f64| (v.abs() - half).max(0.0);
+    let all = middles.map(|[x, y]| ([x, y], beyond(x, half[0]).hypot(beyond(y, half[1]))));
+    all.filter(|(_, distance)| *distance > 0.0 && *distance <= 10.0).collect()
 }
 
 fn study(dir: &Path, kind: &str, more: &[&str]) -> Value {
@@ -106,14 +111,14 @@ fn voxels_seen_by_several_are_those_of_each_lidar_alone() {
     let dir = yard();
     let found = study(dir.path(), "redundancy", &["--frames", "1"]);
     let score = ["score", "yard.json", "each.json", "--backend", "cpu", "--frames", "1"];
-    ok(dir.path(), &[&score[..], &["--coverage-out", "each"]].concat());
+    ok(&dir, &[&score[..], &["--coverage-out", "each"]].concat());
     let mut seen: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
     for lidar in 0..4 {
         let bytes = fs::read(dir.path().join(format!("each/l{lidar}.npy"))).unwrap();
         let covered: Vec<u64> = npyz::NpyFile::new(&bytes[..]).unwrap().into_vec().unwrap();
         covered.into_iter().for_each(|voxel| seen.entry(voxel).or_default().push(lidar));
     }
-    let psog = sightline(dir.path(), &["psog", "build", "yard.json", "--out", "yard.psog.npz"]);
+    let psog = sightline(&dir, "psog build yard.json --out yard.psog.npz");
     assert!(psog.status.success());
     let file = fs::File::open(dir.path().join("yard.psog.npz")).unwrap();
     let occupied: Vec<u64> = array(&mut zip::ZipArchive::new(file).unwrap(), "index");
@@ -217,18 +222,10 @@ fn ground_seen_by_several_is_that_of_the_ends_of_beams() {
         .collect();
     for (key, within) in [("ground_3m", 3.0), ("ground_10m", 10.0)] {
         let mut by = [0.0; 4];
-        for i in -60..60 {
-            for j in -60..60 {
-                let [x, y] = [i, j].map(|k| 0.25 * f64::from(k) + 0.125);
-                let beyond = [(x.abs() - BODY[0]).max(0.0), (y.abs() - BODY[1]).max(0.0)];
-                let distance = beyond[0].hypot(beyond[1]);
-                if distance > 0.0 && distance <= within {
-                    let near =
-                        on_road.iter().filter(|end| (end.at[0] - x).hypot(end.at[1] - y) <= 0.5);
-                    let seers: BTreeSet<usize> = near.map(|end| end.lidar).collect();
-                    by[seers.len().min(3)] += 1.0;
-                }
-            }
+        for ([x, y], _) in cells(BODY).into_iter().filter(|(_, distance)| *distance <= within) {
+            let near = on_road.iter().filter(|end| (end.at[0] - x).hypot(end.at[1] - y) <= 0.5);
+            let seers: BTreeSet<usize> = near.map(|end| end.lidar).collect();
+            by[seers.len().min(3)] += 1.0;
         }
         let seen = numbers(&found["rows"][0][key]["by"]);
         // A hit on the border of half a metre is rounded to either side.
@@ -316,10 +313,10 @@ fn engines_agree_and_scenes_have_a_mean() {
         #[cfg(feature = "gpu")]
         {
             let gpu = ["study", kind, "yard.json", "rigs.json", "--backend", "gpu"];
-            assert_eq!(ok(dir.path(), &gpu), cpu, "{kind}");
+            assert_eq!(ok(&dir, &gpu), cpu, "{kind}");
         }
         let both = ["study", kind, "yard.json", "other.json", "rigs.json", "--backend", "cpu"];
-        let found = ok(dir.path(), &both);
+        let found = ok(&dir, &both);
         assert_eq!(found["rows"].as_array().unwrap().len(), 4);
         assert_eq!([&found["rows"][0], &found["rows"][1]], [&cpu["rows"][0], &cpu["rows"][1]]);
         assert_eq!(found["rows"][2]["scene"], "other");
@@ -351,12 +348,7 @@ fn the_library_has_the_rows_of_the_program() {
 #[test]
 fn tables_for_people() {
     let dir = yard();
-    let text = |args: &str| {
-        let args = format!("study {args} --backend cpu");
-        let done = sightline(dir.path(), &args.split(' ').collect::<Vec<_>>());
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
-    };
+    let text = |args: &str| stdout(&dir, &format!("study {args} --backend cpu"));
     let told = text("redundancy rigs.json --vehicle cart.json --target car");
     assert!(told.contains("four in level ground: 4 LiDARs, 1 frame"), "{told}");
     assert!(told.contains("wide alone  front alone") && told.contains("\ncar "), "{told}");
@@ -376,11 +368,7 @@ fn tables_for_people() {
 fn wrong_input_is_one_sentence_each() {
     let dir = yard();
     let at = |name: &str| dir.path().join(name);
-    fs::write(
-        at("none.json"),
-        json!({ "placements": [{ "name": "a", "lidars": [] }] }).to_string(),
-    )
-    .unwrap();
+    write(&dir, "none.json", &json!({ "placements": [{ "name": "a", "lidars": [] }] }));
     let through = fs::read_to_string(at("yard.json")).unwrap().replace("first-hit", "through");
     fs::write(at("through.json"), through).unwrap();
     let cases: [(&str, &str); 9] = [
@@ -411,12 +399,11 @@ fn wrong_input_is_one_sentence_each() {
     ];
     for (args, words) in cases {
         let args = format!("study {args} --backend cpu --quiet");
-        let told = fails(dir.path(), &args.split(' ').collect::<Vec<_>>());
+        let told = fails(&dir, &args);
         assert!(told.contains(words) && told.lines().count() == 1, "{args}: {told}");
     }
     // Without hits there is no ground, which is said, and no target.
-    let found =
-        ok(dir.path(), &["study", "redundancy", "through.json", "rigs.json", "--backend", "cpu"]);
+    let found = ok(&dir, "study redundancy through.json rigs.json --backend cpu");
     let row = &found["rows"][0];
     assert_eq!((&row["ground_3m"], &row["targets"]), (&Value::Null, &json!([])));
     assert!(row["no_ground"].as_str().unwrap().contains("beams end at nothing"), "{row}");

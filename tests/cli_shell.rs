@@ -1,20 +1,10 @@
 //! `completions` and `man`: what the shells and groff at hand make of them.
 
-use std::fs;
-use std::path::{Component, Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Component;
 
 use sightline::score::{Objective, ObjectiveError};
-use tempfile::TempDir;
 
-use crate::cli::{fails, sightline};
-
-/// Standard output of a command that must succeed.
-pub(crate) fn printed(dir: &Path, args: &[&str]) -> String {
-    let output = sightline(dir, args);
-    assert!(output.status.success(), "{args:?}");
-    String::from_utf8(output.stdout).unwrap()
-}
+use crate::cli::*;
 
 fn is_there(program: &str) -> bool {
     let mut asked = Command::new(program);
@@ -29,11 +19,11 @@ fn is_there(program: &str) -> bool {
 fn shells_complete_commands_and_options() {
     let dir = TempDir::new().unwrap();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        let script = printed(dir.path(), &["completions", shell]);
+        let script = stdout(&dir, &["completions", shell]);
         assert!(script.contains("optimize") && script.contains("condition"), "{shell}");
         fs::write(dir.path().join(shell), script).unwrap();
     }
-    let error = sightline(dir.path(), &["completions", "tcsh"]);
+    let error = sightline(&dir, "completions tcsh");
     assert_eq!(error.status.code(), Some(2));
     if !is_there("bash") {
         return;
@@ -57,7 +47,7 @@ fn shells_complete_commands_and_options() {
 #[test]
 fn pages_are_there_for_all_commands_and_groff_finds_no_fault() {
     let dir = TempDir::new().unwrap();
-    printed(dir.path(), &["man", "--out", "man1"]);
+    stdout(&dir, &["man", "--out", "man1"]);
     let mut pages: Vec<String> = fs::read_dir(dir.path().join("man1"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -67,10 +57,10 @@ fn pages_are_there_for_all_commands_and_groff_finds_no_fault() {
     for name in ["sightline.1", "sightline-optimize.1", "sightline-scene-new.1"] {
         assert!(pages.iter().any(|page| page == name), "{name} of {pages:?}");
     }
-    let one = printed(dir.path(), &["man", "scene", "new"]);
+    let one = stdout(&dir, &["man", "scene", "new"]);
     assert_eq!(one, fs::read_to_string(dir.path().join("man1/sightline-scene-new.1")).unwrap());
     assert!(one.contains(".TH sightline-scene-new 1"), "{one}");
-    let error = fails(dir.path(), &["man", "scene", "old"]);
+    let error = fails(&dir, "man scene old");
     assert!(error.contains("has no command `old`; it has "), "{error}");
     if !is_there("groff") {
         return;
@@ -170,7 +160,7 @@ fn packages_hold_every_file_that_their_sources_include() {
 /// Names in the help of `--objective` are those that an unknown one is answered with.
 #[test]
 fn the_help_names_every_score_that_may_be_maximized() {
-    let help = printed(Path::new("."), &["optimize", "--help"]);
+    let help = stdout(".", &["optimize", "--help"]);
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
     let (_, names) = help.split_once("--objective <OBJECTIVE>").unwrap();
     let unknown = "no_score".parse::<Objective>().unwrap_err();

@@ -1,11 +1,6 @@
 //! Every long command, interrupted at moments of its run or out of time, ends soon, and leaves whole files or none.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
-
-use serde_json::{Value, json};
+use crate::cli::*;
 
 /// Milliseconds from the start to the signal: before the scene is read, while it is scanned, in the midst of the work.
 const MOMENTS: [u64; 4] = [3, 60, 250, 800];
@@ -30,10 +25,8 @@ const COMMANDS: [&str; 10] = [
 /// A scene that is scanned in milliseconds, one of many frames, placements, and a vehicle with many choices, once with a requirement.
 fn write_inputs(dir: &Path) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let read = |path: &str| -> Value {
-        serde_json::from_str(&fs::read_to_string(root.join(path)).unwrap()).unwrap()
-    };
-    let write = |name: &str, value: &Value| fs::write(dir.join(name), value.to_string()).unwrap();
+    let read = |path: &str| read_json(root.join(path));
+    let write = |name: &str, value: &Value| write(dir, name, value);
     let mut scene = read("scenes/urban-crossing.json");
     scene["frames"] = json!(2);
     scene["lidar"]["channels"] = json!(8);
@@ -66,8 +59,7 @@ fn write_inputs(dir: &Path) {
 
 /// More placements than are scored in seconds, one a line.
 fn write_many(dir: &Path) {
-    let some = fs::read_to_string(dir.join("some.json")).unwrap();
-    let some: Value = serde_json::from_str(&some).unwrap();
+    let some = read_json(dir.join("some.json"));
     let lines: String =
         some["placements"].as_array().unwrap().iter().map(|one| format!("{one}\n")).collect();
     let lines = (0..1000).map(|i| lines.replace("\"p", &format!("\"p{i}-")));
@@ -82,14 +74,9 @@ fn stopped(
     after: Duration,
 ) -> (ExitStatus, Duration, String) {
     let said = dir.join("said.txt");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(line.split_whitespace())
-        .current_dir(dir)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(fs::File::create(&said).unwrap())
-        .spawn()
-        .unwrap();
+    let mut command = program(dir, line);
+    let child =
+        command.stdout(Stdio::null()).stderr(fs::File::create(&said).unwrap()).spawn().unwrap();
     std::thread::sleep(after);
     let kill = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
     assert!(
@@ -98,16 +85,7 @@ fn stopped(
         fs::read_to_string(&said).unwrap()
     );
     let sent = Instant::now();
-    let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status;
-        }
-        if sent.elapsed() > HANGS {
-            child.kill().unwrap();
-            panic!("{line}: still there {HANGS:?} after {signal}");
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    };
+    let status = end_within(HANGS, child, line);
     (status, sent.elapsed(), fs::read_to_string(&said).unwrap())
 }
 
@@ -173,25 +151,9 @@ const LIMIT: u64 = 1;
 /// Runs `sightline` on the host to its end, and kills it after `most`: how it ended, how long it took, its stderr.
 fn ended(dir: &Path, line: &str, most: Duration) -> (ExitStatus, Duration, String) {
     let (start, said) = (Instant::now(), dir.join("said.txt"));
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(line.split_whitespace())
-        .args(["--backend", "cpu", "--out", "out"])
-        .current_dir(dir)
-        .stdout(Stdio::null())
-        .stderr(fs::File::create(&said).unwrap())
-        .spawn()
-        .unwrap();
-    let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status;
-        }
-        if start.elapsed() > most {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            panic!("{line}: still there after {most:?}");
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    };
+    let mut command = program(dir, &format!("{line} --backend cpu --out out"));
+    let child = command.stdout(Stdio::null()).stderr(fs::File::create(&said).unwrap()).spawn();
+    let status = end_within(most, child.unwrap(), line);
     (status, start.elapsed(), fs::read_to_string(&said).unwrap())
 }
 
@@ -199,28 +161,20 @@ fn ended(dir: &Path, line: &str, most: Duration) -> (ExitStatus, Duration, Strin
 /// `few.json` is the same over four frames.
 fn write_long_scenes(dir: &Path) {
     write_inputs(dir);
-    let read = |name: &str| -> Value {
-        serde_json::from_str(&fs::read_to_string(dir.join(name)).unwrap()).unwrap()
-    };
-    let mut scene = read("busy.json");
+    let mut scene = read_json(dir.join("busy.json"));
     scene["roi"]["voxel"] = json!([0.5, 0.5, 0.5]);
-    let mut write = |name: &str, frames: u32, psog: Option<&str>| {
+    let mut frames = |name: &str, frames: u32, psog: Option<&str>| {
         scene["frames"] = json!(frames);
         if let Some(psog) = psog {
             scene["psog"] = json!({ "file": psog });
         }
-        fs::write(dir.join(name), scene.to_string()).unwrap();
+        write(dir, name, &scene);
     };
-    write("scanned.json", 4, None);
-    write("few.json", 4, Some("psog.npz"));
-    write("given.json", 1500, Some("psog.npz"));
-    write("again.json", 1500, Some("psog.npz"));
-    let build = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(["psog", "build", "scanned.json", "--out", "psog.npz"])
-        .current_dir(dir)
-        .output()
-        .unwrap();
-    assert!(build.status.success(), "{build:?}");
+    frames("scanned.json", 4, None);
+    frames("few.json", 4, Some("psog.npz"));
+    frames("given.json", 1500, Some("psog.npz"));
+    frames("again.json", 1500, Some("psog.npz"));
+    printed(dir, "psog build scanned.json --out psog.npz");
 }
 
 #[test]
@@ -242,8 +196,7 @@ fn searches_over_many_frames_end_soon_after_their_time() {
         let (status, _, said) = limited(line, LIMIT, most);
         // 1: what the vehicle requires is not met in the time.
         assert!(matches!(status.code(), Some(0 | 1)), "{line}: {said}");
-        let result = fs::read_to_string(dir.path().join("out/result.json")).unwrap();
-        let result: Value = serde_json::from_str(&result).unwrap();
+        let result = read_json(dir.path().join("out/result.json"));
         let stopped = result["stopped"].as_str().unwrap();
         assert!(stopped.starts_with("time: ") && stopped.contains("frames"), "{line}: {stopped}");
         assert!(said.contains("--resume out"), "{line}: {said}");

@@ -1,16 +1,11 @@
 //! Studies: their files, going on with them, and numbers that can be checked.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
 use sightline::psog::{Psog, Roi, write_psog};
 use sightline::vehicle::{Constraints, random_placements};
-use tempfile::TempDir;
 
-use crate::cli::{corridor, fails, ok, room, sightline};
+use crate::cli::*;
 
-fn study(dir: &std::path::Path, kind: &str, more: &[&str]) -> Value {
+fn study(dir: &Path, kind: &str, more: &[&str]) -> Value {
     let fixed =
         ["study", kind, "room.json", "--backend", "cpu", "--evaluations", "24", "--random", "20"];
     ok(dir, &[&fixed[..], more].concat())
@@ -39,7 +34,7 @@ fn level_corridor(lidars: u32) -> TempDir {
     for angle in ["roll", "pitch", "yaw"] {
         scene["mount"][angle] = json!([0, 0]);
     }
-    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    write(&dir, "scene.json", &scene);
     dir
 }
 
@@ -49,7 +44,7 @@ const BY_GAIN: [&str; 2] = ["--objective", "information_gain"];
 /// A study of the corridor; every table and chart is whole.
 fn of_corridor(dir: &TempDir, kind: &str, more: &[&str]) -> Value {
     let args = ["study", kind, "scene.json", "--backend", "cpu", "--evaluations", "24"];
-    let table = ok(dir.path(), &[&args[..], &["--out", kind], more].concat());
+    let table = ok(dir, &[&args[..], &["--out", kind], more].concat());
     let columns = table["columns"].as_array().unwrap().len();
     let rows = table["rows"].as_array().unwrap();
     for row in rows {
@@ -59,9 +54,7 @@ fn of_corridor(dir: &TempDir, kind: &str, more: &[&str]) -> Value {
     assert_eq!(csv.lines().count(), 1 + rows.len(), "{kind}");
     let svg = fs::read_to_string(dir.path().join(kind).join("chart.svg")).unwrap();
     assert!(svg.contains("<circle") && svg.ends_with("</svg>\n"), "{kind}");
-    let saved: Value =
-        serde_json::from_slice(&fs::read(dir.path().join(kind).join("study.json")).unwrap())
-            .unwrap();
+    let saved = read_json(dir.path().join(kind).join("study.json"));
     assert_eq!(saved["settings"]["study"], kind);
     table
 }
@@ -106,7 +99,7 @@ fn sensors_and_heights_that_see_the_same_row_gain_the_same() {
     let [first, second] = rows_of_the_corridor();
     let share = 100.0 * first / (first + second);
     // The upper channel leaves the region within the first voxels.
-    fs::write(dir.path().join("two.json"), "{ \"elevation_deg\": [0, 45] }").unwrap();
+    write(&dir, "two.json", "{ \"elevation_deg\": [0, 45] }");
     let table = of_corridor(&dir, "channels", &["--sensor", "two.json"]);
     assert_column(&table, "beams a LiDAR", &[16.0, 32.0, 64.0, 128.0, 2.0]);
     assert_column(&table, "gain %", &[share; 5]);
@@ -169,8 +162,7 @@ fn random_placements_see_either_row_and_the_optimized_one_the_better() {
     let [first, second] = rows_of_the_corridor();
     let table = of_corridor(&dir, "random", &[&["--random", "9"], &BY_GAIN[..]].concat());
     // Equal draws, and the row of each.
-    let mount: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("scene.json")).unwrap()).unwrap();
+    let mount = read_json(dir.path().join("scene.json"));
     assert_eq!((&mount["mount"]["min"][1], &mount["mount"]["max"][1]), (&json!(0.1), &json!(1.9)));
     let constraints =
         Constraints::in_box([0.1, 0.1, 0.1, 0.0, 0.0, 0.0], [0.9, 1.9, 0.9, 0.0, 0.0, 0.0], 1);
@@ -207,7 +199,7 @@ fn a_placement_carried_to_another_scene_sees_its_own_row_there() {
     }
     other["name"] = "other".into();
     other["psog"]["file"] = "other.psog.npz".into();
-    fs::write(dir.path().join("other.json"), other.to_string()).unwrap();
+    write(&dir, "other.json", &other);
     // Row 0: car in 1 of 4 frames. Row 1: car in 2, pole in 1.
     let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
     let classes = vec!["car".to_owned(), "pole".to_owned()];
@@ -227,10 +219,7 @@ fn a_placement_carried_to_another_scene_sees_its_own_row_there() {
 
 /// Scores of the layouts of Table 7 in the room with other voxels, as `score` prints them.
 fn scores_in_room(dir: &Path, voxel: [f64; 3]) -> Vec<Value> {
-    let mut scene: Value =
-        serde_json::from_slice(&fs::read(dir.join("room.json")).unwrap()).unwrap();
-    scene["roi"]["voxel"] = json!(voxel);
-    fs::write(dir.join("other.json"), scene.to_string()).unwrap();
+    change_as(dir, ["room.json", "other.json"], |scene| scene["roi"]["voxel"] = json!(voxel));
     let placements = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/placements.json");
     let placements = placements.to_str().unwrap();
     let args = ["score", "other.json", placements, "--backend", "cpu"];
@@ -239,8 +228,7 @@ fn scores_in_room(dir: &Path, voxel: [f64; 3]) -> Vec<Value> {
 
 #[test]
 fn voxels_and_published_results_are_ranked_by_the_scores_that_score_prints() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let layouts = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/placements.json");
     let more = [layouts.to_str().unwrap(), "--out", "voxels", "--frames", "3"];
     let table = study(dir.path(), "voxels", &more);
@@ -256,7 +244,7 @@ fn voxels_and_published_results_are_ranked_by_the_scores_that_score_prints() {
     // Sensors of another vehicle are not those behind the published results.
     let car = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/vehicles/car.json");
     let car = ["study", "published", "room.json", "--vehicle", car.to_str().unwrap()];
-    let refused = fails(dir.path(), &car);
+    let refused = fails(&dir, &car);
     assert!(refused.contains("room.json: `study published` compares"), "{refused}");
     let more = ["--out", "published", "--frames", "3", "--voxel", "0.2"];
     let table = study(dir.path(), "published", &more);
@@ -304,8 +292,7 @@ fn pearson(a: &[f64], b: &[f64]) -> f64 {
 
 #[test]
 fn more_lidars_in_a_room_never_gain_less_and_a_loss_never_gains() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let table = study(dir.path(), "lidars", &["--out", "lidars"]);
     let gains: Vec<f64> = column(&table, "gain %").into_iter().map(|gain| gain.1).collect();
     assert_eq!(gains.len(), 8);
@@ -322,34 +309,32 @@ fn more_lidars_in_a_room_never_gain_less_and_a_loss_never_gains() {
 
 #[test]
 fn a_study_that_is_done_is_not_made_again_and_another_one_is_refused() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let first = study(dir.path(), "height", &["--out", "s"]);
     let before = fs::read(dir.path().join("s/checkpoint.json")).unwrap();
     assert_eq!(study(dir.path(), "height", &["--out", "s"]), first);
     assert_eq!(fs::read(dir.path().join("s/checkpoint.json")).unwrap(), before);
     let other = ["study", "height", "room.json", "--backend", "cpu", "--out", "s", "--seed", "9"];
-    let message = fails(dir.path(), &other);
+    let message = fails(&dir, &other);
     assert!(message.contains("other settings"), "{message}");
     let moved = fs::read_to_string(dir.path().join("room.json")).unwrap();
-    fs::write(dir.path().join("room.json"), moved.replace("[3.9,", "[3.2,")).unwrap();
+    write(&dir, "room.json", &moved.replace("[3.9,", "[3.2,"));
     let fixed = ["study", "height", "room.json", "--backend", "cpu", "--evaluations", "24"];
     let same = [&fixed[..], &["--random", "20", "--out", "s"]].concat();
-    let message = fails(dir.path(), &same);
+    let message = fails(&dir, &same);
     assert!(message.contains("room.json: has changed;"), "{message}");
 }
 
 #[test]
 fn wrong_input_is_named() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     for (args, says) in [
         (&["study", "transfer", "room.json"][..], "two or more scene files"),
         (&["study", "regions", "room.json", "--box", "a:1,2,3"][..], "NAME:x0,y0,z0,x1,y1,z1"),
         (&["study", "channels", "room.json", "--sensor", "none.json"][..], "none.json"),
         (&["study", "lidars", "room.json", "--objective", "near_gan"][..], "did you mean"),
     ] {
-        let refused = sightline(dir.path(), args);
+        let refused = sightline(&dir, args);
         assert_eq!(refused.status.code(), Some(2), "{args:?}");
         let message = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(message.contains(says), "{message}");
@@ -358,8 +343,7 @@ fn wrong_input_is_named() {
 
 #[test]
 fn cases_of_one_name_would_share_numbers_and_are_refused() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     fs::copy(dir.path().join("room.json"), dir.path().join("copy.json")).unwrap();
     for folder in ["a", "b"] {
         fs::create_dir(dir.path().join(folder)).unwrap();
@@ -377,7 +361,7 @@ fn cases_of_one_name_would_share_numbers_and_are_refused() {
         ),
     ] {
         let args = [&["study"][..], args, &["--backend", "cpu"]].concat();
-        let message = fails(dir.path(), &args);
+        let message = fails(&dir, &args);
         assert!(message.contains(says), "{message}");
     }
     assert!(!dir.path().join("studies").exists());
@@ -386,31 +370,21 @@ fn cases_of_one_name_would_share_numbers_and_are_refused() {
 #[test]
 fn the_study_of_channels_has_the_near_field_of_each_best_placement() {
     let dir = TempDir::new().unwrap();
-    let scene = serde_json::json!({
-        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
-        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.8, 0.8, 0.8] },
-        "lidar": { "channels": 16, "fov": [-30, 5], "azimuth_steps": 60, "range": 60 },
-        "mount": { "min": [-1.0, -0.5, 1.8], "max": [1.0, 0.5, 2.2], "lidars": 1 },
-        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
-        "actors": [{ "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
-            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
-        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
-    });
-    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    let lidar = json!({ "channels": 16, "fov": [-30, 5], "azimuth_steps": 60, "range": 60 });
+    let mount = json!({ "min": [-1.0, -0.5, 1.8], "max": [1.0, 0.5, 2.2], "lidars": 1 });
+    let mut scene = level_yard(lidar, mount);
+    scene["roi"]["voxel"] = json!([0.8, 0.8, 0.8]);
+    write(&dir, "scene.json", &scene);
     let table = of_corridor(&dir, "channels", &[]);
     let near = column(&table, "near %");
     assert_eq!(near.len(), 7);
     assert!(near[0].1 < near[3].1, "more channels see more ground: {near:?}");
     // The scene's own sensor, looked at by the study that does nothing else.
     let best = table["rows"][0]["placement"].clone();
-    fs::write(
-        dir.path().join("best.json"),
-        serde_json::json!({ "placements": [best] }).to_string(),
-    )
-    .unwrap();
+    write(&dir, "best.json", &json!({ "placements": [best] }));
     let looked =
         ["study", "nearfield", "scene.json", "best.json", "--frames", "2", "--backend", "cpu"];
-    let looked = ok(dir.path(), &looked);
+    let looked = ok(&dir, &looked);
     let field = |key: &str| 100.0 * looked["near_fields"][0][key].as_f64().unwrap();
     assert!((near[0].1 - field("near_field")).abs() < 1e-9, "{looked}");
     assert!((column(&table, "3 m %")[0].1 - field("ring")).abs() < 1e-9, "{looked}");

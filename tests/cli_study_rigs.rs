@@ -1,12 +1,6 @@
 //! Studies of own rigs: placements and budgets that studies take, requirements that are missed, studies without an answer.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 use crate::cli_targets::ruled;
 
 /// A street, and a van with one spinning sensor on its roof and solid ones on two sides, which come in pairs.
@@ -44,18 +38,10 @@ pub(crate) fn street() -> TempDir {
     dir
 }
 
-fn write(dir: &TempDir, name: &str, value: &Value) {
-    fs::write(dir.path().join(name), value.to_string()).unwrap();
-}
-
-fn words(line: &str) -> Vec<&str> {
-    line.split(' ').collect()
-}
-
 /// The table of a study of the street, two frames, short searches.
 fn study(dir: &TempDir, line: &str) -> Value {
     let line = format!("study {line} --frames 2 --evaluations 12 --random 8 --backend cpu");
-    ok(dir.path(), &words(&line))
+    ok(dir, &line)
 }
 
 /// Number of a row in a column.
@@ -105,7 +91,7 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
         let under = sky.checked_sub(1).map(|k| conditions[k]);
         let condition = under.map_or(String::new(), |one| format!(" --condition {one}"));
         let line = format!("score street.json rigs.json --frames 2 --backend cpu{condition}");
-        let scored = ok(dir.path(), &words(&line));
+        let scored = ok(&dir, &line);
         for (row, scores) in found.iter().zip(scored["scores"].as_array().unwrap()) {
             let name = row["name"].as_str().unwrap();
             let rig = scores["name"].as_str().unwrap();
@@ -129,7 +115,7 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
         }
     }
     // Both sides look at the body, as no score alone tells.
-    let hits = ok(dir.path(), &words("score street.json rigs.json --frames 2 --backend cpu"));
+    let hits = ok(&dir, "score street.json rigs.json --frames 2 --backend cpu");
     assert!(hits.to_string().contains("self_hit"), "{hits}");
     // Fog of 20 m takes much, and one rig misses what the other meets.
     assert!(gains[2] < 0.95 * gains[0], "{gains:?}");
@@ -160,7 +146,7 @@ fn ahead(dir: &TempDir, (table, row): (&Value, &Value), rig: &str, condition: Op
         "study targets rigs.json --vehicle van.json --target car --bearings 0 --distances {} --backend cpu{condition}",
         distances.join(",")
     );
-    let looked = ok(dir.path(), &words(&line));
+    let looked = ok(dir, &line);
     let of_rig = looked["rows"].as_array().unwrap().iter().filter(|of| of["placement"] == rig);
     let met = |of: &&Value| of["beams"].as_u64().unwrap() >= 5 && of["overlaps"] != true;
     let from = of_rig.skip_while(|of| !met(of));
@@ -175,7 +161,7 @@ fn regions_random_and_voxels_look_at_own_rigs_alone() {
     let table =
         study(&dir, "regions street.json rigs.json --box all:-17,-17,-1,17,17,4 --out regions");
     assert_eq!(names(&table), ["roof", "sides"]);
-    let scored = ok(dir.path(), &words("score street.json rigs.json --frames 2 --backend cpu"));
+    let scored = ok(&dir, "score street.json rigs.json --frames 2 --backend cpu");
     for (row, scores) in rows(&table).iter().zip(scored["scores"].as_array().unwrap()) {
         let want = 100.0 * scores["information_gain_share"].as_f64().unwrap();
         let found = value(&table, row, "all %").unwrap();
@@ -224,7 +210,7 @@ fn each_number_of_lidars_keeps_mounts_symmetry_and_budget() {
     let best = &rows(&rich)[2]["placement"];
     write(&dir, "best.json", &json!({ "placements": [best] }));
     let line = "score street.json best.json --frames 2 --backend cpu";
-    let scores = &ok(dir.path(), &words(line))["scores"][0];
+    let scores = &ok(&dir, line)["scores"][0];
     let gain = value(&rich, &rows(&rich)[2], "near gain %").unwrap();
     assert!(close(gain, 100.0 * scores["near_gain"].as_f64().unwrap()), "{gain}, {scores}");
 }
@@ -251,9 +237,7 @@ fn prices_and_scenes_are_compared_within_the_budget() {
 fn rows_that_miss_a_requirement_are_marked_in_text_and_csv() {
     let dir = street();
     let line = "study regions street.json rigs.json --frames 2 --backend cpu --out one";
-    let output = sightline(dir.path(), &words(line));
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(output.status.code(), Some(0), "a missed requirement is an answer");
+    let text = stdout(&dir, line);
     assert!(text.lines().any(|line| line.starts_with("! roof ")), "{text}");
     assert!(text.contains("! roof: NOT MET: left: "), "{text}");
     let csv = fs::read_to_string(dir.path().join("one/table.csv")).unwrap();
@@ -269,15 +253,14 @@ fn rows_that_miss_a_requirement_are_marked_in_text_and_csv() {
 fn a_study_without_an_answer_ends_with_one_and_says_why() {
     let dir = street();
     // A mount for one LiDAR, and two that are to be mirror images of each other.
-    let van = fs::read_to_string(dir.path().join("van.json")).unwrap();
-    let mut van: Value = serde_json::from_str(&van).unwrap();
+    let mut van = read_json(dir.path().join("van.json"));
     for mount in van["mounts"].as_array_mut().unwrap() {
         mount["count"] = json!([4, 4]);
     }
     van["symmetric"] = json!(false);
     write(&dir, "van.json", &van);
     let line = "study lidars street.json --frames 1 --evaluations 4 --backend cpu";
-    let output = sightline(dir.path(), &words(line));
+    let output = sightline(&dir, line);
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{stderr}");
     assert!(stderr.contains("no row has an answer: the mounts of van must hold 12"), "{stderr}");
@@ -303,7 +286,7 @@ fn what_a_study_does_not_take_is_refused() {
         ("nearfield street.json", "the vehicle is not the paper's car"),
         ("weather street.json rigs.json --condition fog --condition fog", "two conditions are"),
     ] {
-        let message = fails(dir.path(), &words(&format!("study {line} --backend cpu")));
+        let message = fails(&dir, &format!("study {line} --backend cpu"));
         assert!(message.contains(says), "{line}: {message}");
     }
     assert!(!Path::new(&dir.path().join("studies")).exists());
@@ -312,8 +295,7 @@ fn what_a_study_does_not_take_is_refused() {
 #[test]
 fn the_paper_s_car_is_compared_with_the_layouts_of_its_table() {
     let dir = street();
-    let scene = fs::read_to_string(dir.path().join("street.json")).unwrap();
-    let mut scene: Value = serde_json::from_str(&scene).unwrap();
+    let mut scene = read_json(dir.path().join("street.json"));
     scene.as_object_mut().unwrap().remove("vehicle");
     scene["lidar"] = json!({ "channels": 4, "fov": [-30, 5], "azimuth_steps": 60, "range": 60 });
     scene["mount"] = json!({ "min": [-1, -1, 2], "max": [1, 1, 3], "roll": [-1, 1], "lidars": 4 });
@@ -332,7 +314,7 @@ fn the_loss_of_own_rigs_is_over_all_frames_unless_told() {
     let dir = street();
     let loss = |more: &[&str]| {
         let args = ["study", "loss", "street.json", "rigs.json", "--backend", "cpu"];
-        let found = ok(dir.path(), &[&args[..], more].concat());
+        let found = ok(&dir, &[&args[..], more].concat());
         found["title"].as_str().unwrap().to_owned()
     };
     assert!(loss(&["--out", "all"]).starts_with("street, 3 frames: "));
@@ -353,10 +335,10 @@ fn own_rigs_lose_each_lidar_in_turn() {
         { "name": "front", "lidars": [lidar(0.0), lidar(0.0)] } ] });
     let back = std::f64::consts::PI;
     let blind = json!({ "placements": [{ "name": "back", "lidars": [lidar(back), lidar(back)] }] });
-    fs::write(dir.path().join("blind.json"), blind.to_string()).unwrap();
-    fs::write(dir.path().join("own.json"), rigs.to_string()).unwrap();
+    write(&dir, "blind.json", &blind);
+    write(&dir, "own.json", &rigs);
     let args = ["study", "loss", "street.json", "own.json", "--backend", "cpu", "--out", "lost"];
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     let title = found["title"].as_str().unwrap();
     assert!(title.ends_with(": near gain % with all LiDARs, and after the loss of one"), "{title}");
     let columns = found["columns"].as_array().unwrap();
@@ -377,7 +359,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     titles.sort_unstable();
     titles.dedup();
     assert_eq!(titles.len(), count, "{table}");
-    let scores = ok(dir.path(), &["score", "street.json", "own.json", "--backend", "cpu"]);
+    let scores = ok(&dir, "score street.json own.json --backend cpu");
     let gain = scores["scores"][0]["near_gain"].as_f64().unwrap();
     assert!((both[0].as_f64().unwrap() - 100.0 * gain).abs() < 1e-9, "{both:?} {gain}");
     // The chart has the gains alone: two rigs at three and four values; the losses that fail are hollow.
@@ -421,7 +403,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     );
     // A requirement that all LiDARs miss is missed without each, and told so.
     let args = ["study", "loss", "street.json", "blind.json", "--backend", "cpu", "--out", "blind"];
-    let notes = ok(dir.path(), &args)["notes"].to_string();
+    let notes = ok(&dir, &args)["notes"].to_string();
     for lost in ["back without LiDAR 0", "back without LiDAR 1"] {
         let (_, rest) = notes.split_once(lost).expect(&notes);
         let told = rest.split("back without").next().unwrap();
@@ -432,25 +414,18 @@ fn own_rigs_lose_each_lidar_in_turn() {
     let single = |name: &str, yaw: f64| json!({ "name": name, "lidars": [lidar(yaw)] });
     let left =
         json!({ "placements": [single("ahead", 0.0), single("back", std::f64::consts::PI)] });
-    fs::write(dir.path().join("left.json"), left.to_string()).unwrap();
+    write(&dir, "left.json", &left);
     let degrees = |more: &[&str]| {
-        let scores = ok(dir.path(), &[&["score", "street.json", "left.json"], more].concat());
-        let of = |row: usize| -> f64 {
-            let blind = scores["scores"][row]["range_card"]["blind"].as_array().unwrap();
-            let width = |sector: &Value| {
-                let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
-                if from < to { to - from } else { to - from + 360.0 }
-            };
-            blind.iter().map(width).sum()
-        };
-        of(0).max(of(1))
+        let scores = ok(&dir, &[&["score", "street.json", "left.json"], more].concat());
+        let [ahead, back] = [0, 1].map(|row| blind_degrees(&scores["scores"][row]));
+        ahead.max(back)
     };
     let line = ["study", "loss", "street.json", "own.json", "--out", "fog"];
-    let in_fog = ok(dir.path(), &[&line[..], &fog].concat());
+    let in_fog = ok(&dir, &[&line[..], &fog].concat());
     let blind = in_fog["rows"][0]["values"][6].as_f64().unwrap();
     assert_eq!((blind, both[6].as_f64().unwrap()), (degrees(&fog), degrees(&fog[2..])));
     assert!(blind > both[6].as_f64().unwrap(), "{blind} {both:?}");
-    let told = fails(dir.path(), &["study", "lidars", "street.json", "own.json"]);
+    let told = fails(&dir, "study lidars street.json own.json");
     assert!(
         told.contains("own.json: holds placements, which `study lidars` does not take"),
         "{told}"
@@ -475,7 +450,7 @@ fn studies_look_at_a_rule_of_100_per_cent_as_closely_as_score() {
     );
     let of = "street.json ring.json --vehicle cart.json";
     let line = format!("score {of} --frames 2 --backend cpu --tolerance 0");
-    let required = ok(dir.path(), &words(&line))["scores"][0]["requirements"][0].clone();
+    let required = ok(&dir, &line)["scores"][0]["requirements"][0].clone();
     assert_eq!(required["met"], false, "{required}");
     let missing = required["missing"].as_str().unwrap();
     assert!(missing.contains("1 of 192 bearings"), "{missing}");
@@ -486,9 +461,8 @@ fn studies_look_at_a_rule_of_100_per_cent_as_closely_as_score() {
         assert_eq!(row["requirements_met"], false, "{kind}: {row}");
         assert!(row["not_met"][0].as_str().unwrap().ends_with(missing), "{kind}: {row}");
     }
-    let line = format!("study tolerance {of} --frames 2 --backend cpu --steps 1 --format json");
-    let run = sightline(dir.path(), &words(&line));
-    let room: Value = serde_json::from_slice(&run.stdout).unwrap();
+    let line = format!("study tolerance {of} --frames 2 --backend cpu --steps 1");
+    let (code, room, _) = answer(&dir, &line);
     let told = room["rows"][0]["missed"][0].as_str().unwrap_or_else(|| panic!("{room}"));
-    assert_eq!((run.status.code(), told.ends_with(missing)), (Some(1), true), "{room}");
+    assert_eq!((code, told.ends_with(missing)), (Some(1), true), "{room}");
 }

@@ -1,23 +1,15 @@
 //! `study sweep` and `study tolerance` against `score` of placements moved by hand, from outside.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
 use sightline::job::SweptField;
 use sightline::{EngineChoice, Job, Scene, read_placements};
-use tempfile::TempDir;
 
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 use crate::cli_shared::yard;
 
 /// The yard, whose vehicle must see a car, and a rig of two models.
 fn required_yard() -> TempDir {
     let dir = yard();
-    let path = dir.path().join("cart.json");
-    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    vehicle["require"] = json!([{ "target": "car", "within": 20, "share": 0.9 }]);
-    fs::write(&path, vehicle.to_string()).unwrap();
+    set_rules(&dir, json!([{ "target": "car", "within": 20, "share": 0.9 }]));
     write_rig(dir.path(), "two.json", 1.0, 0.0);
     dir
 }
@@ -28,7 +20,7 @@ fn write_rig(dir: &Path, name: &str, z: f64, pitch: f64) {
         { "x": 0.5, "y": 0.5, "z": 1.9, "sensor": "wide" },
         { "x": 2.1, "y": 0, "z": z, "pitch": pitch, "sensor": "front" }]);
     let rigs = json!({ "placements": [{ "name": "two", "lidars": lidars }] });
-    fs::write(dir.join(name), rigs.to_string()).unwrap();
+    write(dir, name, &rigs);
 }
 
 fn sweep(dir: &Path, more: &[&str]) -> Value {
@@ -99,9 +91,7 @@ fn a_table_for_people_and_a_chart() {
     let dir = required_yard();
     let args = ["study", "sweep", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
     let of = ["--of", "1.z", "--from", "1", "--to", "3", "--values", "3", "--out", "z.svg"];
-    let run = sightline(dir.path(), &[&args[..], &of].concat());
-    assert!(run.status.success(), "{run:?}");
-    let text = String::from_utf8(run.stdout).unwrap();
+    let text = stdout(&dir, &[&args[..], &of].concat());
     assert!(
         text.contains("two: z of LiDAR 1")
             && text.contains("req 1: car from 5 to 20 m, 90.0 % required"),
@@ -129,7 +119,7 @@ fn a_table_for_people_and_a_chart() {
     }
     let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
     let of = ["--of", "1.pitch", "--from", "0", "--to", "30", "--values", "2"];
-    let found = ok(dir.path(), &[&level[..], &of].concat());
+    let found = ok(&dir, &[&level[..], &of].concat());
     // A sensor that looks down by 30° loses a car ahead; the other one sees it to 25 m. Level, it loses one at 45 m between two
     // of its beams.
     let blind =
@@ -144,24 +134,24 @@ fn a_table_for_people_and_a_chart() {
 fn flat_areas_of_the_ground_have_voxels_on_level_ground() {
     let dir = required_yard();
     let path = dir.path().join("cart.json");
-    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut vehicle = read_json(&path);
     vehicle["require"] =
         json!([{ "name": "ahead", "min": [4, -2, -0.1], "max": [9, 2, 0.1], "share": 0.3 }]);
     fs::write(&path, vehicle.to_string()).unwrap();
     let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
     // A sensor that looks at the sky sees none of it.
     let of = ["--of", "front.pitch", "--from", "-60", "--to", "15", "--values", "2"];
-    let found = ok(dir.path(), &[&level[..], &of].concat());
+    let found = ok(&dir, &[&level[..], &of].concat());
     let share = |row: usize| {
         found["sweeps"][0]["rows"][row]["scores"]["requirements"][0]["found"].as_f64().unwrap()
     };
     assert!(share(1) < share(2) && share(2) > 0.3, "{found}");
     let none = ["study", "redundancy", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
-    assert!(ok(dir.path(), &none)["rows"][0]["voxels"].is_object());
+    assert!(ok(&dir, &none)["rows"][0]["voxels"].is_object());
     // An area that no grid holds is named with the file of the vehicle.
     vehicle["require"][0]["max"][2] = json!(-0.09);
     fs::write(&path, vehicle.to_string()).unwrap();
-    let error = fails(dir.path(), &[&level[..], &of].concat());
+    let error = fails(&dir, &[&level[..], &of].concat());
     assert!(error.contains("cart.json: require[0]: `ahead` holds no voxel"), "{error}");
 }
 
@@ -182,7 +172,7 @@ fn wrong_input_is_one_sentence_each() {
         (&["0.x", "--from", "0", "--to", "3", "--out", "x.svg"], "--out draws one placement"),
         (&["0.x", "--from", "0", "--to", "3", "--values", "1"], "--values"),
     ] {
-        let told = fails(dir.path(), &[&base[..], more].concat());
+        let told = fails(&dir, &[&base[..], more].concat());
         assert!(told.contains(part), "{more:?}: {told}");
     }
     assert!(!dir.path().join("x.svg").exists());
@@ -198,15 +188,13 @@ fn meets(dir: &Path, z: f64, pitch: f64) -> bool {
 #[test]
 fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
     let dir = required_yard();
-    let path = dir.path().join("cart.json");
-    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    vehicle["require"] = json!([
+    let rules = json!([
         { "name": "far", "target": "car", "from": 30, "within": 45, "bearing": [-20, 20], "beams": 5, "share": 0.9 },
         { "name": "near", "target": "car", "within": 20, "share": 0.9 }]);
-    fs::write(&path, vehicle.to_string()).unwrap();
+    set_rules(&dir, rules);
     let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "2"];
     let more = ["--most-mm", "2000", "--most-deg", "20", "--steps", "4"];
-    let found = ok(dir.path(), &[&args[..], &more].concat());
+    let found = ok(&dir, &[&args[..], &more].concat());
     let room = &found["rows"][0];
     assert_eq!((&room["missed"], room["fields"].as_array().unwrap().len()), (&json!([]), 12));
     assert_eq!(room["copies"].as_array().unwrap().len(), 6);
@@ -240,18 +228,16 @@ fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
 #[test]
 fn a_tolerance_looks_at_four_frames_unless_told_otherwise_and_says_so() {
     let dir = required_yard();
-    let path = dir.path().join("yard.json");
-    let mut scene: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    scene["frames"] = json!(6);
-    scene["actors"][0]["poses"] =
-        json!([12, 13, 14, 15, 16, 17].map(|x| json!({ "x": x, "y": 1 })));
-    fs::write(&path, scene.to_string()).unwrap();
+    change(&dir, "yard.json", |scene| {
+        scene["frames"] = json!(6);
+        scene["actors"][0]["poses"] =
+            json!([12, 13, 14, 15, 16, 17].map(|x| json!({ "x": x, "y": 1 })));
+    });
     let line =
         "study tolerance yard.json two.json --backend cpu --most-mm 1 --most-deg 1 --steps 1";
     let told = |more: &str| {
-        let line = format!("{line}{more}");
-        let output = sightline(dir.path(), &line.split(' ').collect::<Vec<_>>());
-        [output.stdout, output.stderr].map(|words| String::from_utf8(words).unwrap())
+        let (_, texts) = ran(&dir, &format!("{line}{more}"));
+        texts
     };
     let [[few, said], [four, _], [_, all]] = ["", " --frames 4", " --frames 6"].map(told);
     assert!(
@@ -265,31 +251,23 @@ fn a_tolerance_looks_at_four_frames_unless_told_otherwise_and_says_so() {
 #[test]
 fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     let dir = required_yard();
-    let path = dir.path().join("cart.json");
-    let require = |rules: Value| {
-        let text = fs::read_to_string(&path).unwrap();
-        let mut vehicle: Value = serde_json::from_str(&text).unwrap();
-        vehicle["require"] = rules;
-        fs::write(&path, vehicle.to_string()).unwrap();
-    };
     let near = json!({ "name": "near", "target": "car", "within": 20, "share": 0.9 });
     let far = json!({ "name": "far", "target": "car", "within": 300, "share": 1 });
     let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
     let few = ["--steps", "2", "--most-mm", "2000"];
     let args = [&args[..], &few].concat();
-    require(json!([near]));
-    let alone = ok(dir.path(), &args)["rows"][0].clone();
-    require(json!([near, far]));
-    let run = sightline(dir.path(), &[&args[..], &["--format", "json"]].concat());
-    assert_eq!(run.status.code(), Some(1), "{run:?}");
-    let both: Value = serde_json::from_slice(&run.stdout).unwrap();
+    set_rules(&dir, json!([near]));
+    let alone = ok(&dir, &args)["rows"][0].clone();
+    set_rules(&dir, json!([near, far]));
+    let (code, both, told) = answer(&dir, &args);
+    assert_eq!(code, Some(1), "{told}");
     let both = &both["rows"][0];
     for key in ["fields", "tilt", "copies", "alone"] {
         assert!(!alone[key].is_null() && both[key] == alone[key], "{key}: {both} {alone}");
     }
     let missed = both["missed"].as_array().unwrap();
     assert!(missed.len() == 1 && missed[0].to_string().contains("NOT MET: far: "), "{missed:?}");
-    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    let (_, [text, _]) = ran(&dir, &args);
     assert!(text.contains("missed as it is and left out") && text.contains("holds to"), "{text}");
     assert!(text.starts_with("Deviations within which the met requirements hold, every"), "{text}");
     // A LiDAR alone may be off as far as all together, or farther.
@@ -323,7 +301,7 @@ fn a_lidar_that_looks_at_the_own_body_is_told_as_score_tells_it() {
     assert_eq!(given.len(), 1, "{given:?}");
     let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
     let args = [&args[..], &["--steps", "2", "--most-mm", "400"]].concat();
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     let room = &found["rows"][0];
     assert_eq!(room["guards"], json!(given));
     let at = |lidar: usize, side: &str| {
@@ -333,7 +311,7 @@ fn a_lidar_that_looks_at_the_own_body_is_told_as_score_tells_it() {
     };
     let all = [at(0, "down"), at(0, "up"), at(1, "down"), at(1, "up")];
     assert_eq!(all, [json!(0.0), json!(0.0), json!(200.0), Value::Null]);
-    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    let (_, [text, _]) = ran(&dir, &args);
     for words in [
         "  ! self_hit: LiDAR 0 ends ",
         "! self_hit: at x − 200.0 mm LiDAR 1 ends more than 25 % of its beams at the own vehicle",
@@ -352,25 +330,21 @@ fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error
     let dir = yard();
     let args =
         ["study", "tolerance", "yard.json", "rigs.json", "--backend", "cpu", "--frames", "1"];
-    let told = fails(dir.path(), &args);
+    let told = fails(&dir, &args);
     assert!(
         told.contains(
             "tolerance: the vehicle requires nothing; write what it must see under `require`"
         ),
         "{told}"
     );
-    let path = dir.path().join("cart.json");
-    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    vehicle["require"] = json!([{ "target": "car", "within": 300, "share": 1 }]);
-    fs::write(&path, vehicle.to_string()).unwrap();
-    let run = sightline(dir.path(), &args);
-    assert_eq!(run.status.code(), Some(1), "{run:?}");
-    let text = String::from_utf8(run.stdout).unwrap();
+    set_rules(&dir, json!([{ "target": "car", "within": 300, "share": 1 }]));
+    let (code, [text, _]) = ran(&dir, &args);
+    assert_eq!(code, Some(1), "{text}");
     assert!(
         text.contains("NOT MET: car from 5 to 300 m") && text.contains("there is no room"),
         "{text}"
     );
-    let told = fails(dir.path(), &[&args[..], &["--most-mm", "0"]].concat());
+    let told = fails(&dir, &[&args[..], &["--most-mm", "0"]].concat());
     assert!(told.contains("millimetres above 0"), "{told}");
 }
 
@@ -398,25 +372,23 @@ fn write_tilted(dir: &Path, bearing: f64, angle: f64, [px, py]: [f64; 2]) {
         tilted([1.6, -0.4, 1.0, 0.2, 0.0, -0.3], "front"),
     ];
     let rig = json!({ "placements": [{ "name": "two", "lidars": lidars }] });
-    fs::write(dir.join("tilted.json"), rig.to_string()).unwrap();
+    write(dir, "tilted.json", &rig);
 }
 
 #[test]
 fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
     let dir = required_yard();
-    let path = dir.path().join("cart.json");
-    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    vehicle["require"] = json!([
+    let rules = json!([
         { "name": "far", "target": "car", "from": 15, "within": 25, "bearing": [-20, 20], "beams": 5, "share": 0.5 },
         { "name": "near", "target": "car", "within": 15, "share": 0.8 }]);
-    fs::write(&path, vehicle.to_string()).unwrap();
+    set_rules(&dir, rules);
     let about = [1.2, -0.1];
     write_tilted(dir.path(), 0.0, 0.0, about);
     fs::copy(dir.path().join("tilted.json"), dir.path().join("level.json")).unwrap();
     let line = "study tolerance yard.json level.json --backend cpu --frames 2 --most-mm 1 --most-deg 1 --steps 4 \
                 --most-tilt 20 --tilt-about 1.2,-0.1";
     let args: Vec<&str> = line.split_whitespace().collect();
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     let tilt = &found["rows"][0]["tilt"];
     assert_eq!((&tilt["about"], &found["tilt_about"]), (&json!([1.2, -0.1]), &json!([1.2, -0.1])));
     let directions = tilt["directions"].as_array().unwrap();
@@ -451,8 +423,7 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
         (&json!(least), &directions[first]["direction"])
     );
     assert!(ends.iter().any(|end| *end != least) && least > 0.0, "{ends:?}");
-    let text = sightline(dir.path(), &args[..]);
-    let text = String::from_utf8(text.stdout).unwrap();
+    let (_, [text, _]) = ran(&dir, &args);
     let line =
         format!("tilted about the ground at x = 1.2 m, y = -0.1 m hold to {least:.2}°, then ");
     assert!(text.contains(&line) && text.contains("\nfront left down "), "{text}");
@@ -463,7 +434,7 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
         ("--tilt-about=1,nan", "give x,y in metres"),
         ("--tilt-about=1,200", "within ±100"),
     ] {
-        let told = fails(dir.path(), &[&args[..6], &[more]].concat());
+        let told = fails(&dir, &[&args[..6], &[more]].concat());
         assert!(told.contains(part), "{more}: {told}");
     }
 }
@@ -472,14 +443,14 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
 fn a_lidar_that_a_tilt_turns_into_the_upright_body_is_told() {
     let dir = required_yard();
     let path = dir.path().join("cart.json");
-    let mut vehicle: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let mut vehicle = read_json(&path);
     // LiDAR 1, 0.1 m before the body, alone sees it: the roof is before LiDAR 0, which looks at it as it is.
     vehicle["require"] = json!([{ "name": "low", "target": "tyre", "from": 3, "within": 6, "bearing": [-20, 20], "share": 0.3 }]);
     fs::write(&path, vehicle.to_string()).unwrap();
     let line = "study tolerance yard.json two.json --backend cpu --frames 1 --most-mm 1 --most-deg 1 --steps 2 \
                 --most-tilt 12";
     let args: Vec<&str> = line.split_whitespace().collect();
-    let found = ok(dir.path(), &args);
+    let found = ok(&dir, &args);
     let tilt = &found["rows"][0]["tilt"];
     let of = |direction: &str| {
         let mut all = tilt["directions"].as_array().unwrap().iter();
@@ -493,7 +464,7 @@ fn a_lidar_that_a_tilt_turns_into_the_upright_body_is_told() {
     assert_eq!(of("rear down")["self_hit_at"], 6.0);
     assert!(of("front down").get("self_hit_at").is_none(), "{tilt}");
     assert_eq!((&tilt["self_hit_at"], &tilt["self_hit_lidar"]), (&json!(6.0), &json!(1)));
-    let text = String::from_utf8(sightline(dir.path(), &args).stdout).unwrap();
+    let (_, [text, _]) = ran(&dir, &args);
     let words = "! self_hit: at 6.00° (rear down) LiDAR 1 ends more than 25 % of its beams at the own vehicle, which \
                  does not tilt along here";
     assert!(text.contains(words), "{text}");

@@ -1,10 +1,6 @@
 //! Tables of the commands in a terminal: none is wider than 100 columns.
 
-use std::fs;
-
-use serde_json::{Value, json};
-
-use crate::cli::{room, sightline};
+use crate::cli::*;
 use crate::cli_study_rigs::street;
 
 /// Longest line of a table in characters.
@@ -60,8 +56,7 @@ fn no_table_is_wider_than_a_hundred_columns() {
     let dir = street();
     let dir = dir.path();
     let changed = |from: &str, to: &str, change: &dyn Fn(&mut Value)| {
-        let mut value: Value =
-            serde_json::from_str(&fs::read_to_string(dir.join(from)).unwrap()).unwrap();
+        let mut value = read_json(dir.join(from));
         change(&mut value);
         fs::write(dir.join(to), value.to_string()).unwrap();
     };
@@ -83,10 +78,8 @@ fn no_table_is_wider_than_a_hundred_columns() {
     lines.extend(OTHERS.map(str::to_owned));
     let mut named = 0;
     for line in &lines {
-        let output = sightline(dir, &line.split(' ').collect::<Vec<_>>());
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert!(matches!(output.status.code(), Some(0 | 1)), "{line}: {told}");
-        let text = String::from_utf8(output.stdout).unwrap();
+        let (code, [text, told]) = ran(dir, line);
+        assert!(matches!(code, Some(0 | 1)), "{line}: {told}");
         // Cells stand at least two blanks apart, words of a sentence one.
         let rows: Vec<&str> = text.lines().filter(|row| row.trim_start().contains("  ")).collect();
         assert!(rows.len() > 1, "{line}: no table\n{text}");

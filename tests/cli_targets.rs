@@ -1,12 +1,6 @@
 //! `study targets`, range cards and blind sectors, from outside.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 
 /// A vehicle with a ring of level beams 0.1° apart at any height, and a sensor that looks ±90° around its front.
 fn vehicle(dir: &Path, body: Value) {
@@ -21,14 +15,14 @@ fn vehicle(dir: &Path, body: Value) {
     if body != json!([]) {
         vehicle["body"] = body;
     }
-    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    write(dir, "cart.json", &vehicle);
     let lidar =
         |sensor: &str, yaw: f64| json!({ "x": 0, "y": 0, "z": 1, "yaw": yaw, "sensor": sensor });
     let placements = json!({ "placements": [
         { "name": "one", "lidars": [lidar("ring", 0.0)] },
         { "name": "two", "lidars": [lidar("ring", 0.0), lidar("half", 0.0)] },
         { "name": "round", "lidars": [lidar("half", 0.0), lidar("half", 3.1)] } ] });
-    fs::write(dir.join("rigs.json"), placements.to_string()).unwrap();
+    write(dir, "rigs.json", &placements);
 }
 
 fn rows<'a>(found: &'a Value, placement: &str, target: &str) -> Vec<&'a Value> {
@@ -44,12 +38,12 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
     vehicle(dir.path(), json!([]));
     let target = json!({ "sightline": 1, "name": "board", "reflectance": 0.5, "source": "made here",
         "shapes": [{ "box": { "foot": [0, 0, 0], "size": [0.2, 2, 1.5] } }] });
-    fs::write(dir.path().join("board.json"), target.to_string()).unwrap();
+    write(&dir, "board.json", &target);
     let asked = [
         "--target", "board.json", "--target", "tyre", "--distances", "60,10,20", "--bearings",
         "0,180",
     ];
-    let found = ok(dir.path(), &[&STUDY[..], &asked].concat());
+    let found = ok(&dir, &[&STUDY[..], &asked].concat());
     for row in rows(&found, "one", "board") {
         let half = (1.0 / (row["distance"].as_f64().unwrap() - 0.1)).atan().to_degrees();
         let beams = 2 * (half / 0.1).floor() as u64 + 1;
@@ -64,22 +58,21 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
     }
     // A direction that is given twice has one row.
     let twice = ["--target", "tyre", "--distances", "10", "--bearings", "0,180,360,0,-180"];
-    let told = sightline(dir.path(), &[&STUDY[..], &twice].concat()).stderr;
+    let told = sightline(&dir, &[&STUDY[..], &twice].concat()).stderr;
     let told = String::from_utf8_lossy(&told).into_owned();
     assert!(told.contains("--bearings: 360° is 0°: given once, as 0°"), "{told}");
     assert!(told.contains("--bearings: -180° is 180°: given once, as 180°"), "{told}");
     assert_eq!(told.matches("given once").count(), 2, "{told}");
-    let found_twice = ok(dir.path(), &[&STUDY[..], &twice].concat());
+    let found_twice = ok(&dir, &[&STUDY[..], &twice].concat());
     let bearings = rows(&found_twice, "one", "tyre");
     let bearings: Vec<&Value> = bearings.iter().map(|row| &row["bearing"]).collect();
     assert_eq!(bearings, [&json!(0.0), &json!(180.0)]);
     // No sensor reaches farther than 80 m: that is said once of all rigs.
     let far = ["--target", "board.json", "--distances", "60,82,100,120", "--bearings", "0"];
-    let run = sightline(dir.path(), &[&STUDY[..], &far].concat());
-    let told = String::from_utf8_lossy(&run.stderr);
+    let told = stderr(&dir, &[&STUDY[..], &far].concat());
     let words = "--distances: a rig whose sensors reach 80 m at most meets no target at 100, 120 m: this lies beyond their range";
-    assert!(run.status.success() && told.matches(words).count() == 1, "{told}");
-    let found_near = sightline(dir.path(), &[&STUDY[..], &asked].concat());
+    assert!(told.matches(words).count() == 1, "{told}");
+    let found_near = sightline(&dir, &[&STUDY[..], &asked].concat());
     assert!(!String::from_utf8_lossy(&found_near.stderr).contains("beyond their range"));
     let distances: Vec<&Value> =
         rows(&found, "one", "board").iter().map(|r| &r["distance"]).collect();
@@ -88,12 +81,12 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
     assert_eq!(found["targets"][0]["shapes"], target["shapes"]);
     assert!(found["targets"][1]["source"].as_str().unwrap().contains("unconfirmed"));
     // At 60 m the board has 19 beams: the first detection with 20 is at 20 m.
-    let found = ok(dir.path(), &[&STUDY[..], &asked, &["--beams", "20"]].concat());
+    let found = ok(&dir, &[&STUDY[..], &asked, &["--beams", "20"]].concat());
     assert_eq!(found["detections"][0]["first"], 20.0);
     assert_eq!(found["detections"][0]["detected"], json!([[10.0, 20.0]]));
     // A return is rated at 30 m for 10 %: 50 % are seen to 30·√5 = 67 m, fog of 50 m takes 60 m away.
     let first = |more: &[&str]| {
-        let found = ok(dir.path(), &[&STUDY[..], &asked, more].concat());
+        let found = ok(&dir, &[&STUDY[..], &asked, more].concat());
         found["detections"][0]["first"].as_f64().unwrap()
     };
     assert_eq!(first(&["--response"]), 60.0);
@@ -109,12 +102,12 @@ fn distances_that_are_not_given_go_to_the_range_of_the_sensors() {
     let asked = [&STUDY[..], &["--target", "car", "--bearings", "0"]].concat();
     for (range, last) in [(80.0, 80.0), (42.5, 40.0), (250.0, 200.0)] {
         fs::write(&path, cart.replace("\"range\":80", &format!("\"range\":{range}"))).unwrap();
-        let found = ok(dir.path(), &asked);
+        let found = ok(&dir, &asked);
         let distances = rows(&found, "one", "car").into_iter().map(|row| row["distance"].as_f64());
         let distances: Vec<f64> = distances.flatten().collect();
         assert_eq!((distances[0], distances.last()), (5.0, Some(&last)));
         assert_eq!(found["reach"], json!(range));
-        let run = sightline(dir.path(), &asked);
+        let run = sightline(&dir, &asked);
         let words = format!(
             "{last} m is the farthest distance looked at; the sensors reach {range} m (--distances)."
         );
@@ -132,7 +125,7 @@ fn the_own_body_hides_a_target_and_the_card_says_so() {
     vehicle(dir.path(), wall);
     let asked =
         ["--target", "car", "--distances", "3,20", "--bearings", "0,180", "--out", "polar.svg"];
-    let found = ok(dir.path(), &[&STUDY[..], &asked].concat());
+    let found = ok(&dir, &[&STUDY[..], &asked].concat());
     for row in rows(&found, "one", "car") {
         let (is_behind, is_near) = (row["bearing"] == 180.0, row["distance"] == 3.0);
         // At 3 m its nose stands before the wall, in the own body.
@@ -141,7 +134,7 @@ fn the_own_body_hides_a_target_and_the_card_says_so() {
     }
     let svg = fs::read_to_string(dir.path().join("polar.svg")).unwrap();
     assert!(svg.contains("round") && svg.ends_with("</svg>\n"));
-    let text = sightline(dir.path(), &[&STUDY[..], &asked[..6]].concat());
+    let text = sightline(&dir, &[&STUDY[..], &asked[..6]].concat());
     let text = String::from_utf8(text.stdout).unwrap();
     assert!(text.contains("ahead 0°") && text.contains("behind 180°"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
@@ -158,7 +151,7 @@ fn street(dir: &Path) {
             { "class": "road", "plane": { "min": [-100, -100], "max": [100, 100], "z": -0.2 } },
             { "class": "wall", "box": { "foot": [0, 11, -0.2], "size": [60, 4, 6] } }],
         "actors": [actor] });
-    fs::write(dir.join("street.json"), scene.to_string()).unwrap();
+    write(dir, "street.json", &scene);
 }
 
 #[test]
@@ -169,7 +162,7 @@ fn in_a_scene_things_hide_a_target_and_take_its_place() {
     let asked =
         ["study", "targets", "street.json", "rigs.json", "--backend", "cpu", "--target", "car"];
     let places = ["--distances", "10.5,20", "--bearings", "0,90", "--frames", "2"];
-    let found = ok(dir.path(), &[&asked[..], &places].concat());
+    let found = ok(&dir, &[&asked[..], &places].concat());
     let beams = |bearing: f64, distance: f64, frame: u64| {
         let of = |row: &&&Value| {
             row["bearing"] == bearing && row["distance"] == distance && row["frame"] == frame
@@ -187,7 +180,7 @@ fn in_a_scene_things_hide_a_target_and_take_its_place() {
     assert_eq!(beams(90.0, 20.0, 0), 0, "the wall stands before it");
     let first = |found: &Value| found["detections"][0]["first"].clone();
     assert_eq!(first(&found), Value::Null, "in both frames");
-    let found = ok(dir.path(), &[&asked[..], &places, &["--in", "1"]].concat());
+    let found = ok(&dir, &[&asked[..], &places, &["--in", "1"]].concat());
     assert_eq!(first(&found), 20.0, "in one of two frames");
 }
 
@@ -196,7 +189,7 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     let dir = TempDir::new().unwrap();
     vehicle(dir.path(), json!([]));
     street(dir.path());
-    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    let found = ok(&dir, "score street.json rigs.json --backend cpu");
     let [one, two, round] = [0, 1, 2].map(|k| &found["scores"][k]);
     let guards = |scores: &Value| scores["guards"].to_string();
     assert!(!guards(one).contains("blind_sector") && !guards(two).contains("blind_sector"));
@@ -207,8 +200,8 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     assert_eq!(card["targets"][0]["bearings"][0]["met"][0][0], 2.5);
     let ahead = json!({ "placements": [{ "name": "ahead", "lidars": [
         { "x": 0, "y": 0, "z": 1, "sensor": "half" }] }] });
-    fs::write(dir.path().join("ahead.json"), ahead.to_string()).unwrap();
-    let found = ok(dir.path(), &["score", "street.json", "ahead.json", "--backend", "cpu"]);
+    write(&dir, "ahead.json", &ahead);
+    let found = ok(&dir, "score street.json ahead.json --backend cpu");
     let told = guards(&found["scores"][0]);
     let want = "blind_sector: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°), worst at ";
     assert!(told.contains(want), "{told}");
@@ -223,14 +216,12 @@ fn more_placements_than_are_looked_at_closely_are_said_and_have_no_card() {
     for count in [64, 65] {
         let rig = |k| json!({ "name": format!("r{k}"), "lidars": [lidar] });
         let rigs = json!({ "placements": (0..count).map(rig).collect::<Vec<_>>() });
-        fs::write(dir.path().join("many.json"), rigs.to_string()).unwrap();
+        write(&dir, "many.json", &rigs);
         for scenes in [&["street.json"][..], &["street.json", "street.json"]] {
             let args = [&["score"][..], scenes, &["many.json", "--backend", "cpu"]].concat();
-            let run = sightline(dir.path(), &[&args[..], &["--format", "json"]].concat());
-            let told = String::from_utf8_lossy(&run.stderr).into_owned();
+            let (_, found, told) = answer(&dir, &args);
             let words = "are looked at for up to 64 placements; here are more";
             assert_eq!(told.matches(words).count(), usize::from(count > 64), "{told}");
-            let found: Value = serde_json::from_slice(&run.stdout).unwrap();
             let of = if scenes.len() > 1 { &found["mean"] } else { &found["scores"] };
             let scores = of[count - 1].as_object().unwrap();
             assert_eq!(scores["range_card"].is_null(), count > 64, "{scores:?}");
@@ -238,16 +229,11 @@ fn more_placements_than_are_looked_at_closely_are_said_and_have_no_card() {
         }
     }
     // Beams that go through everything have no card, of however few placements.
-    let mut scene: Value =
-        serde_json::from_slice(&fs::read(dir.path().join("street.json")).unwrap()).unwrap();
-    scene["coverage"] = json!("through");
-    fs::write(dir.path().join("through.json"), scene.to_string()).unwrap();
+    change_as(&dir, ["street.json", "through.json"], |scene| scene["coverage"] = json!("through"));
     for scenes in [&["through.json"][..], &["through.json", "through.json"]] {
         let args = [&["score"][..], scenes, &["many.json", "--backend", "cpu"]].concat();
-        let run = sightline(dir.path(), &[&args[..], &["--format", "json"]].concat());
-        let told = String::from_utf8_lossy(&run.stderr).into_owned();
+        let (_, found, told) = answer(&dir, &args);
         assert!(!told.contains("are looked at"), "{told}");
-        let found: Value = serde_json::from_slice(&run.stdout).unwrap();
         let of = if scenes.len() > 1 { &found["mean"] } else { &found["scores"] };
         let scores = of[64].as_object().unwrap();
         assert!(!scores.contains_key("range_card"), "{scores:?}");
@@ -268,19 +254,14 @@ fn the_default_objective_does_not_win_by_looking_away() {
         "roi": { "min": [-2, -12, 0.2], "max": [24, 12, 2.6], "voxel": [0.4, 0.4, 0.4] },
         "static": [{ "class": "road", "plane": { "min": [-100, -100], "max": [100, 100], "z": 0 } }],
         "actors": [walker([6.0, 9.0]), walker([12.0, 14.0]), walker([18.0, 20.0])] });
-    fs::write(dir.path().join("front.json"), scene.to_string()).unwrap();
+    write(&dir, "front.json", &scene);
     let blind = |objective: &str| {
         let args = [
             "optimize", "front.json", "--backend", "cpu", "--evaluations", "30", "--seed", "3",
             "--objective", objective, "--out", objective,
         ];
-        let found = ok(dir.path(), &args);
-        let blind = found["best"]["scores"]["range_card"]["blind"].as_array().unwrap();
-        let width = |sector: &Value| {
-            let [from, to] = [0, 1].map(|k| sector["bearings"][k].as_f64().unwrap());
-            (to - from).rem_euclid(360.0)
-        };
-        blind.iter().map(width).sum::<f64>()
+        let found = ok(&dir, &args);
+        blind_degrees(&found["best"]["scores"])
     };
     // Two halves that look ahead, against two that must stand back to back to the tenth of a radian.
     let (gain, default) = (blind("information_gain"), blind("near_gain"));
@@ -297,8 +278,8 @@ fn wrong_targets_are_one_sentence_each() {
     let dir = TempDir::new().unwrap();
     vehicle(dir.path(), json!([]));
     let flat = json!({ "sightline": 1, "name": "flat", "shapes": [] });
-    fs::write(dir.path().join("flat.json"), flat.to_string()).unwrap();
-    let told = |more: &[&str]| fails(dir.path(), &[&STUDY[..], more].concat());
+    write(&dir, "flat.json", &flat);
+    let told = |more: &[&str]| fails(&dir, &[&STUDY[..], more].concat());
     let cases: [(&[&str], &str); 9] = [
         (&["--target", "chidl"], "did you mean `child`?"),
         (&["--target", "none.json"], "none.json"),
@@ -317,22 +298,19 @@ fn wrong_targets_are_one_sentence_each() {
     // Level ground has one frame, whatever is asked for; one that is asked for is no slip.
     let frames = |more: &[&str]| {
         let asked = [&STUDY[..], &["--target", "car", "--distances", "10"], more].concat();
-        String::from_utf8(sightline(dir.path(), &asked).stderr).unwrap()
+        String::from_utf8(sightline(&dir, &asked).stderr).unwrap()
     };
     let note = "--frames 4: without a scene there is one frame, level ground";
     assert!(frames(&["--frames", "4", "--in", "3"]).contains(note));
     assert!(!frames(&["--frames", "1", "--in", "1"]).contains("--frames"));
-    let told = fails(dir.path(), &["study", "targets", "rigs.json"]);
+    let told = fails(&dir, "study targets rigs.json");
     assert!(told.contains("rigs.json: there is neither a scene nor a vehicle"), "{told}");
 }
 
 /// The cart in an empty yard, with rules on targets.
 pub(crate) fn ruled(dir: &Path, require: Value) {
     vehicle(dir, json!([]));
-    let path = dir.join("cart.json");
-    let mut cart: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    cart["require"] = require;
-    fs::write(path, cart.to_string()).unwrap();
+    set_rules(dir, require);
     street(dir);
 }
 
@@ -363,8 +341,8 @@ fn rules_on_targets_are_shares_of_their_places() {
         { "name": "single", "lidars": [lidar(0.0)] },
         { "name": "twice", "lidars": [lidar(0.0), lidar(0.0)] },
         { "name": "opposite", "lidars": [lidar(0.0), lidar(std::f64::consts::PI)] } ] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
-    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    write(&dir, "rigs.json", &rigs);
+    let found = ok(&dir, "score street.json rigs.json --backend cpu");
     let shares = |k: usize| -> Vec<(f64, bool)> {
         let list = found["scores"][k]["requirements"].as_array().unwrap();
         list.iter().map(|r| (r["found"].as_f64().unwrap(), r["met"] == true)).collect()
@@ -400,7 +378,7 @@ fn rules_on_targets_are_shares_of_their_places() {
         |found: &Value| found["scores"][1]["guards"].to_string().contains("redundant_lidar");
     assert!(!redundant(&found), "{found}");
     ruled(dir.path(), json!([rule(json!({ "name": "ahead", "bearing": [-60, 60] }))]));
-    let found = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
+    let found = ok(&dir, "score street.json rigs.json --backend cpu");
     assert!(redundant(&found), "{found}");
 }
 
@@ -410,26 +388,19 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
     let rule = |share: f64, beams: u64| json!([{ "target": "adult", "within": 15, "bearing": [100, 260], "share": share, "beams": beams }]);
     ruled(dir.path(), rule(0.9, 5));
     let args = |out: &'static str| {
-        vec![
-            "optimize", "street.json", "--backend", "cpu", "--evaluations", "30", "--seed", "2",
-            "--objective", "information_gain", "--out", out, "--format", "json",
-        ]
+        let objective = "--objective information_gain --out";
+        format!("optimize street.json --backend cpu --evaluations 30 --seed 2 {objective} {out}")
     };
-    let output = sightline(dir.path(), &args("met"));
-    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let (code, found, _) = answer(&dir, &args("met"));
     let requirement = &found["best"]["scores"]["requirements"][0];
-    assert_eq!(
-        (output.status.code(), &requirement["met"]),
-        (Some(0), &json!(true)),
-        "{requirement}"
-    );
+    assert_eq!((code, &requirement["met"]), (Some(0), &json!(true)), "{requirement}");
     assert_eq!(requirement["name"], "adult from 5 to 15 m, 100° to 260°");
     let page = fs::read_to_string(dir.path().join("met/report.html")).unwrap();
     assert!(page.contains("<code>sightline study tolerance street.json met</code>"), "{page}");
     // No rig puts 100 beams on an adult at 15 m: the run ends with 1, its page begins with what is not met.
     ruled(dir.path(), rule(1.0, 100));
-    let output = sightline(dir.path(), &args("unmet"));
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let (code, _, told) = answer(&dir, &args("unmet"));
+    assert_eq!(code, Some(1), "{told}");
     let page = fs::read_to_string(dir.path().join("unmet/report.html")).unwrap();
     assert!(
         page.contains("NOT MET: adult from 5 to 15 m, 100° to 260°, 100 beams: "),
@@ -452,14 +423,14 @@ fn wrong_rules_are_refused_with_their_place() {
     let path = dir.path().join("street.json");
     let street = fs::read_to_string(&path).unwrap().replace("first-hit", "through");
     fs::write(&path, street).unwrap();
-    let through = fails(dir.path(), &["score", "street.json", "rigs.json"]);
+    let through = fails(&dir, "score street.json rigs.json");
     assert!(
         through.contains("requires `car from 5 to 10 m`, and beams end at nothing"),
         "{through}"
     );
     let told = |rule: Value| {
         ruled(dir.path(), json!([rule]));
-        fails(dir.path(), &["score", "street.json", "rigs.json"])
+        fails(&dir, "score street.json rigs.json")
     };
     let cases = [
         (json!({ "target": "chidl", "within": 10, "share": 1 }), "`child`"),

@@ -1,21 +1,12 @@
 //! Vehicles on the command line: mixed rigs, a budget, phases, what must be seen.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, room, sightline};
+use crate::cli::*;
 
 pub(crate) const CPU: [&str; 2] = ["--backend", "cpu"];
 
 /// A room, and a vehicle with a spinning sensor on the roof and solid ones on two sides.
 pub(crate) fn garage() -> TempDir {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let spinning = json!({ "channels": 6, "fov": [-40, 30], "azimuth_steps": 90, "range": 20 });
     let solid = json!({ "channels": 5, "fov": [-30, 30], "azimuth": [-50, 50], "azimuth_steps": 31, "range": 8 });
     let side = |name: &str, y: f64| {
@@ -32,15 +23,14 @@ pub(crate) fn garage() -> TempDir {
                    side("left", 0.5), side("right", -0.5)],
         "min_distance": 0.2
     });
-    fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    write(&dir, "cart.json", &vehicle);
     dir
 }
 
 pub(crate) fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
-    let text = fs::read_to_string(dir.join("cart.json")).unwrap();
-    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+    let mut vehicle = read_json(dir.join("cart.json"));
     change(&mut vehicle);
-    fs::write(dir.join(name), vehicle.to_string()).unwrap();
+    write(dir, name, &vehicle);
 }
 
 /// Models of the LiDARs of a run's result.
@@ -58,11 +48,11 @@ fn optimize<'a>(budget: &'a str, out: &'a str) -> Vec<&'a str> {
 #[test]
 fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     let dir = garage();
-    let rich = ok(dir.path(), &optimize("16", "rich"));
+    let rich = ok(&dir, &optimize("16", "rich"));
     assert!(sensors(&rich).contains(&"spinning"), "{rich}");
     assert!(rich["settings"]["equipped"]["cost"].as_f64().unwrap() <= 16.0);
     assert!(rich["timings"]["equip"].as_f64().unwrap() > 0.0, "{}", rich["timings"]);
-    let poor = ok(dir.path(), &optimize("6.5", "poor"));
+    let poor = ok(&dir, &optimize("6.5", "poor"));
     assert_eq!(sensors(&poor), ["solid", "solid"]);
     let gain = |result: &Value| result["best"]["scores"]["information_gain"].as_f64().unwrap();
     assert!(gain(&rich) > gain(&poor), "{} and {}", gain(&rich), gain(&poor));
@@ -87,11 +77,8 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     assert!(sides[0] > 0.49 && sides[1] < -0.49, "{sides:?}");
     // Other commands read a run's files.
     let best = json!({ "placements": [rich["best"]["placement"]] });
-    fs::write(dir.path().join("best.json"), best.to_string()).unwrap();
-    let again = ok(
-        dir.path(),
-        &["score", "room.json", "best.json", "--vehicle", "cart.json", "--backend", "cpu"],
-    );
+    write(&dir, "best.json", &best);
+    let again = ok(&dir, "score room.json best.json --vehicle cart.json --backend cpu");
     let again = again["scores"][0]["information_gain"].as_f64().unwrap();
     // At other draws of the spinning sensor's phases.
     assert!((again / gain(&rich) - 1.0).abs() < 0.1, "{again} and {}", gain(&rich));
@@ -110,19 +97,18 @@ fn prices_add_up_as_they_are_written() {
         [&optimize(budget, "run")[..2], &["--vehicle", "cents.json"], &optimize(budget, "run")[4..]]
             .concat()
     };
-    let told = fails(dir.path(), &search("3.29"));
+    let told = fails(&dir, &search("3.29"));
     assert!(told.contains("--budget: 3.29 is below") && told.contains("costs 3.3;"), "{told}");
-    let found = ok(dir.path(), &search("3.3"));
+    let found = ok(&dir, &search("3.3"));
     assert_eq!(found["settings"]["equipped"]["cost"], json!(3.3), "{found}");
     assert_eq!(found["settings"]["equipped"]["open_mounts"], json!([]), "three stand on one mount");
-    let listed = fs::read_to_string(dir.path().join("run/placements.json")).unwrap();
-    let listed: Value = serde_json::from_str(&listed).unwrap();
+    let listed = read_json(dir.path().join("run/placements.json"));
     assert_eq!(listed["placements"][0]["price"], json!(3.3));
     let front = [
         "optimize", "room.json", "--vehicle", "cents.json", "--front", "price,near_gain",
         "--evaluations", "20", "--budget", "3.3", "--out", "front", "--backend", "cpu",
     ];
-    ok(dir.path(), &front);
+    ok(&dir, &front);
     for file in ["result.json", "placements.json"] {
         let text = fs::read_to_string(dir.path().join("front").join(file)).unwrap();
         assert!(text.contains("\"price\": 3.3") && !text.contains("3.30000"), "{file}");
@@ -139,8 +125,7 @@ fn the_vehicle_of_the_readme_gets_a_rig_for_its_budget() {
     fs::write(dir.path().join("car.json"), text).unwrap();
     let run =
         ["optimize", "room.json", "--vehicle", "car.json", "--budget", "9000", "--out", "own"];
-    let result =
-        ok(dir.path(), &[&run[..], &["--evaluations", "8", "--tolerance", "0"], &CPU].concat());
+    let result = ok(&dir, &[&run[..], &["--evaluations", "8", "--tolerance", "0"], &CPU].concat());
     assert_eq!(result["settings"]["equipped"]["cost"], 8400.0, "three sensors of 2800");
     assert_eq!(result["best"]["scores"]["requirements"][0]["name"], "child from 5 to 30 m");
 }
@@ -148,27 +133,17 @@ fn the_vehicle_of_the_readme_gets_a_rig_for_its_budget() {
 #[test]
 fn a_run_that_was_killed_while_sensors_were_chosen_goes_on_to_the_same_bytes() {
     let dir = garage();
-    ok(dir.path(), &optimize("16", "whole"));
+    ok(&dir, &optimize("16", "whole"));
     let checkpoint = dir.path().join("broken/checkpoint.json");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(optimize("16", "broken"))
-        .current_dir(dir.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let start = Instant::now();
-    while !checkpoint.exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let mut child = begun(&dir, &optimize("16", "broken"));
+    wait_for(|| checkpoint.exists());
     // Killed, not asked.
     child.kill().unwrap();
     child.wait().unwrap();
-    let cut: Value = serde_json::from_slice(&fs::read(&checkpoint).unwrap()).unwrap();
+    let cut = read_json(&checkpoint);
     let equipping = &cut["state"]["equipping"]["choosing"];
     assert!(equipping.is_object() || cut["state"]["run"]["phase"] != "confirm", "killed too late");
-    ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    ok(&dir, "optimize --resume broken --backend cpu");
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
     for file in ["checkpoint.json", "history.jsonl", "placement.svg", "map.svg"] {
         assert_eq!(read("whole", file), read("broken", file), "{file}");
@@ -184,7 +159,7 @@ fn sensors_on_two_sides_stay_mirror_images() {
             mount["count"] = json!(1);
         }
     });
-    let found = ok(dir.path(), &optimize("100", "even"));
+    let found = ok(&dir, &optimize("100", "even"));
     // The rule is the vehicle's; no option gave it.
     let rules = json!({ "equal_height": false, "symmetric": true, "fixed": [] });
     assert_eq!(found["settings"]["rules"], rules);
@@ -207,16 +182,16 @@ fn sensors_on_two_sides_stay_mirror_images() {
             mount["count"] = json!([0, 1]);
         }
     });
-    let message = fails(dir.path(), &optimize("3.5", "poor"));
+    let message = fails(&dir, &optimize("3.5", "poor"));
     assert!(message.contains("cheapest") && message.contains('6'), "{message}");
-    let pair = ok(dir.path(), &optimize("6.5", "pair"));
+    let pair = ok(&dir, &optimize("6.5", "pair"));
     assert_eq!(sensors(&pair), ["solid", "solid"]);
     let lidars = pair["best"]["placement"]["lidars"].as_array().unwrap();
     let sides = [0, 1].map(|k| lidars[k]["y"].as_f64().unwrap());
     assert!(sides[0] > 0.49 && (sides[0] + sides[1]).abs() < 1e-9, "{sides:?}");
     // One height on the roof and on the sides there is not.
     changed(dir.path(), "cart.json", |vehicle| vehicle["equal_height"] = json!(true));
-    let message = fails(dir.path(), &optimize("100", "level"));
+    let message = fails(&dir, &optimize("100", "level"));
     assert!(message.contains("unless all are boxes, and `left` is a patch"), "{message}");
 }
 
@@ -228,7 +203,7 @@ fn what_must_be_seen_changes_what_is_bought() {
             { "name": "left", "min": [-0.5, 0.6, 0.6], "max": [0.5, 1.6, 1.4], "share": 0.5 },
         ]);
     });
-    let found = ok(dir.path(), &optimize("3", "one"));
+    let found = ok(&dir, &optimize("3", "one"));
     let lidar = &found["best"]["placement"]["lidars"][0];
     assert!(sensors(&found) == ["solid"] && lidar["y"].as_f64().unwrap() > 0.0, "{lidar}");
     let seen = &found["best"]["scores"]["requirements"][0];
@@ -243,10 +218,7 @@ fn what_must_be_seen_changes_what_is_bought() {
 #[test]
 fn mixed_rigs_pass_verify() {
     let dir = garage();
-    let found = ok(
-        dir.path(),
-        &["verify", "room.json", "--vehicle", "cart.json", "--random", "6", "--backend", "gpu"],
-    );
+    let found = ok(&dir, "verify room.json --vehicle cart.json --random 6 --backend gpu");
     assert_eq!(found["passed"], true, "{found}");
 }
 
@@ -254,7 +226,7 @@ fn mixed_rigs_pass_verify() {
 fn the_study_of_cost_rises_with_the_price() {
     let dir = garage();
     let study = ["study", "cost", "room.json", "--vehicle", "cart.json", "--evaluations", "20"];
-    let table = ok(dir.path(), &[&study[..], &CPU].concat());
+    let table = ok(&dir, &[&study[..], &CPU].concat());
     let rows = table["rows"].as_array().unwrap();
     let prices: Vec<f64> = rows.iter().map(|row| row["values"][0].as_f64().unwrap()).collect();
     assert!(prices.len() >= 2 && prices.is_sorted() && prices[0] == 3.0, "{prices:?}");
@@ -270,7 +242,7 @@ fn the_study_of_cost_rises_with_the_price() {
     });
     let line = "study cost room.json --vehicle need.json --evaluations 4 --out need";
     let args: Vec<&str> = line.split(' ').collect();
-    let table = ok(dir.path(), &[&args[..], &CPU].concat());
+    let table = ok(&dir, &[&args[..], &CPU].concat());
     assert!(table["notes"].to_string().contains(note), "{table}");
     // A sensor without a price is named wherever prices matter, and nowhere else.
     changed(dir.path(), "free.json", |cart| {
@@ -287,9 +259,8 @@ fn the_study_of_cost_rises_with_the_price() {
         ("optimize room.json --vehicle cart.json --budget 12 --out p", false),
     ] {
         let args = line.split(' ').chain("--evaluations 4 --backend cpu".split(' '));
-        let output = sightline(dir.path(), &args.collect::<Vec<_>>());
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success() && told.contains(note) == is_told, "{line}: {told}");
+        let told = stderr(&dir, &args.collect::<Vec<_>>());
+        assert!(told.contains(note) == is_told, "{line}: {told}");
     }
 }
 
@@ -299,7 +270,7 @@ fn studies_take_mixed_rigs_or_say_why_not() {
     // The cart is not the paper's car, and has no layouts of its own: two studies need rigs.
     let lidar = json!({ "x": 0, "y": 0, "z": 1.5, "sensor": "spinning" });
     let rigs = json!({ "placements": [{ "name": "one", "lidars": [lidar] }] });
-    fs::write(dir.path().join("rigs.json"), rigs.to_string()).unwrap();
+    write(&dir, "rigs.json", &rigs);
     let study = |kind: &'static str| {
         let rigs = if ["voxels", "regions"].contains(&kind) { &["rigs.json"][..] } else { &[] };
         let args = ["--vehicle", "cart.json", "--evaluations", "8", "--random", "5"];
@@ -307,7 +278,7 @@ fn studies_take_mixed_rigs_or_say_why_not() {
         [&["study", kind, "room.json"][..], rigs, &args, &out].concat()
     };
     for kind in ["lidars", "channels", "voxels", "random", "regions", "loss"] {
-        let table = ok(dir.path(), &study(kind));
+        let table = ok(&dir, &study(kind));
         assert!(!table["rows"].as_array().unwrap().is_empty(), "{kind}");
         if kind == "random" {
             // All of few placements have a warning: the optimized one is shown with it.
@@ -330,7 +301,7 @@ fn studies_take_mixed_rigs_or_say_why_not() {
             assert_eq!(beams[..2], [16.0 * 90.0, 32.0 * 90.0]);
         }
     }
-    let message = fails(dir.path(), &study("height"));
+    let message = fails(&dir, &study("height"));
     assert!(message.contains("3 mounts of their own heights: roof, left, right"), "{message}");
 }
 
@@ -338,7 +309,7 @@ fn studies_take_mixed_rigs_or_say_why_not() {
 fn faults_are_said() {
     let dir = garage();
     let says = |args: &[&str], parts: &[&str]| {
-        let message = fails(dir.path(), args);
+        let message = fails(&dir, args);
         for part in parts {
             assert!(message.contains(part), "{message}\n  lacks {part}");
         }
@@ -360,7 +331,7 @@ fn faults_are_said() {
         &["chosen by near_gain, near_gain_2, near_gain_3 or information_gain", "m_sog_scaled"],
     );
     let other = json!({ "placements": [{ "name": "x", "lidars": [{ "x": 0, "y": 0, "z": 1.5, "sensor": "sonar" }] }] });
-    fs::write(dir.path().join("sonar.json"), other.to_string()).unwrap();
+    write(&dir, "sonar.json", &other);
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "none.json"],
         &["none.json: cannot be read"],
@@ -422,7 +393,7 @@ fn faults_are_said() {
             "must not cross or touch itself",
         ],
     );
-    fs::write(dir.path().join("sonar.dat"), "nonsense").unwrap();
+    write(&dir, "sonar.dat", "nonsense");
     changed(dir.path(), "vendor.json", |vehicle| {
         vehicle["sensors"][1]["lidar"] = json!({ "file": "sonar.dat", "range": 8 });
     });

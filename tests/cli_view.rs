@@ -1,33 +1,19 @@
 //! `view`, and that a run's page tells how to repeat it, from outside.
 
-use std::fs;
-use std::path::Path;
-use std::process::Command;
-
-use serde_json::json;
-use tempfile::TempDir;
-
-use crate::cli::{fails, sightline};
-use crate::cli_cones::{change, rig};
+use crate::cli::*;
+use crate::cli_cones::rig;
 use crate::cli_shared::yard as cart_yard;
 
-/// Level ground and a walker before a vehicle with two LiDARs.
+/// The yard with a LiDAR over the roof of its vehicle.
 fn yard(dir: &Path) {
-    let scene = json!({
-        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
-        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
-        "lidar": { "channels": 12, "fov": [-30, 0], "azimuth_steps": 60, "range": 60 },
-        "mount": { "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1, "min_distance": 0 },
-        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
-        "actors": [{ "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
-            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
-        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
-    });
-    fs::write(dir.join("yard.json"), scene.to_string()).unwrap();
+    let lidar = json!({ "channels": 12, "fov": [-30, 0], "azimuth_steps": 60, "range": 60 });
+    let mount =
+        json!({ "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1, "min_distance": 0 });
+    write(dir, "yard.json", &level_yard(lidar, mount));
     let at = |z: f64| json!([{ "x": 0.0, "y": 0.0, "z": z }]);
     let placements = json!({ "placements": [
         { "name": "low", "lidars": at(2.3) }, { "name": "high", "lidars": at(2.4) }] });
-    fs::write(dir.join("two.json"), placements.to_string()).unwrap();
+    write(dir, "two.json", &placements);
 }
 
 #[test]
@@ -36,8 +22,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     yard(dir.path());
     let args =
         ["view", "yard.json", "two.json:high", "--baselines", "two.json:low", "--out", "v.html"];
-    let run = sightline(dir.path(), &[&args[..], &["--backend", "cpu"]].concat());
-    assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
+    printed(&dir, &[&args[..], &["--backend", "cpu"]].concat());
     let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
     // Twelve channels lose a car far away: that is said first.
     assert!(page.contains("<h1>BLIND: all round "), "{page}");
@@ -61,9 +46,7 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     fs::copy(dir.path().join("yard.json"), dir.path().join("my yard.json")).unwrap();
     let args = ["view", "my yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
     let wet = ["--condition", "wet:water=1"];
-    let run = sightline(dir.path(), &[&args[..], &wet].concat());
-    assert_eq!(run.status.code(), Some(0));
-    let told = String::from_utf8_lossy(&run.stderr);
+    let told = stderr(&dir, &[&args[..], &wet].concat());
     let shown = "two.json: shows `low` of 2 placements; two.json:NAME shows another";
     assert!(told.contains(shown), "{told}");
     let page = fs::read_to_string(dir.path().join("w.html")).unwrap();
@@ -81,55 +64,13 @@ fn what_cannot_be_shown_is_told_before_work_begins() {
     let dir = TempDir::new().unwrap();
     yard(dir.path());
     let view = |placement: &str, out: &str| {
-        fails(dir.path(), &["view", "yard.json", placement, "--out", out, "--backend", "cpu"])
+        fails(&dir, &["view", "yard.json", placement, "--out", out, "--backend", "cpu"])
     };
     let told = view("two.json:roof", "v.html");
     assert!(told.contains("two.json: has no placement `roof`; it has low, high"), "{told}");
     let told = view("two.json:low", "two.json");
     assert!(told.contains("two.json"), "{told}");
     assert!(!dir.path().join("v.html").exists());
-}
-
-/// The command on a page gives the run again.
-#[test]
-fn the_command_of_a_page_repeats_the_run() {
-    let dir = TempDir::new().unwrap();
-    yard(dir.path());
-    let args = [
-        "optimize",
-        "yard.json",
-        "--backend",
-        "cpu",
-        "--seed",
-        "7",
-        "--evaluations",
-        "24",
-        "--objective",
-        "0.5*information_gain + 2*m_sog",
-        "--fix",
-        "z=2",
-        "--frames",
-        "2",
-        "--condition",
-        "wet:water=1",
-        "--out",
-        "a",
-    ];
-    let run = sightline(dir.path(), &args);
-    assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
-    let page = fs::read_to_string(dir.path().join("a/report.html")).unwrap();
-    assert!(!page.contains("near field %"), "a column that nobody looked for");
-    assert!(page.contains("sightline · yard, under wet:water=1<"), "{}", &page[..2000]);
-    let text = String::from_utf8_lossy(&run.stdout);
-    assert!(text.contains(" over 3 frames, under wet:water=1\n"), "{text}");
-    let (_, command) = page.split_once("<code>sightline ").unwrap();
-    let command = command.split_once("</code>").unwrap().0;
-    let shell = format!("'{}' {command} --out b", env!("CARGO_BIN_EXE_sightline"));
-    let again = Command::new("sh").args(["-c", &shell]).current_dir(dir.path()).output().unwrap();
-    assert!(again.status.success(), "{shell}: {}", String::from_utf8_lossy(&again.stderr));
-    let history =
-        |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
-    assert_eq!(history("a"), history("b"), "{shell}");
 }
 
 /// Text between the tags of a section of a page, cells apart by `|`.
@@ -151,12 +92,8 @@ fn a_page_has_the_numbers_of_the_studies_on_several_lidars() {
     yard(dir.path());
     let lidar = |x: f64, pitch: f64| json!({ "x": x, "y": 0.0, "z": 2.0, "pitch": pitch });
     let pair = json!({ "placements": [{ "name": "pair", "lidars": [lidar(1.2, 0.1), lidar(-1.2, 0.0)] }] });
-    fs::write(dir.path().join("pair.json"), pair.to_string()).unwrap();
-    let done = |args: &[&str]| {
-        let run = sightline(dir.path(), &[args, &["--backend", "cpu"]].concat());
-        assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
-        String::from_utf8(run.stdout).unwrap()
-    };
+    write(&dir, "pair.json", &pair);
+    let done = |args: &[&str]| stdout(&dir, &[args, &["--backend", "cpu"]].concat());
     done(&["view", "yard.json", "pair.json", "--out", "v.html", "--figures", "figures"]);
     let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
     let told = section(&page, "redundancy");
@@ -194,22 +131,18 @@ fn a_page_has_the_table_of_technologies_and_the_command_for_tolerances() {
     change(dir, "cart.json", |cart| {
         cart["other_sensors"] = rig();
     });
-    let done = |args: &str| {
-        let run = sightline(dir, &format!("{args} --backend cpu").split(' ').collect::<Vec<_>>());
-        assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
-        String::from_utf8(run.stdout).unwrap()
-    };
+    let done = |args: &str| stdout(dir, &format!("{args} --backend cpu"));
     // A placement that misses a requirement ends with 1, as in `score`; its page is written.
     let far = json!({ "target": "tyre", "from": 40, "within": 40, "beams": 100, "share": 1 });
-    change(dir, "cart.json", |cart| cart["require"] = json!([far]));
+    set_rules(dir, json!([far]));
     let args = "view yard.json each.json:l0 --backend cpu --out missed.html";
-    let run = sightline(dir, &args.split(' ').collect::<Vec<_>>());
+    let run = sightline(dir, args);
     let told = String::from_utf8_lossy(&run.stderr);
     assert_eq!(run.status.code(), Some(1), "{told}");
     assert!(told.contains("NOT MET: l0 misses a requirement; exit code 1"), "{told}");
     assert!(fs::read_to_string(dir.join("missed.html")).unwrap().contains("NOT MET"));
     let near = json!({ "target": "car", "within": 10, "share": 0.1 });
-    change(dir, "cart.json", |cart| cart["require"] = json!([near]));
+    set_rules(dir, json!([near]));
     // One LiDAR: its vehicle has cameras and radars, one of them within the body.
     done("view yard.json each.json:l0 --out v.html");
     let page = fs::read_to_string(dir.join("v.html")).unwrap();

@@ -1,21 +1,20 @@
 //! Random small problems and what several tests share.
 
-use std::sync::Arc;
+pub(crate) use std::sync::Arc;
 
-use glam::Vec3;
-use lidar_cast::bvh::Bvh;
+pub(crate) use glam::{DVec3, Vec3};
+pub(crate) use lidar_cast::bvh::{Bvh, Hit};
 use lidar_cast::task::KINDS;
-use rand::{Rng, RngExt, SeedableRng};
+pub(crate) use rand::RngExt;
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 #[cfg(feature = "gpu")]
-use sightline::engine::Backend;
-use sightline::engine::CpuBackend;
-#[cfg(feature = "gpu")]
 use sightline::engine::gpu::GpuBackend;
-use sightline::geom::TriangleSoup;
-use sightline::problem::{Content, OccupiedVoxel, Problem, Task};
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
+pub(crate) use sightline::engine::{Backend, CpuBackend};
+pub(crate) use sightline::geom::TriangleSoup;
+pub(crate) use sightline::problem::{Content, OccupiedVoxel, Problem, Task};
+pub(crate) use sightline::psog::Roi;
+pub(crate) use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
 /// Memory that a test backend may use.
 pub(crate) const MEMORY: u64 = 1 << 30;
@@ -105,6 +104,20 @@ pub(crate) fn cpu(problem: &Arc<Problem>) -> CpuBackend {
 /// themselves check nothing.
 pub(crate) fn gpu(problem: &Arc<Problem>) -> GpuBackend {
     GpuBackend::new(problem.task().clone(), None, MEMORY).expect("a Vulkan device: see the README")
+}
+
+/// All engines but the reference.
+pub(crate) fn engines(problem: &Arc<Problem>) -> Vec<Box<dyn Backend>> {
+    vec![
+        Box::new(cpu(problem)),
+        #[cfg(feature = "gpu")]
+        Box::new(gpu(problem)),
+    ]
+}
+
+/// Hits as numbers that are equal where every bit is.
+pub(crate) fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
+    hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect()
 }
 
 #[cfg(feature = "gpu")]

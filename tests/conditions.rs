@@ -1,21 +1,18 @@
 //! Scores under weather: the same bits from every engine, and less the worse the weather is.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use lidar_cast::engine::ReferenceBackend;
 #[cfg(feature = "gpu")]
 use sightline::engine::gpu::GpuBackend;
-use sightline::engine::{Backend, CpuBackend};
-use sightline::problem::{Problem, Tally};
+use sightline::problem::Tally;
 use sightline::psog::Psog;
 use sightline::scan::conditions::Condition;
 use sightline::scene::Scene;
-use sightline::vehicle::{Placement, SensorPose};
 use sightline::{Job, JobScene};
 
 #[cfg(feature = "gpu")]
-use crate::common::MEMORY;
+use crate::common::*;
 
 /// A street with a house, a car and the own body, its sensor rated for `rated` metres.
 fn scene(rated: f64) -> Scene {

@@ -1,14 +1,11 @@
 //! Covered voxels against a slab test of every voxel in f64.
 
-use glam::{DVec3, Vec3};
 use lidar_cast::bvh::NO_HIT;
 use lidar_cast::cast::cast_frame_closest;
 use lidar_cast::task::{DevicePose, beam_direction};
-use sightline::engine::Backend;
 use sightline::geom::Pose;
-use sightline::psog::Roi;
 
-use crate::common::{cpu, random_placements, random_problem};
+use crate::common::*;
 
 /// How long a beam [0, t_end] stays inside a voxel grown by `grow` metres on every side; negative
 /// when it misses.

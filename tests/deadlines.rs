@@ -1,20 +1,14 @@
 //! Runs over many frames whose time is over, or whose observer says stop: few frames more are scored, and a resumed run
 //! gives the bits of one that never stopped.
 
-use std::sync::Arc;
 use std::time::Duration;
 
-use lidar_cast::bvh::Bvh;
 use sightline::internals::Spacing;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
 use sightline::search::{
     Event, FrameChoice, Method, Outcome, Phase, Run, Settings, State, Stopped, TimeLimit, Work,
 };
-use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
-use crate::common::{random_content, random_soup};
+use crate::common::*;
 use crate::optimize::{bits, finish, loaded, settings};
 
 /// More than a run scores whatever the time.

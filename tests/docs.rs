@@ -204,7 +204,7 @@ fn commands_of_the_guide_run_from_a_clone() {
             // Two hundred copies mounted a little off are other tests' matter.
             args.extend(["--tolerance", "0"]);
         }
-        let output = crate::cli::sightline(dir.path(), &args);
+        let output = crate::cli::sightline(&dir, &args);
         let said = String::from_utf8_lossy(&output.stderr);
         // A search so short may miss a requirement, and the rig made by hand misses three.
         let is_scored = is_search || args[0] == "score";

@@ -1,22 +1,16 @@
 //! Frames of the same geometry are cast once: with the sums of casting each.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use lidar_cast::bvh::Bvh;
 use lidar_cast::engine::ReferenceBackend;
-use sightline::engine::Backend;
 use sightline::internals::{Atlas, Pilot, PoseGrid, Spacing, Union};
-use sightline::problem::Task;
-use sightline::problem::{Problem, Tally};
-use sightline::psog::Roi;
+use sightline::problem::Tally;
 use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
 use sightline::score::Needed;
 use sightline::vehicle::random_placements;
-use sightline::vehicle::{BeamTable, Constraints, Placement};
 
-use crate::common::{MEMORY, both};
+use crate::common::*;
 
 /// The ego waits; the walker is in one of two places, so that frames 0, 1 and 3 are equal, and 2 and 4.
 fn scene() -> Scene {

@@ -1,10 +1,8 @@
 //! Equipment of a vehicle: against every combination of a small one, and what must be seen.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use sightline::engine::EngineChoice;
-use sightline::problem::Problem;
 use sightline::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, SearchError, Work,
     cost_front,
@@ -13,7 +11,7 @@ use sightline::vehicle::{
     Region, Requirement, Response, SensorName, SpinPhase, Vehicle, VehicleMount, VehicleSensor,
 };
 
-use crate::common::random_problem;
+use crate::common::*;
 
 /// Two models, two small mounts of at most two and one sensors.
 fn vehicle(require: Vec<Requirement>) -> Vehicle {
@@ -66,6 +64,18 @@ fn problem(seed: u64, vehicle: &Vehicle) -> Problem {
     let problem = Arc::unwrap_or_clone(random_problem(seed, true));
     let models = vehicle.models().unwrap();
     problem.with_sensors(models)
+}
+
+/// The choice by the gain, for 14, on the CPU.
+fn opened(
+    suite: &sightline::Suite,
+    vehicle: &Vehicle,
+    deadline: Option<Instant>,
+    observer: &mut dyn Observer,
+) -> Option<Equipping> {
+    let objective = "information_gain".parse().unwrap();
+    let (limits, engine) = (Limits::budget(14.0), EngineChoice::cpu());
+    Equipping::open(suite, vehicle, &objective, limits, &engine, deadline, observer).unwrap()
 }
 
 /// The choice without anybody looking on.
@@ -143,7 +153,7 @@ fn a_grid_of_both_ends_alone_is_told() {
             mount
         };
         vehicle.mounts = (0..mounts).map(numbered).collect();
-        let (suite, objective) = (problem(5, &vehicle).into(), "information_gain".parse().unwrap());
+        let suite = problem(5, &vehicle).into();
         let (mut notes, mut poses) = (Vec::new(), 0);
         let mut observe = |event: &Event| {
             match *event {
@@ -153,10 +163,8 @@ fn a_grid_of_both_ends_alone_is_told() {
             }
             poses == 0
         };
-        let (limits, engine) = (Limits::budget(14.0), EngineChoice::cpu());
-        let opened =
-            Equipping::open(&suite, &vehicle, &objective, limits, &engine, None, &mut observe);
-        assert!(opened.unwrap().is_none(), "it is stopped before it casts");
+        let opened = opened(&suite, &vehicle, None, &mut observe);
+        assert!(opened.is_none(), "it is stopped before it casts");
         notes.retain(|words| words.contains("both ends of every pose field"));
         (poses, notes)
     };
@@ -172,7 +180,7 @@ fn a_grid_of_both_ends_alone_is_told() {
 fn time_that_ends_at_any_moment_leaves_a_rig() {
     // No mount must hold a sensor: a choice that is cut before its first has none.
     let vehicle = vehicle(Vec::new());
-    let (suite, objective) = (problem(5, &vehicle).into(), "information_gain".parse().unwrap());
+    let suite = problem(5, &vehicle).into();
     for moment in 0..4 {
         let deadline = Instant::now() + Duration::from_millis(300);
         let mut exchanges = 0;
@@ -185,17 +193,8 @@ fn time_that_ends_at_any_moment_leaves_a_rig() {
             }
             true
         };
-        let (limits, engine) = (Limits::budget(14.0), EngineChoice::cpu());
-        let opened = Equipping::open(
-            &suite,
-            &vehicle,
-            &objective,
-            limits,
-            &engine,
-            Some(deadline),
-            &mut wait,
-        );
-        let mut choice = opened.unwrap().expect("nobody stops it");
+        let mut choice =
+            opened(&suite, &vehicle, Some(deadline), &mut wait).expect("nobody stops it");
         let rig = loop {
             match choice.step(&mut wait).unwrap() {
                 EquipStep::On => {}
@@ -222,23 +221,13 @@ fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
     let vehicle = vehicle(Vec::new());
     let problem = problem(5, &vehicle);
     let whole = equipped(&problem, &vehicle, 14.0);
-    let objective = "information_gain".parse().unwrap();
-    let (suite, engine) = (problem.into(), EngineChoice::cpu());
+    let suite = problem.into();
     let silent = &mut |_: &Event| true;
     let mut state: Option<Choosing> = None;
     let mut steps = 0;
     loop {
         // Nothing lives on from step to step but the text of the state.
-        let opened = Equipping::open(
-            &suite,
-            &vehicle,
-            &objective,
-            Limits::budget(14.0),
-            &engine,
-            None,
-            silent,
-        );
-        let mut choice = opened.unwrap().expect("nobody stops it");
+        let mut choice = opened(&suite, &vehicle, None, silent).expect("nobody stops it");
         if let Some(state) = &state {
             choice = choice.with_state(state.clone());
             assert_eq!(choice.state(), state);
@@ -254,17 +243,13 @@ fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
     assert!(steps > 6, "{steps} steps");
     // One of another vehicle begins anew.
     let far: Choosing = serde_json::from_str(r#"{ "ends": [[4000000]], "climb": null }"#).unwrap();
-    let opened =
-        Equipping::open(&suite, &vehicle, &objective, Limits::budget(14.0), &engine, None, silent);
-    let opened = opened.unwrap().unwrap();
-    let begun = opened.state().clone();
-    assert_eq!(*opened.with_state(far).state(), begun);
+    let choice = opened(&suite, &vehicle, None, silent).unwrap();
+    let begun = choice.state().clone();
+    assert_eq!(*choice.with_state(far).state(), begun);
     // So does one of another grid, as of an earlier version, whose numbers would fit.
-    let silent = &mut |_: &Event| true;
-    let opened =
-        Equipping::open(&suite, &vehicle, &objective, Limits::budget(14.0), &engine, None, silent);
     let other: Choosing = serde_json::from_str(r#"{ "ends": [[0]], "climb": null }"#).unwrap();
-    assert_eq!(*opened.unwrap().unwrap().with_state(other).state(), begun);
+    let choice = opened(&suite, &vehicle, None, silent).unwrap();
+    assert_eq!(*choice.with_state(other).state(), begun);
 }
 
 fn equipped(problem: &Problem, vehicle: &Vehicle, budget: f64) -> Equipped {
@@ -339,14 +324,14 @@ fn more_money_never_gains_less_along_a_front() {
     assert!(front.last().unwrap().equipment.len() == 3);
 }
 
+/// A share of the area behind that must be seen.
+fn near(share: f64) -> Requirement {
+    let inside = [[-4.0, -2.0, -1.0], [-2.0, 2.0, 1.0]];
+    Requirement { name: "behind".into(), inside, without: Vec::new(), share }
+}
+
 #[test]
 fn what_must_be_seen_comes_before_what_gains() {
-    let near = |share| Requirement {
-        name: "behind".into(),
-        inside: [[-4.0, -2.0, -1.0], [-2.0, 2.0, 1.0]],
-        without: Vec::new(),
-        share,
-    };
     let seen = |share, budget| {
         let vehicle = vehicle(vec![near(share)]);
         let problem = problem(5, &vehicle).with_areas(&vehicle.require);
@@ -383,13 +368,7 @@ fn the_upper_end_of_a_short_axis_is_looked_at() {
 
 #[test]
 fn better_sensors_of_a_given_placement_are_taken_and_dear_ones_are_not() {
-    let near = Requirement {
-        name: "behind".into(),
-        inside: [[-4.0, -2.0, -1.0], [-2.0, 2.0, 1.0]],
-        without: Vec::new(),
-        share: 1.0,
-    };
-    let vehicle = vehicle(vec![near]);
+    let vehicle = vehicle(vec![near(1.0)]);
     let problem = problem(5, &vehicle).with_areas(&vehicle.require);
     let (objective, engine) = ("information_gain".parse().unwrap(), EngineChoice::cpu());
     let silent = &mut |_: &Event| true;
@@ -447,7 +426,8 @@ fn a_budget_below_the_cheapest_rig_is_refused() {
         "{error}"
     );
     let m_sog = "m_sog_scaled".parse().unwrap();
-    assert!(equip(&problem.clone().into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).is_err());
+    let refused = equip(&problem.clone().into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu());
+    assert!(matches!(refused, Err(SearchError::NotForEquipment { .. })), "{refused:?}");
     assert_eq!(equipped(&problem, &vehicle, 4.0).equipment.len(), 2);
     // Where there is nothing to choose any objective will do.
     for (k, mount) in vehicle.mounts.iter_mut().enumerate() {

@@ -2,17 +2,14 @@
 
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
 use lidar_cast::cast::Caster;
-use rand::RngExt;
 use serde_json::{Value, json};
 use sightline::geom::Pose;
 use sightline::problem::World;
 use sightline::problem::world_of;
 use sightline::scene::{EgoBody, Scene};
-use sightline::vehicle::BeamTable;
 
-use crate::common::{random_placements, rng};
+use crate::common::*;
 
 const RANGE: f32 = 100.0;
 /// Metres from the middle of the way to its ends.

@@ -1,25 +1,15 @@
 //! The fast CPU stages against the reference that is written to be read: hits, voxels and sums.
 
-use std::sync::Arc;
-
-use glam::DVec3;
-use lidar_cast::bvh::{Bvh, Hit};
 use lidar_cast::cast::{Caster, cast_frame_closest};
 use lidar_cast::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use lidar_cast::reduce::reduce;
 use lidar_cast::task::DevicePose;
-use sightline::engine::Backend;
-use sightline::engine::CpuBackend;
 use sightline::geom::Pose;
 use sightline::internals::hostile_placements;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::random_placements as scattered;
-use sightline::vehicle::{BeamTable, Placement};
 
-use crate::common::{MEMORY, random_content, random_placements, random_problem, random_soup};
+use crate::common::*;
 
 /// Compares all stages of the backend with the reference; returns the voxels covered.
 fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 {

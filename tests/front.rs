@@ -1,16 +1,11 @@
 //! The front of objectives: against every equipment on every pose of the grid, and as the program writes it.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
 use sightline::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped};
 use sightline::search::Work;
 use sightline::vehicle::{PoseGrid, Spacing};
 use sightline::{Event, Job, JobFiles, Placement, Settings};
-use tempfile::TempDir;
 
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 
 /// A street whose cart carries up to two LiDARs in front and one behind, of two models.
 pub(crate) fn street(dir: &Path, prices: [u32; 2], require: Value) {
@@ -25,7 +20,7 @@ pub(crate) fn street(dir: &Path, prices: [u32; 2], require: Value) {
     let vehicle = json!({ "sightline": 1, "name": "cart", "require": require,
         "sensors": [model("half", prices[0], 90), model("narrow", prices[1], 30)],
         "mounts": [mount("front", 0.8, 0.0, 2), mount("rear", -0.8, 3.1, 1)] });
-    fs::write(dir.join("cart.json"), vehicle.to_string()).unwrap();
+    write(dir, "cart.json", &vehicle);
     let crate_of = |box_min: [i32; 3], box_max: [i32; 3]| json!([{ "class": "vehicle", "box": { "min": box_min, "max": box_max } }]);
     let scene = json!({ "sightline": 1, "name": "street", "vehicle": "cart.json", "frames": 4,
         "roi": { "min": [-12, -12, -0.5], "max": [12, 12, 3.5], "voxel": [0.5, 0.5, 0.5] },
@@ -35,7 +30,7 @@ pub(crate) fn street(dir: &Path, prices: [u32; 2], require: Value) {
               "poses": [{ "x": 8, "y": 0 }, { "x": 9, "y": 2 }, { "x": 10, "y": 3 }, { "x": 7, "y": -4 }] },
             { "name": "behind", "kind": "car", "parts": crate_of([-1, -1, 0], [1, 1, 2]),
               "poses": [{ "x": -6, "y": 3 }, { "x": -7, "y": 2 }, { "x": -8, "y": 1 }, { "x": -9, "y": 0 }] }] });
-    fs::write(dir.join("street.json"), scene.to_string()).unwrap();
+    write(dir, "street.json", &scene);
 }
 
 pub(crate) fn car_ahead(share: f64) -> Value {
@@ -276,9 +271,7 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     let line =
         "optimize street.json --front price,near_gain --backend cpu --evaluations 10 --out run";
     let args: Vec<&str> = line.split(' ').collect();
-    let output = sightline(dir.path(), &args);
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{text}");
+    let text = stdout(&dir, &args);
     for words in [
         "cheapest that meets all requirements",
         "best near_gain",
@@ -293,8 +286,7 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     assert!(prices.len() > 2 && prices.is_sorted(), "{prices:?}");
     let result: Value = serde_json::from_str(&read("result.json")).unwrap();
     let points = result["front"].as_array().unwrap();
-    let scored =
-        ok(dir.path(), &["score", "street.json", "run/placements.json", "--backend", "cpu"]);
+    let scored = ok(&dir, "score street.json run/placements.json --backend cpu");
     let scored = scored["scores"].as_array().unwrap();
     assert_eq!((points.len(), scored.len()), (prices.len(), prices.len()));
     for ((point, scores), price) in points.iter().zip(scored).zip(&prices) {
@@ -310,12 +302,7 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
         let is_met = point["requirements_met"] == true;
         let held = if is_met { &scores["requirements"][0]["holds_in"] } else { &Value::Null };
         assert_eq!(point["copies_that_meet_all"], *held);
-        let sectors = scores["range_card"]["blind"].as_array().unwrap();
-        let width = |sector: &Value| {
-            let [from, to] = [0, 1].map(|end| sector["bearings"][end].as_f64().unwrap());
-            if to >= from { to - from } else { to - from + 360.0 }
-        };
-        let blind: f64 = sectors.iter().map(width).sum();
+        let blind = blind_degrees(scores);
         assert!((point["car_blind_deg"].as_f64().unwrap() - blind).abs() < 1e-9, "{point}");
     }
     let met: Vec<&Value> =
@@ -344,12 +331,11 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
             && page.contains("--front price,near_gain")
     );
     // The command of the page gives the same points.
-    let again = sightline(dir.path(), &[&args[..9], &["again"]].concat());
-    assert!(again.status.success());
+    printed(&dir, &[&args[..9], &["again"]].concat());
     let other = fs::read_to_string(dir.path().join("again/placements.json")).unwrap();
     assert_eq!(other, read("placements.json"));
     // One of the points is handed over, and which ones there are is said.
-    let told = fails(dir.path(), &["rig", "handover", "run", "--out", "rig"]);
+    let told = fails(&dir, "rig handover run --out rig");
     let first = met[0]["name"].as_str().unwrap();
     for words in [
         format!("holds a front of {} placements", points.len()),
@@ -357,29 +343,25 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     ] {
         assert!(told.contains(&words), "{words}: {told}");
     }
-    let made = ok(
-        dir.path(),
-        &["rig", "handover", &format!("run:{first}"), "--backend", "cpu", "--out", "rig"],
-    );
+    let made =
+        ok(&dir, &["rig", "handover", &format!("run:{first}"), "--backend", "cpu", "--out", "rig"]);
     assert_eq!((&made["placement"], &made["price"]), (&json!(first), &met[0]["price"]));
     let readme = fs::read_to_string(dir.path().join("rig/README.txt")).unwrap();
     assert!(readme.contains("Found with seed 1 in the run run"), "{readme}");
     let kept = read("checkpoint.json");
     // Gone on with at its end, it says where it is; drawings of one placement are refused.
-    let told = fails(dir.path(), &["optimize", "--resume", "run", "--gltf", "a.glb"]);
+    let told = fails(&dir, "optimize --resume run --gltf a.glb");
     assert!(told.contains("run: holds a front, of which --gltf"), "{told}");
-    let again = sightline(dir.path(), &["optimize", "--resume", "run", "--backend", "cpu"]);
-    assert!(again.status.success(), "{again:?}");
-    let text = String::from_utf8(again.stdout).unwrap();
+    let text = stdout(&dir, "optimize --resume run --backend cpu");
     assert!(text.contains("run: the run is finished (stopped: complete"), "{text}");
     assert_eq!((read("placements.json"), read("checkpoint.json")), (other, kept));
     fs::remove_file(dir.path().join("run/checkpoint.json")).unwrap();
-    let told = fails(dir.path(), &["optimize", "--resume", "run"]);
+    let told = fails(&dir, "optimize --resume run");
     assert!(
         told.contains("run: holds a front without a checkpoint, which does not go on"),
         "{told}"
     );
-    let told = fails(dir.path(), &args);
+    let told = fails(&dir, &args);
     assert!(told.contains("--force"), "{told}");
 }
 
@@ -389,24 +371,20 @@ fn no_point_that_meets_all_is_exit_code_1_and_time_is_said() {
     let hopeless =
         json!([{ "target": "tyre", "from": 15, "within": 15, "beams": 100, "share": 1 }]);
     street(dir.path(), [30, 11], hopeless);
-    let line = "optimize street.json --front sensors,requirements --backend cpu --format json --evaluations 10 --out";
-    let args: Vec<&str> = line.split(' ').collect();
-    let output = sightline(dir.path(), &[&args[..], &["run"]].concat());
-    assert_eq!(output.status.code(), Some(1));
-    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let line =
+        "optimize street.json --front sensors,requirements --backend cpu --evaluations 10 --out";
+    let (code, result, _) = answer(&dir, &format!("{line} run"));
+    assert_eq!(code, Some(1));
     assert_eq!(result["front"][0]["requirements_met"], false);
-    let late = [&args[..], &["late", "--max-seconds", "0.3"]].concat();
-    let output = sightline(dir.path(), &late);
-    let told = String::from_utf8(output.stderr).unwrap();
-    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let (_, result, told) = answer(&dir, &format!("{line} late --max-seconds 0.3"));
     assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");
     assert!(
         told.contains("; go on with --resume late")
             && !result["front"].as_array().unwrap().is_empty(),
         "{told}"
     );
-    let output = sightline(dir.path(), &["optimize", "--resume", "late", "--backend", "cpu"]);
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let (code, [_, told]) = ran(&dir, "optimize --resume late --backend cpu");
+    assert_eq!(code, Some(1), "{told}");
     assert_same(dir.path(), "run", "late");
 }
 
@@ -417,7 +395,7 @@ fn a_front_of_nothing_is_refused_in_a_sentence() {
     let refused = |front: &str, more: &[&str]| {
         let args =
             [&["optimize", "street.json", "--out", "never", "--front", front], more].concat();
-        let told = fails(dir.path(), &args);
+        let told = fails(&dir, &args);
         assert!(!dir.path().join("never").exists(), "{front} left a folder");
         told
     };
@@ -443,7 +421,7 @@ fn a_front_of_nothing_is_refused_in_a_sentence() {
     let told = refused("sensors,near_gain", &[]);
     let words = "are of one model, with nothing to choose from; give a vehicle with sensors and mounts with --vehicle";
     assert!(told.contains(words), "{told}");
-    let told = fails(dir.path(), &["optimize", "street.json", "--evaluations", "0"]);
+    let told = fails(&dir, "optimize street.json --evaluations 0");
     assert!(told.contains("--evaluations"), "{told}");
 }
 
@@ -462,7 +440,7 @@ fn ctrl_c_writes_the_points_found_so_far_and_exits_with_130() {
     assert!(told.by_ref().any(|line| line.unwrap().contains("computing on cpu")));
     std::thread::sleep(std::time::Duration::from_millis(500));
     let id = child.id().to_string();
-    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     let told: Vec<String> = told.map(Result::unwrap).collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{told:?}");
     assert!(

@@ -1,19 +1,9 @@
 //! `cast_closest` against its CPU twin, bit by bit.
 
-use std::sync::Arc;
-
-use lidar_cast::bvh::{Bvh, Hit};
 use lidar_cast::cast::cast_closest;
 use lidar_cast::task::DevicePose;
-use rand::RngExt;
-use sightline::engine::Backend;
-use sightline::geom::TriangleSoup;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, SensorPose};
 
-use crate::common::{cpu, gpu, random_content, random_problem, random_soup, rng};
+use crate::common::*;
 
 const RANGE: f64 = 40.0;
 

@@ -1,18 +1,9 @@
 //! `cover_voxels` against its CPU twin: sensors in the grid by the kernel, others by the host.
 
-use std::sync::Arc;
-
-use glam::DVec3;
 use lidar_cast::cover::{BitOrder, cover_voxels};
 use lidar_cast::task::DevicePose;
-use rand::RngExt;
-use sightline::engine::Backend;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
-use crate::common::{cpu, gpu, random_content, rng};
+use crate::common::*;
 
 /// Along the axes, through edges and corners of voxels all the way, through some of them, and any.
 fn directions(seed: u64) -> Vec<DVec3> {

@@ -1,23 +1,9 @@
 //! The GPU against the CPU reference, bit by bit.
 
-use std::sync::Arc;
-
-use lidar_cast::bvh::{Bvh, Hit};
+use sightline::engine::BackendError;
 use sightline::engine::gpu::GpuBackend;
-use sightline::engine::{Backend, BackendError};
-use sightline::geom::TriangleSoup;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
-use crate::common::{
-    both, cpu, gpu, random_content, random_placements, random_problem, random_soup,
-};
-
-fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
-    hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect()
-}
+use crate::common::*;
 
 #[test]
 fn hits_coverage_and_tallies_are_the_same_bits() {

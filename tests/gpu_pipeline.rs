@@ -1,18 +1,8 @@
 //! The pipeline: batches of many chunks and frames, whose steps overlap on the device, against the CPU.
 
-use std::sync::Arc;
-
-use lidar_cast::bvh::Bvh;
-use rand::RngExt;
-use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
-use sightline::geom::TriangleSoup;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
-use crate::common::{MEMORY, cpu, random_content, random_soup, rng};
+use crate::common::*;
 
 const RANGE: f64 = 100.0;
 

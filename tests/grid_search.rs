@@ -1,18 +1,13 @@
 //! Search on a grid of poses and its bounds, against trying every placement.
 
-use std::sync::Arc;
-
-use sightline::engine::CpuBackend;
 use sightline::internals::{
     Atlas, Climbing, Effort, GridPlacement, GridSample, GridSearch, Moves, PoseGrid, Spacing,
     SwapSettings, Ties, bound_gain, swap_anywhere,
 };
-use sightline::problem::Problem;
 use sightline::score::{Needed, Objective};
 use sightline::search::Evaluator;
-use sightline::vehicle::{Constraints, Placement, SensorPose};
 
-use crate::common::{MEMORY, mounted, random_problem};
+use crate::common::*;
 
 fn constraints(lidars: usize, min_distance: f64) -> Constraints {
     Constraints {

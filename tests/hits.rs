@@ -1,10 +1,8 @@
 //! Closest hits against all triangles in f64, by a test that shares nothing with ours.
 
-use glam::{DVec3, Vec3};
-use lidar_cast::bvh::{Bvh, Hit, NO_HIT, Ray};
-use sightline::geom::TriangleSoup;
+use lidar_cast::bvh::{NO_HIT, Ray};
 
-use crate::common::{random_soup, random_vec, rng};
+use crate::common::*;
 
 /// Möller and Trumbore 1997 over every triangle, in f64: (t, prim, distance to the nearest edge in
 /// barycentric units) of the closest hit.

@@ -1,15 +1,8 @@
 //! Geometry and poses that methods fail at, on both backends: the same bits, and a stated result.
 
-use std::sync::Arc;
+use lidar_cast::bvh::NO_HIT;
 
-use lidar_cast::bvh::{Bvh, Hit, NO_HIT};
-use sightline::geom::TriangleSoup;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
-
-use crate::common::{both, random_content};
+use crate::common::*;
 
 const AHEAD: [f64; 3] = [1.0, 0.0, 0.0];
 
@@ -37,15 +30,15 @@ fn scaled(triangles: Vec<[[f32; 3]; 3]>, scale: f32) -> Vec<[[f32; 3]; 3]> {
 }
 
 fn cases() -> Vec<Case> {
-    let case =
-        |name, triangles, sensor, directions: &[[f64; 3]], range, want: &[(f32, u32)]| Case {
-            name,
-            triangles,
-            sensor,
-            directions: directions.to_vec(),
-            range,
-            want: want.to_vec(),
-        };
+    // From the origin, up to 10 m.
+    let case = |name, triangles, directions: &[[f64; 3]], want: &[(f32, u32)]| Case {
+        name,
+        triangles,
+        sensor: [0.0; 3],
+        directions: directions.to_vec(),
+        range: 10.0,
+        want: want.to_vec(),
+    };
     let none = (10.0, NO_HIT);
     let two = || [square(5.0, 1.0), square(5.0, 1.0)].concat();
     let sliver = vec![[[5.0, -1.0, 0.0], [5.0, 1.0, 0.0], [5.0, 1.0, 1e-6]]];
@@ -63,25 +56,22 @@ fn cases() -> Vec<Case> {
         case(
             "overlapping triangles of two classes in one plane",
             overlapping,
-            [0.0; 3],
             &[AHEAD, [5.0, 1.5, -0.9], [5.0, -1.5, -0.9]],
-            10.0,
             &[(5.0, 0), (28.06_f32.sqrt(), 1), (28.06_f32.sqrt(), 0)],
         ),
-        case(
-            "between the walls of a solid",
-            around,
-            [0.5, 0.0, 0.0],
-            &[AHEAD, [-1.0, -0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
-            10.0,
-            &[(0.5, 2), (1.5, 0), none, none],
-        ),
+        Case {
+            sensor: [0.5, 0.0, 0.0],
+            ..case(
+                "between the walls of a solid",
+                around,
+                &[AHEAD, [-1.0, -0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+                &[(0.5, 2), (1.5, 0), none, none],
+            )
+        },
         case(
             "one zero component, of either sign",
             square(5.0, 1.0),
-            [0.0; 3],
             &[[5.0, 0.5, 0.0], [5.0, 0.5, -0.0], [5.0, 0.0, 0.5], [5.0, -0.0, 0.5]],
-            10.0,
             &[
                 (25.25_f32.sqrt(), 0),
                 (25.25_f32.sqrt(), 0),
@@ -89,138 +79,103 @@ fn cases() -> Vec<Case> {
                 (25.25_f32.sqrt(), 1),
             ],
         ),
-        case(
-            "from far below",
-            floor.clone(),
-            [0.0, 0.0, -9999.0],
-            &[[0.0, 0.0, 1.0]],
-            1e4,
-            &[(9999.0, 0)],
-        ),
-        case(
-            "minus zero components",
-            square(5.0, 1.0),
-            [0.0; 3],
-            &[[1.0, -0.0, -0.0]],
-            10.0,
-            &[(5.0, 0)],
-        ),
+        Case {
+            sensor: [0.0, 0.0, -9999.0],
+            range: 1e4,
+            ..case("from far below", floor.clone(), &[[0.0, 0.0, 1.0]], &[(9999.0, 0)])
+        },
+        case("minus zero components", square(5.0, 1.0), &[[1.0, -0.0, -0.0]], &[(5.0, 0)]),
         case(
             "towards a shared edge",
             square(5.0, 1.0),
-            [0.0; 3],
             &[[5.0, 0.5, 0.5]],
-            10.0,
             &[(25.5_f32.sqrt(), 0)],
         ),
         case(
             "towards a shared corner",
             square(5.0, 1.0),
-            [0.0; 3],
             &[[5.0, 1.0, 1.0]],
-            10.0,
             &[(27.0_f32.sqrt(), 0)],
         ),
-        case(
-            "just beside the rim",
-            square(5.0, 1.0),
-            [0.0; 3],
-            &[[5.0, 1.001, 0.0]],
-            10.0,
-            &[none],
-        ),
+        case("just beside the rim", square(5.0, 1.0), &[[5.0, 1.001, 0.0]], &[none]),
         case(
             "the same square twice",
             two(),
-            [0.0; 3],
             &[AHEAD, [5.0, 0.3, -0.7]],
-            10.0,
             &[(5.0, 0), (25.58_f32.sqrt(), 0)],
         ),
-        case(
-            "in the plane of the square",
-            square(5.0, 1.0),
-            [5.0, -3.0, 0.0],
-            &[[0.0, 1.0, 0.0]],
-            10.0,
-            &[none],
-        ),
-        case(
-            "starting on the square",
-            square(5.0, 1.0),
-            [5.0, 0.0, 0.0],
-            &[AHEAD, [-1.0, 0.0, 0.0]],
-            10.0,
-            &[none, none],
-        ),
-        case(
-            "starting behind it",
-            square(5.0, 1.0),
-            [6.0, 0.2, 0.1],
-            &[AHEAD, [-1.0, 0.0, 0.0]],
-            10.0,
-            &[none, (1.0, 0)],
-        ),
-        case("a range that ends on it", square(5.0, 1.0), [0.0; 3], &[AHEAD], 5.0, &[(5.0, 0)]),
-        case(
-            "a range that ends before it",
-            square(5.0, 1.0),
-            [0.0; 3],
-            &[AHEAD],
-            4.9999,
-            &[(4.9999, NO_HIT)],
-        ),
+        Case {
+            sensor: [5.0, -3.0, 0.0],
+            ..case("in the plane of the square", square(5.0, 1.0), &[[0.0, 1.0, 0.0]], &[none])
+        },
+        Case {
+            sensor: [5.0, 0.0, 0.0],
+            ..case(
+                "starting on the square",
+                square(5.0, 1.0),
+                &[AHEAD, [-1.0, 0.0, 0.0]],
+                &[none, none],
+            )
+        },
+        Case {
+            sensor: [6.0, 0.2, 0.1],
+            ..case(
+                "starting behind it",
+                square(5.0, 1.0),
+                &[AHEAD, [-1.0, 0.0, 0.0]],
+                &[none, (1.0, 0)],
+            )
+        },
+        Case {
+            range: 5.0,
+            ..case("a range that ends on it", square(5.0, 1.0), &[AHEAD], &[(5.0, 0)])
+        },
+        Case {
+            range: 4.9999,
+            ..case("a range that ends before it", square(5.0, 1.0), &[AHEAD], &[(4.9999, NO_HIT)])
+        },
         case(
             "a sliver, above and below",
             sliver,
-            [0.0; 3],
             &[[5.0, 0.9, 1e-3], [5.0, 0.9, -1e-3]],
-            10.0,
             &[none, none],
         ),
-        case("no area", flat, [0.0; 3], &[AHEAD, [5.0, 0.5, 0.0]], 10.0, &[none, none]),
-        case("a single point", point, [0.0; 3], &[AHEAD], 10.0, &[none]),
+        case("no area", flat, &[AHEAD, [5.0, 0.5, 0.0]], &[none, none]),
+        case("a single point", point, &[AHEAD], &[none]),
         case(
             "no area before a square",
             [vec![[[3.0, 0.0, 0.0]; 3]], square(5.0, 1.0)].concat(),
-            [0.0; 3],
             &[AHEAD],
-            10.0,
             &[(5.0, 1)],
         ),
-        case(
-            "straight down on a floor",
-            floor.clone(),
-            [0.0, 0.0, 2.5],
-            &[down],
-            10.0,
-            &[(2.5, 0)],
-        ),
-        case(
-            "from below the floor",
-            floor.clone(),
-            [0.0, 0.0, -2.5],
-            &[down, [0.0, 0.0, 1.0]],
-            10.0,
-            &[none, (2.5, 0)],
-        ),
-        case("from far above", floor, [0.0, 0.0, 9999.0], &[down], 1e4, &[(9999.0, 0)]),
-        case(
-            "a hundredth of the size",
-            scaled(square(5.0, 1.0), 0.01),
-            [0.0; 3],
-            &[AHEAD],
-            10.0,
-            &[(0.05, 0)],
-        ),
-        case(
-            "a thousand times the size",
-            scaled(square(5.0, 1.0), 1e3),
-            [0.0; 3],
-            &[AHEAD],
-            1e4,
-            &[(5000.0, 0)],
-        ),
+        Case {
+            sensor: [0.0, 0.0, 2.5],
+            ..case("straight down on a floor", floor.clone(), &[down], &[(2.5, 0)])
+        },
+        Case {
+            sensor: [0.0, 0.0, -2.5],
+            ..case(
+                "from below the floor",
+                floor.clone(),
+                &[down, [0.0, 0.0, 1.0]],
+                &[none, (2.5, 0)],
+            )
+        },
+        Case {
+            sensor: [0.0, 0.0, 9999.0],
+            range: 1e4,
+            ..case("from far above", floor, &[down], &[(9999.0, 0)])
+        },
+        case("a hundredth of the size", scaled(square(5.0, 1.0), 0.01), &[AHEAD], &[(0.05, 0)]),
+        Case {
+            range: 1e4,
+            ..case(
+                "a thousand times the size",
+                scaled(square(5.0, 1.0), 1e3),
+                &[AHEAD],
+                &[(5000.0, 0)],
+            )
+        },
     ]
 }
 
@@ -245,10 +200,6 @@ fn problem(case: &Case) -> Arc<Problem> {
 fn placement([x, y, z]: [f64; 3]) -> Placement {
     let pose = SensorPose { x, y, z, ..SensorPose::default() };
     Placement { name: "hostile".into(), lidars: vec![pose] }
-}
-
-fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
-    hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect()
 }
 
 #[test]

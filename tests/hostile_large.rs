@@ -4,32 +4,17 @@
 //! `SIGHTLINE_FULL=1 cargo test --release --test main hostile_large` runs them at full size (10⁷ beams,
 //! 2·10⁶ triangles); otherwise they are a tenth or less of it.
 
-use std::sync::Arc;
-
-use glam::{DVec3, Vec3};
-use lidar_cast::bvh::{Bvh, Hit};
 use lidar_cast::task::{DevicePose, KINDS, beam_direction};
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
-use sightline::geom::TriangleSoup;
 use sightline::internals::{Explanation, explain};
-use sightline::problem::Task;
-use sightline::problem::{Content, OccupiedVoxel, Problem};
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
-use crate::common::{both, cpu, random_content, random_placements, rng};
+use crate::common::*;
 
 /// `full` where the whole size is asked for, else `part`.
 fn sized(full: usize, part: usize) -> usize {
     if std::env::var_os("SIGHTLINE_FULL").is_some() { full } else { part }
-}
-
-fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
-    hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect()
 }
 
 fn single(x: f64, y: f64, z: f64) -> Placement {

@@ -1,22 +1,19 @@
 //! Invariants of every placement, on random problems and on every committed scene.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use lidar_cast::task::KINDS;
-use rand::RngExt;
 use rand::seq::SliceRandom;
 use sightline::audit::{Trial, TrialResult};
-use sightline::engine::Backend;
 use sightline::internals::{
     Atlas, Generations, GridPlacement, GridSearch, Moves, PoseGrid, Spacing, hostile_placements,
 };
-use sightline::problem::{Problem, Tally};
+use sightline::problem::Tally;
 use sightline::score::{Objective, Scores};
 use sightline::search::{Evaluator, Settings};
-use sightline::vehicle::Placement;
 use sightline::vehicle::random_placements;
 
-use crate::common::{self, MEMORY, cpu, mounted, random_problem, rng};
+use crate::common::*;
 use crate::own_scenes::{AZIMUTH_STEPS, Own, SCENES, description, mirrored, table_7};
 use crate::reference::Reference;
 
@@ -51,7 +48,7 @@ struct Case {
 fn cases() -> Vec<Case> {
     let random = [(71, true), (72, false), (73, true), (74, false)].map(|(seed, ends_at_hits)| {
         let (name, placements) =
-            (format!("random {seed}"), common::random_placements(seed, 24, 6.0));
+            (format!("random {seed}"), crate::common::random_placements(seed, 24, 6.0));
         Case { name, problem: random_problem(seed, ends_at_hits), placements }
     });
     let own = OWN.iter().map(|(name, own)| {

@@ -1,21 +1,14 @@
 //! A device lost in the middle of a run: the run ends with the same bits, and says what happened.
 
-use std::fs;
-use std::path::Path;
-use std::process::Command;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex};
 
 use lidar_cast::engine::Failover;
-use serde_json::Value;
-use sightline::engine::CpuBackend;
+use sightline::engine::BackendError;
 use sightline::engine::gpu::GpuBackend;
-use sightline::engine::{Backend, BackendError};
-use sightline::problem::Problem;
-use tempfile::TempDir;
 
-use crate::cli::{ok, room};
-use crate::common::{MEMORY, cpu, random_placements, random_problem};
+use crate::cli::*;
+use crate::common::*;
 
 /// Batches that a device survives, the first one and those opened after it; `None` cannot be opened.
 type Lives = [Option<u32>];
@@ -115,13 +108,8 @@ fn a_placement_too_large_for_a_device_goes_to_the_cpu_if_allowed() {
 
 /// The program on a device that is lost after so many batches: JSON answer and stderr.
 fn losing(dir: &Path, args: &[&str], batches: &str) -> (Value, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(args)
-        .args(["--format", "json"])
-        .current_dir(dir)
-        .env("SIGHTLINE_LOSE_DEVICE_AFTER", batches)
-        .output()
-        .unwrap();
+    let mut command = crate::cli::program(dir, &[args, &["--format", "json"]].concat());
+    let output = command.env("SIGHTLINE_LOSE_DEVICE_AFTER", batches).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && !stderr.contains("panicked"), "{stderr}");
     (serde_json::from_slice(&output.stdout).unwrap(), stderr)
@@ -129,8 +117,7 @@ fn losing(dir: &Path, args: &[&str], batches: &str) -> (Value, String) {
 
 #[test]
 fn a_stream_of_scores_outlives_its_device() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let lines: String = random_placements(83, 2100, 0.4)
         .into_iter()
         .map(|mut placement| {
@@ -140,7 +127,7 @@ fn a_stream_of_scores_outlives_its_device() {
         .collect();
     fs::write(dir.path().join("many.jsonl"), lines).unwrap();
     let args = ["score", "room.json", "many.jsonl", "--frames", "1", "--backend"];
-    let want = ok(dir.path(), &[&args[..], &["cpu"]].concat());
+    let want = ok(&dir, &[&args[..], &["cpu"]].concat());
     assert!(want.get("backend_changes").is_none());
     // The reference layouts and the first block of 1024 are scored, and then it is gone.
     let (got, stderr) = losing(dir.path(), &[&args[..], &["gpu"]].concat(), "6");
@@ -151,13 +138,12 @@ fn a_stream_of_scores_outlives_its_device() {
 
 #[test]
 fn a_search_outlives_its_device() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let args = |out: &'static str, backend: &'static str| {
         let fixed = ["optimize", "room.json", "--evaluations", "30", "--seed", "5", "--frames"];
         [&fixed[..], &["2", "--out", out, "--backend", backend]].concat()
     };
-    let want = ok(dir.path(), &args("whole", "cpu"));
+    let want = ok(&dir, &args("whole", "cpu"));
     let (got, stderr) = losing(dir.path(), &args("broken", "gpu"), "4");
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
     assert_eq!(read("whole", "history.jsonl"), read("broken", "history.jsonl"));
@@ -171,8 +157,7 @@ fn a_search_outlives_its_device() {
 
 #[test]
 fn a_bound_outlives_its_device() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
+    let dir = in_room();
     let run = |out: &str, backend: &str, batches: &str| {
         let fixed = ["optimize", "room.json", "--evaluations", "16", "--seed", "5", "--frames"];
         let args = [&fixed[..], &["1", "--out", out, "--backend", backend]].concat();

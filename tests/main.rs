@@ -146,6 +146,8 @@ mod optimize;
 mod own_mesh;
 #[cfg_attr(not(feature = "cli"), allow(dead_code))]
 mod own_scenes;
+#[cfg(feature = "cli")]
+mod program;
 mod reference;
 mod repeated;
 mod round_trip;

@@ -1,12 +1,6 @@
 //! The main job on real input at small settings: own scenes, a real mesh, real labelled frames.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::ok;
+use crate::cli::*;
 
 /// A file or folder of the real data that `build.rs` looked for.
 fn data(file: &str) -> PathBuf {
@@ -28,7 +22,7 @@ pub(crate) fn own_scenes() -> Vec<PathBuf> {
 
 /// A copy of an own scene with fewer frames, and with larger voxels where they are given.
 pub(crate) fn shortened(dir: &Path, scene: &Path, frames: u32, voxel: Option<f64>) -> PathBuf {
-    let mut copy: Value = serde_json::from_slice(&fs::read(scene).unwrap()).unwrap();
+    let mut copy = read_json(scene);
     copy["frames"] = json!(frames);
     if let Some(edge) = voxel {
         copy["roi"]["voxel"] = json!([edge, edge, edge]);
@@ -46,7 +40,7 @@ fn optimize(scene: &Path, objective: &str) -> Value {
         "optimize", &scene, "--out", "run", "--evaluations", "12", "--frames", "1", "--seed", "3",
         "--objective", objective,
     ];
-    let result = ok(dir.path(), &args);
+    let result = ok(&dir, &args);
     let best = &result["best"];
     assert_eq!(best["violations"], json!([]), "{scene}");
     assert!(best["scores"]["covered"].as_f64().unwrap() > 1000.0, "{scene}: {best}");
@@ -133,7 +127,7 @@ fn real_labelled_frames_are_optimized() {
         "--out",
         "kitti.psog.npz",
     ];
-    let info = ok(dir.path(), &build);
+    let info = ok(&dir, &build);
     assert_eq!(info["frames"], 4);
     assert!(info["tie_share"].as_f64().unwrap() < 0.1, "{info}");
     let scene = json!({
@@ -145,7 +139,7 @@ fn real_labelled_frames_are_optimized() {
                    "min_distance": 0.2, "lidars": 4 },
         "coverage": "through"
     });
-    fs::write(dir.path().join("kitti.json"), scene.to_string()).unwrap();
+    write(&dir, "kitti.json", &scene);
     let result = optimize(&dir.path().join("kitti.json"), "information_gain");
     assert!(result["best"]["scores"]["covered_by_class"]["car"].as_f64().unwrap() > 20.0);
 }
@@ -156,7 +150,7 @@ fn real_labelled_frames_are_optimized() {
 fn own_scenes_have_the_same_bits_on_both_backends() {
     let dir = TempDir::new().unwrap();
     let listed = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/placements.json");
-    let listed: Value = serde_json::from_slice(&fs::read(listed).unwrap()).unwrap();
+    let listed = read_json(listed);
     let listed = listed["placements"].as_array().unwrap();
     let (scenes, mut compared) = (own_scenes(), 0);
     for (index, scene) in scenes.iter().enumerate() {
@@ -168,11 +162,11 @@ fn own_scenes_have_the_same_bits_on_both_backends() {
         let on = |backend: &str| {
             let hits = format!("{backend}.npz");
             ok(
-                dir.path(),
+                &dir,
                 &["cast", &scene, placements, "--out", &hits, "--backend", backend, "--force"],
             );
             let mut answer = ok(
-                dir.path(),
+                &dir,
                 &[
                     "score", &scene, placements, "--frames", "2", "--coverage-out", backend,
                     "--force", "--backend", backend,

@@ -1,9 +1,5 @@
 //! The program and the library pose one problem from the same files, to the last bit: scores and optimum.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use serde_json::{Value, json};
 use sightline::audit::TrialResult;
 use sightline::chart::{ChartSettings, ChartState, SceneDetail, chart};
 use sightline::internals::{Engine, Setting};
@@ -11,9 +7,8 @@ use sightline::score::Scores;
 use sightline::search::{Event, Settings};
 use sightline::vehicle::SensorPose;
 use sightline::{EngineChoice, Job, JobFiles, Objective, Placement, Scene, read_placements};
-use tempfile::TempDir;
 
-use crate::cli::{corridor, ok, room};
+use crate::cli::*;
 
 /// Evaluations of the searches that are compared.
 const EVALUATIONS: u64 = 12;
@@ -51,10 +46,8 @@ fn placement(name: &str, lidars: &[(&str, [f64; 6])]) -> Value {
 /// A room and a longer one, placements with and without models, the cart.
 fn rooms() -> TempDir {
     let dir = TempDir::new().unwrap();
-    let write =
-        |name: &str, value: &Value| fs::write(dir.path().join(name), value.to_string()).unwrap();
-    let room = fs::read_to_string(room(dir.path())).unwrap();
-    let mut other: Value = serde_json::from_str(&room).unwrap();
+    let write = |name: &str, value: &Value| write(&dir, name, &value);
+    let mut other = read_json(room(dir.path()));
     other["name"] = json!("other");
     other["static"][1]["box"]["center"][0] = json!(2.4);
     write("other.json", &other);
@@ -263,7 +256,7 @@ fn an_atlas_that_lacks_a_model_is_left_out_with_a_sentence() {
     for mount in [1, 2] {
         vehicle["mounts"][mount]["count"] = json!([0, 0]);
     }
-    fs::write(dir.path().join("bare.json"), vehicle.to_string()).unwrap();
+    write(&dir, "bare.json", &vehicle);
     let scene = Scene::read_with(dir.path().join("room.json"), Some(&dir.path().join("bare.json")));
     let job = Job::new(scene.unwrap());
     let psog = job.scenes()[0].psog(|_| true).unwrap();

@@ -1,21 +1,15 @@
 //! The main job as a library function: observed, interrupted, out of time, resumed by value.
 
-use std::sync::Arc;
 use std::time::Duration;
 
-use lidar_cast::bvh::Bvh;
 use sightline::internals::{Spacing, Standing};
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::Roi;
 use sightline::search::{
     Event, FrameChoice, GenerationsStop, Method, Outcome, Phase, Run, Settings, State, Stopped,
     TimeLimit, Work, optimize,
 };
-use sightline::vehicle::{BeamTable, Constraints, Placement};
 use sightline::{EngineChoice, SensorPose};
 
-use crate::common::{random_content, random_soup};
+use crate::common::*;
 
 /// Six frames that differ, and a mount of two LiDARs.
 fn problem() -> Arc<Problem> {

@@ -1,22 +1,16 @@
 //! The committed scenes at a coarse fidelity, for tests that must hold on each of them.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use lidar_cast::bvh::Bvh;
 use serde_json::{Value, json};
-use sightline::engine::CpuBackend;
-use sightline::geom::TriangleSoup;
-use sightline::problem::Problem;
-use sightline::problem::Task;
-use sightline::psog::{Psog, Roi};
+use sightline::psog::Psog;
 use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
 use sightline::score::Scores;
 use sightline::search::Evaluator;
-use sightline::vehicle::{BeamTable, Constraints, Placement, read_placements};
+use sightline::vehicle::read_placements;
 
-use crate::common::MEMORY;
+use crate::common::*;
 
 /// Names of the committed scenes.
 pub(crate) const SCENES: [&str; 4] =

@@ -1,18 +1,13 @@
 //! Gains in which a voxel counts again for a second, and a third, LiDAR that covers it, against loops over voxels.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
-use rand::RngExt;
 use sightline::EngineChoice;
-use sightline::engine::{Backend, CpuBackend};
-use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::score::{Objective, Scores};
 use sightline::search::{Evaluator, Gain, Settings, Suite};
 use sightline::shared::{RedundancySite, redundancy_question};
-use sightline::vehicle::{Constraints, Placement, SensorPose};
 
-use crate::common::{MEMORY, cpu, mounted, random_placements, random_problem, rng};
+use crate::common::*;
 use crate::own_scenes::{Own, description, table_7};
 
 /// Numbers of LiDARs that cover each occupied voxel in each frame, each with its weight: a set of voxels a LiDAR.
@@ -77,7 +72,7 @@ fn all_engines_give_the_same_repeated_sums() {
     let mut reference = lidar_cast::engine::ReferenceBackend::new(problem.task().clone());
     assert_eq!(reference.tally(&placements, None).unwrap(), want);
     #[cfg(feature = "gpu")]
-    assert_eq!(crate::common::gpu(&problem).tally(&placements, None).unwrap(), want);
+    assert_eq!(gpu(&problem).tally(&placements, None).unwrap(), want);
 }
 
 #[test]

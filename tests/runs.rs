@@ -1,12 +1,9 @@
 //! Work on files as a library's caller does it, without the program: answers as values, stopped and gone on with.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use serde_json::{Value, json};
 use sightline::EngineChoice;
 use sightline::export::Layout;
 use sightline::rig::ImportSettings;
@@ -15,9 +12,8 @@ use sightline::runs::rig::{ExportRequest, Mounted, compare_files, export_file, i
 use sightline::runs::scan::{ScanRequest, scan};
 use sightline::runs::score::{ScoreRequest, score};
 use sightline::runs::{Bar, Computing, Silent, TableFormat, Watcher};
-use tempfile::TempDir;
 
-use crate::cli::room;
+use crate::cli::*;
 
 /// Stops after so many questions whether to go on, and keeps what it is told.
 struct Patience {

@@ -1,18 +1,15 @@
 //! Several scenes in one run: mirror images, means over scenes, bounds over them, runs that go on.
 
-use std::sync::Arc;
-
-use sightline::engine::Backend;
 use sightline::internals::{
     Atlases, Effort, GridPlacement, GridSearch, PoseGrid, Spacing, bound_gain,
 };
-use sightline::problem::{Problem, Tally};
+use sightline::problem::Tally;
 use sightline::score::{Objective, Scores};
 use sightline::search::{Evaluator, Gain, Run, Settings, State, Suite};
-use sightline::vehicle::{BeamTable, Constraints, Placement, random_placements};
+use sightline::vehicle::random_placements;
 use sightline::{EngineChoice, SensorPose};
 
-use crate::common::{MEMORY, cpu, mounted, random_placements as anywhere, random_problem};
+use crate::common::*;
 use crate::own_scenes::{FRAMES, Own, description, mirrored};
 
 /// A sensor that looks ahead and to its left, so that its mirror image is another one.
@@ -66,7 +63,7 @@ fn suite(seeds: &[u64], rules: &Constraints) -> Suite {
 #[test]
 fn scores_over_scenes_are_means_of_the_scores_in_each() {
     let both = suite(&[21, 31], &Constraints::default()).with_mirror_images();
-    let placements = anywhere(3, 8, 5.0);
+    let placements = crate::common::random_placements(3, 8, 5.0);
     let judged = Evaluator::suite_on_cpu(&both, MEMORY).judged(&placements).unwrap();
     let alone: Vec<Vec<Scores>> = both
         .members()

@@ -1,16 +1,11 @@
 //! One walk a sensor against casting beam by beam: the same bits, whatever the sensor and the scene.
 
-use glam::DVec3;
-use lidar_cast::bvh::{Bvh, Hit, NO_HIT, Ray};
+use lidar_cast::bvh::{NO_HIT, Ray};
 use lidar_cast::cast::{Caster, Instructions, TreeView, cast_closest};
 use lidar_cast::task::{DevicePose, beam_direction};
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use sightline::geom::TriangleSoup;
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, SensorPose};
 
-use crate::common::{random_soup, random_vec, rng};
+use crate::common::*;
 
 const RANGE: f32 = 60.0;
 const ALL: [Instructions; 3] = [Instructions::Best, Instructions::Avx2, Instructions::Plain];

@@ -1,23 +1,13 @@
 //! Casting a batch against the reference: the same bits for every soup, table and set of poses.
 
-use std::sync::Arc;
-
-use glam::DVec3;
-use lidar_cast::bvh::{Bvh, Hit, NO_HIT};
+use lidar_cast::bvh::NO_HIT;
 use lidar_cast::cast::{Caster, cast_closest};
 use lidar_cast::task::DevicePose;
-use rand::RngExt;
-use sightline::geom::{Pose, TriangleSoup};
+use sightline::geom::Pose;
 use sightline::internals::hostile_placements;
 use sightline::problem::{Frame, Instance};
-use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, SensorPose};
 
-use crate::common::{random_soup, random_vec, rng};
-
-fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
-    hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect()
-}
+use crate::common::*;
 
 fn roi() -> Roi {
     Roi::new([-8.0; 3], [0.5; 3], [32; 3]).unwrap()

@@ -2,29 +2,19 @@
 //! lowest triangle of the frame, and no cost grows with frames times triangles.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use lidar_cast::bvh::{Bvh, Hit, Ray};
+use lidar_cast::bvh::Ray;
 use lidar_cast::cast::{Caster, cast_frame_closest};
 use lidar_cast::engine::ReferenceBackend;
 use lidar_cast::task::beam_direction;
-use rand::RngExt;
 use serde_json::{Value, json};
-use sightline::engine::{Backend, CpuBackend};
-use sightline::geom::{Pose, TriangleSoup};
-use sightline::problem::Task;
-use sightline::problem::{Frame, Instance, Problem, World};
-use sightline::psog::Roi;
+use sightline::geom::Pose;
+use sightline::problem::{Frame, Instance, World};
 use sightline::scene::{EgoBody, Scene};
-use sightline::vehicle::{BeamTable, Placement};
 
-use crate::common::{MEMORY, random_content, random_placements, random_soup, random_vec, rng};
+use crate::common::*;
 
 const RANGE: f64 = 40.0;
-
-fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
-    hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect()
-}
 
 fn roi() -> Roi {
     Roi::new([-6.0, -5.0, -3.25], [0.5; 3], [24, 20, 13]).unwrap()
@@ -37,15 +27,6 @@ fn table() -> BeamTable {
 
 fn problem(world: World) -> Arc<Problem> {
     Arc::new(Problem::from(Task::new(roi(), random_content(3, &roi()), table(), world, true)))
-}
-
-/// All engines but the reference.
-fn engines(problem: &Arc<Problem>) -> Vec<Box<dyn Backend>> {
-    let cpu: Box<dyn Backend> = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
-    #[cfg(feature = "gpu")]
-    return vec![cpu, Box::new(crate::common::gpu(problem))];
-    #[cfg(not(feature = "gpu"))]
-    vec![cpu]
 }
 
 /// Placements of turned sensors, and of 40 that share a rotation.
