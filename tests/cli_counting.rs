@@ -100,6 +100,12 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
         "box.json: require[1].ground: `car` stands on the ground of a scene, and there is none";
     assert!(told.contains(words), "{told}");
     let found = ok(&dir, &SCORE)["scores"][0]["requirements"][1]["found"].clone();
+    // Names do not tell a scene from the level ground of commands without one.
+    let road = fs::read_to_string(dir.path().join("road.json")).unwrap();
+    let named = road.replace(r#""name":"road""#, r#""name":"level ground""#);
+    assert_ne!(named, road);
+    fs::write(dir.path().join("road.json"), named).unwrap();
+    assert_eq!(ok(&dir, &SCORE)["scores"][0]["requirements"][1]["found"], found);
     // The road ends at 20 m.
     parked(dir.path(), CAR, &car(40.0, "scene"));
     let told = fails(&dir, &SCORE);

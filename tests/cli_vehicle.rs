@@ -306,6 +306,23 @@ fn studies_take_mixed_rigs_or_say_why_not() {
 }
 
 #[test]
+fn the_cheapest_rig_with_room_is_found_in_any_order_of_the_mounts() {
+    let dir = garage();
+    // The cheapest sensor has no room, and the dear one stands before the other in the file.
+    let lidar = json!({ "channels": 8, "fov": [-30, 0], "azimuth_steps": 90, "range": 50 });
+    let sensor = |name: &str, price: u32| json!({ "name": name, "price": price, "lidar": lidar });
+    let mount = |sensor: &str, x: f64| json!({ "name": sensor, "min": [x, 0, 1.7], "max": [x + 0.5, 0.2, 2], "sensors": [sensor], "count": [0, 1] });
+    let posts = json!({ "sightline": 1, "name": "posts",
+        "sensors": [sensor("cheap", 1), sensor("dear", 80), sensor("mid", 40)],
+        "mounts": [mount("cheap", -2.0), mount("dear", 0.0), mount("mid", 2.0)],
+        "keep_out": [{ "min": [-3, -1, 1], "max": [-1, 1, 3] }] });
+    fs::write(dir.path().join("posts.json"), posts.to_string()).unwrap();
+    let budget = ["optimize", "room.json", "--vehicle", "posts.json", "--budget", "39"];
+    let told = fails(dir.path(), &budget);
+    assert!(told.contains("39 is below the cheapest rig") && told.contains("costs 40"), "{told}");
+}
+
+#[test]
 fn faults_are_said() {
     let dir = garage();
     let says = |args: &[&str], parts: &[&str]| {

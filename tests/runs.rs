@@ -103,13 +103,13 @@ fn a_search_that_was_stopped_goes_on_to_the_same_bytes() {
         scenes: vec![scene.clone()],
         out: Some(dir.path().join(folder)),
         evaluations: Some(40),
-        seed: 1,
         ..OptimizeRequest::default()
     };
     let run = |request: OptimizeRequest, watcher: &dyn Watcher| {
         optimize(&request, &on_cpu(watcher)).unwrap().expect("no sensors to choose")
     };
     let whole = run(new("whole"), &Silent);
+    assert_eq!(whole.record.seed, 1, "the seed of the command, where none is given");
     assert!(whole.record.best.is_some());
     let patience = Patience::of(4);
     let stopped = run(new("stopped"), &patience);

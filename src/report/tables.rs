@@ -357,6 +357,15 @@ const COLUMNS: [(ScoreColumn, &str, &str, f64, usize, ScoreGetter); 13] = {
     ]
 };
 
+/// A column is found by its number.
+const _: () = {
+    let mut number = 0;
+    while number < COLUMNS.len() {
+        assert!(COLUMNS[number].0 as usize == number);
+        number += 1;
+    }
+};
+
 impl ScoreColumn {
     /// The columns that an objective can name.
     pub(crate) const METRICS: [Self; 6] =

@@ -213,7 +213,9 @@ fn after_worst_loss(
     placements: &[Placement],
 ) -> Result<Vec<Option<f64>>, StudyError> {
     let left: Vec<Placement> = placements.iter().flat_map(without_each).collect();
-    let scores = scene.scores(evaluator, &left)?;
+    // No closer look at targets: requirements are not asked.
+    let scores = evaluator.scores_while(&left, &mut || scene.goes_on())?;
+    let scores = scores.ok_or(StudyError::Stopped)?;
     let value = |s: &Scores| scene.settings.objective.value(s).filter(|_| s.doubts() == 0);
     let mut values = scores.iter().map(value);
     let worst = |placement: &Placement| {

@@ -87,7 +87,8 @@ impl BodyPoses {
     }
 }
 
-/// Share of a rule from its shares by site: the mean over scenes, or the least over poses of the own bodies.
+/// Share of a rule from its shares by site: the mean over scenes that have free ground at some of its places, or the least
+/// over poses of the own bodies.
 pub(super) fn together(rule: &TargetRule, shares: impl ExactSizeIterator<Item = f64>) -> f64 {
     if rule.on_scene { mean(shares) } else { shares.fold(1.0, f64::min) }
 }

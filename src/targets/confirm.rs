@@ -98,7 +98,9 @@ impl<'a> InSites<'a> {
         lidars: &[SensorPose],
     ) -> Result<Self, UnknownSensor> {
         let look = |(site, frame)| Ok((frame, CloseLook::new(site, rule, lidars)?));
-        Ok(Self(bodies.each(rule).map(look).collect::<Result<_, _>>()?, rule))
+        let mut looks = bodies.each(rule).map(look).collect::<Result<Vec<_>, _>>()?;
+        looks.retain(|(_, look)| !(rule.on_scene && look.places.is_empty()));
+        Ok(Self(looks, rule))
     }
 
     /// Share in the worst pose, or the mean over scenes.

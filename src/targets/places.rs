@@ -205,7 +205,10 @@ impl Sight {
         };
         for rule in problem.target_rules() {
             let in_pose = |site| group(site, &rule.target, places_of(rule), rule.beams);
-            rules.push(Rule::Target(rule.clone(), bodies.numbers(rule).map(in_pose).collect()));
+            let mut sites: Vec<Range<usize>> = bodies.numbers(rule).map(in_pose).collect();
+            // A mirror image may have no free ground where its scene has some.
+            sites.retain(|places| !(rule.on_scene && places.is_empty()));
+            rules.push(Rule::Target(rule.clone(), sites));
         }
         let ground_in = |&(problem, is_mirrored)| RequiredGround::of(problem, is_mirrored);
         let ground: Vec<_> = scenes.iter().filter_map(ground_in).collect();
@@ -400,11 +403,8 @@ mod tests {
         let bearings = |from: f64, to: f64| {
             let rule =
                 TargetRule { bearings: [from, to], from: 10.0, within: 10.0, ..sight_rule() };
-            let places = places_of(&rule);
-            places
-                .iter()
-                .map(|at| maths::atan2(at[1], at[0]).to_degrees().round())
-                .collect::<Vec<_>>()
+            let bearing = |at: &[f64; 3]| maths::atan2(at[1], at[0]).to_degrees().round();
+            places_of(&rule).iter().map(bearing).collect::<Vec<_>>()
         };
         assert_eq!(bearings(170.0, 190.0), [170.0, 175.0, 180.0, -175.0, -170.0]);
         assert_eq!(bearings(-5.0, 5.0), [-5.0, 0.0, 5.0]);

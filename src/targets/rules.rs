@@ -24,7 +24,7 @@ const PARTIAL: f64 = 0.1;
 
 /// A rule of the vehicle.
 pub(super) enum Rule {
-    /// On a target, with its places beside the own bodies in each of their poses, or in each scene.
+    /// On a target, with its places beside the own bodies in each of their poses, or in each scene that has some.
     Target(TargetRule, Vec<Range<usize>>),
     /// On the ground, with its number among these.
     Ground(GroundRule, usize),

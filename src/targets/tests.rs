@@ -12,7 +12,8 @@ use crate::geom::TriangleSoup;
 use crate::problem::{Frame, Problem};
 use crate::psog::Psog;
 use crate::scene::{Scene, Target};
-use crate::vehicle::{BeamTable, SensorModel, SensorName, SensorPose, Sensors};
+use crate::score::Seen;
+use crate::vehicle::{BeamTable, Placement, SensorModel, SensorName, SensorPose, Sensors};
 
 /// Directions of a spinning sensor.
 pub(super) fn directions(elevations: &[f64], steps: usize) -> Vec<DVec3> {
@@ -301,18 +302,20 @@ fn a_mast_between_the_bearings_of_a_card_makes_a_sector_blind() {
 }
 
 /// A vehicle that stands askew on a plane, `ego` its angles: the ground is a slope in its frame. Cars at 30 m and a bearing each
-/// must be met with 30 beams, on the slope and on level ground.
-fn askew(ego: &str, bearings: [f64; 2]) -> Arc<Problem> {
+/// must be met with 30 beams, on the slope and on level ground. A house may stand to the left.
+fn askew(ego: &str, bearings: [f64; 2], has_house: bool) -> Arc<Problem> {
     let rule = |bearing: f64, ground: &str| {
         format!(
             r#"{{ "target": "car", "from": 30, "within": 30, "bearing": [{bearing}, {bearing}], "beams": 30, "share": 1 {ground} }}"#
         )
     };
     let rules = bearings.map(|at| [rule(at, r#", "ground": "scene""#), rule(at, "")].join(", "));
+    let house = r#", { "class": "building", "box": { "min": [-6, 26, -5], "max": [6, 34, 8] } }"#;
+    let house = if has_house { house } else { "" };
     let text = format!(
         r#"{{ "sightline": 1, "coverage": "first-hit",
         "roi": {{ "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] }},
-        "static": [{{ "class": "road", "plane": {{ "min": [-99, -99], "max": [99, 99], "z": 0 }} }}],
+        "static": [{{ "class": "road", "plane": {{ "min": [-99, -99], "max": [99, 99], "z": 0 }} }}{house}],
         "ego": {{ "poses": [{{ "x": 0, "y": 0, "z": 0, {ego} }}] }},
         "vehicle": {{
           "sensors": [{{ "name": "a", "phase": 0,
@@ -337,7 +340,7 @@ fn shares(scenes: &[(&Arc<Problem>, bool)]) -> Vec<f64> {
 #[test]
 fn a_target_on_a_slope_rises_out_of_the_beams_or_falls_into_them() {
     // The nose points 0.05 rad down: the ground rises 1.5 m to 30 m ahead, and falls as much behind.
-    let problem = askew(r#""pitch": 0.05"#, [0.0, 180.0]);
+    let problem = askew(r#""pitch": 0.05"#, [0.0, 180.0], false);
     let (site, car) =
         (TargetSite::in_scene(&problem, false).unwrap(), Target::named("car").unwrap());
     let lidar = SensorPose::at(0.0, 0.0, 1.8);
@@ -371,7 +374,7 @@ fn a_target_on_a_slope_rises_out_of_the_beams_or_falls_into_them() {
 
 #[test]
 fn a_mirror_image_has_its_slope_on_the_other_side() {
-    let problem = askew(r#""roll": 0.07"#, [90.0, -90.0]);
+    let problem = askew(r#""roll": 0.07"#, [90.0, -90.0], false);
     let image = Arc::new(problem.mirrored());
     let [plain, mirrored] = [(&problem, false), (&image, true)].map(|scene| shares(&[scene]));
     let mut scene = [plain[0], plain[2]];
@@ -380,4 +383,21 @@ fn a_mirror_image_has_its_slope_on_the_other_side() {
     assert_eq!([mirrored[0], mirrored[2]], scene);
     // The mean over scenes counts; level ground is the same in all.
     assert_eq!(shares(&[(&problem, false), (&image, true)]), [0.5, 1.0, 0.5, 1.0]);
+}
+
+#[test]
+fn a_mirror_image_without_free_ground_counts_for_nothing() {
+    // The ground rises to the right. To the left, where a mirror image looks instead, stands a house.
+    let problem = askew(r#""roll": 0.07"#, [-90.0, -89.0], true);
+    let image = Arc::new(problem.mirrored());
+    let both = [(&problem, false), (&image, true)];
+    assert_eq!(shares(&both[..1]), [0.0, 1.0, 0.0, 1.0]);
+    assert_eq!(shares(&both), [0.0, 1.0, 0.0, 1.0]);
+    // A closer look leaves it out, too.
+    let bodies = BodyPoses::of(TargetSite::of(&problem), both.map(|(of, side)| (&**of, side)));
+    let lidars = vec![SensorPose::at(0.0, 0.0, 1.8)];
+    let placement = Placement { name: "one".to_owned(), lidars };
+    let mut seen = [Seen::of(&problem.target_rules()[0].name, 1.0)];
+    confirm(&bodies, &problem, &placement, &mut seen).unwrap();
+    assert_eq!(seen[0].share, 0.0);
 }

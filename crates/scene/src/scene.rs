@@ -78,6 +78,8 @@ pub struct Scene {
     reflectances: Reflectances,
     files: Vec<PathBuf>,
     notes: Vec<Note>,
+    /// True for [`Scene::level_ground`]: names do not tell it from scenes of users.
+    is_level_ground: bool,
 }
 
 /// Moving object: triangles in its own frame and a pose for each frame.

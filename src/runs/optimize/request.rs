@@ -100,9 +100,9 @@ pub struct OptimizeRequest {
     /// one there by more than this percentage. It may take a minute or more [default: a bound that takes few seconds]
     #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", conflicts_with = "resume", value_parser = parse::number_that(|percent| (0.0..=100.0).contains(&percent), "0 to 100 per cent, as 2")))]
     pub bound: Option<f64>,
-    /// Seed of all randomness
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1, value_parser = parse::whole::<u64>, conflicts_with = "resume"))]
-    pub seed: u64,
+    /// Seed of all randomness [default: 1]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = parse::whole::<u64>, conflicts_with = "resume"))]
+    pub seed: Option<u64>,
     /// Placements to compare with, and to start from where the mount allows them
     /// [default: Table 7 of the paper]
     #[cfg_attr(feature = "cli", arg(long, value_name = "PLACEMENTS", conflicts_with = "resume"))]
@@ -342,7 +342,7 @@ impl OptimizeRequest {
             population: self.population.map(|count| count as usize),
             delta: self.delta,
             gap: self.bound.map(|percent| percent / 100.0),
-            seed: self.seed,
+            seed: self.seed.unwrap_or(usual.seed),
             frames: match (self.fidelity, self.frames) {
                 (Fidelity::Full, _) => FrameChoice::All,
                 (Fidelity::Auto, Some(frames)) => FrameChoice::Count(frames),

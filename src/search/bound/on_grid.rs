@@ -15,6 +15,7 @@ use crate::search::observer::{Event, Watch, Work};
 use crate::search::settings::{Settings, coarse_grid};
 use crate::search::swaps::{MISSING, SWAP_SPACING};
 use crate::vehicle::{Constraints, PoseGrid, PoseGridError};
+use sightline_files::json::counted;
 
 /// Least spacing of the bound's grid where none is given, as a multiple of that of the swaps; every pose of it is cast.
 const COARSE: u32 = 2;
@@ -125,8 +126,9 @@ fn gain(
     }
     let required = Required::of(search.atlas());
     if let Some(why) = required.and_then(|required| required.out_of_reach(&search.places())) {
+        let frames = counted(evaluator.frame_count(), "frame");
         return Ok(Err(format!(
-            "no placement on the grid of {poses} sensor poses meets the requirements: {why}"
+            "no placement on the grid of {poses} sensor poses meets the requirements over {frames}: {why}"
         )));
     }
     let Some(greedy) = search.greedy(evaluator, &all)? else {

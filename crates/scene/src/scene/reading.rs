@@ -28,9 +28,6 @@ const LEVEL_GROUND: &str = r#"{
     "static": [{ "class": "road", "plane": { "min": [-300, -300], "max": [300, 300], "z": 0 } }]
 }"#;
 
-/// Name of [`Scene::level_ground`].
-const LEVEL_GROUND_NAME: &str = "level ground";
-
 impl Scene {
     /// Reads a scene file and every sensor and mesh file that it names.
     ///
@@ -62,7 +59,8 @@ impl Scene {
     /// See [`Self::read`].
     pub fn level_ground(vehicle: &Path) -> Checked<Self> {
         let mut scene =
-            Self::from_text(LEVEL_GROUND, (Path::new(""), LEVEL_GROUND_NAME), Some(vehicle), true)?;
+            Self::from_text(LEVEL_GROUND, (Path::new(""), "level ground"), Some(vehicle), true)?;
+        scene.is_level_ground = true;
         // Errors name the first file: the vehicle rather than one of its meshes.
         scene.files.retain(|file| file != vehicle);
         scene.files.insert(0, vehicle.to_owned());
@@ -71,7 +69,7 @@ impl Scene {
 
     /// True for [`Self::level_ground`], which stands for a scene where a command has none.
     pub fn is_level_ground(&self) -> bool {
-        self.name() == LEVEL_GROUND_NAME
+        self.is_level_ground
     }
 
     /// Reads a scene from JSON text.
@@ -168,6 +166,7 @@ impl Scene {
             reflectances,
             files,
             notes,
+            is_level_ground: false,
         })
     }
 }

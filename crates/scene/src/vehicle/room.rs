@@ -143,8 +143,8 @@ impl Vehicle {
         Err(NoRoom { field, lidars: equipment.len(), mounts, rules })
     }
 
-    /// Rigs of few sensors: the cheapest; with one more on a mount where pairs leave no room for an odd one; one on each
-    /// mount where none must hold any.
+    /// Rigs of few sensors, the cheapest first: that of [`Self::cheapest`]; with one more on a mount where pairs leave no room
+    /// for an odd one; one on each mount where none must hold any.
     fn few(&self) -> Vec<Equipment> {
         let cheapest = self.cheapest();
         let mut few = vec![cheapest.clone()];
@@ -163,6 +163,9 @@ impl Vehicle {
             few.extend(more);
         }
         few.retain(|equipment| !equipment.is_empty() && equipment.len() <= super::MAX_LIDARS);
+        // The first stays: an error names its mounts.
+        let others = few.get_mut(1..).unwrap_or_default();
+        others.sort_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
         few
     }
 
