@@ -311,7 +311,7 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
             "score", "../../evil.json", "../../scene.json", "../../placements.json", "--backend",
             "cpu", "--quiet", "--coverage-out", "cov",
         ];
-        let output = sightline(&at("w/deep"), &args);
+        let output = sightline(at("w/deep"), &args);
         let inside = at("w/deep/cov");
         let new = all_files(dir.path()).into_iter().filter(|file| !before.contains(file));
         let outside: Vec<PathBuf> =
@@ -326,7 +326,7 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
     write(&dir, "dots.json", &dots);
     let before = all_files(dir.path());
     sightline(
-        &at("w/deep"),
+        at("w/deep"),
         &[
             "scan", "../../town.json", "--placement", "../../dots.json", "--out", "sets",
             "--backend", "cpu", "--frames", "1", "--quiet",

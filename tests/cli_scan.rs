@@ -266,8 +266,7 @@ fn a_device_casts_to_the_same_bytes_and_is_named() {
     let dir = street();
     let scan = |out: &str, more: &[&str]| {
         let args = ["scan", "s.json", "--placement", "p.json", "--condition", "fog:mor=60"];
-        let said = stderr(&dir, &[&args[..], &["--out", out], more].concat());
-        said
+        stderr(&dir, &[&args[..], &["--out", out], more].concat())
     };
     let by_device = scan("device", &["--backend", "gpu"]);
     // For two placements, and once a run.
