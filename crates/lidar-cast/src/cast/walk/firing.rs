@@ -5,6 +5,7 @@
 use std::ops::Range;
 use std::sync::Mutex;
 
+use bytemuck::{Zeroable, zeroed_box};
 use multiversion::multiversion;
 use multiversion::target::match_target;
 
@@ -273,10 +274,10 @@ impl Default for SweepMemory {
     fn default() -> Self {
         Self {
             packets: Vec::new(),
-            far: bytemuck::zeroed_box(),
-            stack: Box::new([Entry::default(); STACK]),
-            rects: Rects::NOTHING,
-            outlined: Outlined::NOTHING,
+            far: zeroed_box(),
+            stack: zeroed_box(),
+            rects: Zeroable::zeroed(),
+            outlined: Zeroable::zeroed(),
         }
     }
 }
