@@ -12,7 +12,7 @@ use sightline::score::{Needed, Scores};
 use sightline::vehicle::{Constraints, Region, SensorPose, Slot};
 
 use crate::arguments::{self, room_for};
-use crate::arrays::{column, matrix, shape_in_words, wholes};
+use crate::arrays::{column, matrix, misshapen, wholes};
 use crate::columns::summed;
 use crate::engine::Built;
 use crate::errors::{bad, raised};
@@ -144,12 +144,12 @@ impl PyAtlas {
         let most = self.numbers.len() as i128 - 1;
         let (places, shape) = wholes::<u32>("index", index, wanted, 0..=most)?;
         let [_, lidars] = shape[..] else {
-            let found = shape_in_words(&shape);
-            return Err(bad(format!("index: has the shape {found}; give {wanted}")));
+            return Err(misshapen("index", &shape, wanted));
         };
         if !(1..=sightline::vehicle::MAX_LIDARS).contains(&lidars) {
-            let found = shape_in_words(&shape);
-            return Err(bad(format!("index: has the shape {found}, {lidars} LiDARs a placement")));
+            return Err(bad(format!(
+                "index: has the shape {shape:?}, {lidars} LiDARs a placement"
+            )));
         }
         let numbers: Vec<u32> = places.iter().map(|&at| self.numbers[at as usize]).collect();
         let atlas = self.atlas.clone();

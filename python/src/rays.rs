@@ -15,7 +15,7 @@ use sightline::problem::{Frame, Problem};
 use sightline::scene::EgoBody;
 
 use crate::arguments::{self, room_for};
-use crate::arrays::{numbers, place, rows, shape_in_words, shaped, wholes};
+use crate::arrays::{misshapen, numbers, place, rows, shaped, wholes};
 use crate::errors::bad;
 use crate::scenes::PyScene;
 use crate::wait::interruptible;
@@ -143,8 +143,7 @@ impl RayArray {
     fn new(rays: &Bound<'_, PyAny>) -> PyResult<Self> {
         let array = numbers::<f32>("rays", rays, WANTED)?;
         let Some((6, shape)) = array.shape().split_last().map(|(last, rest)| (*last, rest)) else {
-            let found = shape_in_words(array.shape());
-            return Err(bad(format!("rays: has the shape {found}; give {WANTED}")));
+            return Err(misshapen("rays", array.shape(), WANTED));
         };
         let shape = shape.to_vec();
         room_for("hits of all rays", shape.iter().product(), RAY_BYTES)?;
@@ -286,10 +285,7 @@ impl PyRaycaster {
         let most = vertices.len() as i128 - 1;
         let (corners, shape) = wholes::<u32>("faces", faces, "[F, 3]: rows of vertices", 0..=most)?;
         if shape.len() != 2 || shape[1] != 3 {
-            let found = shape_in_words(&shape);
-            return Err(bad(format!(
-                "faces: has the shape {found}; give [F, 3]: rows of vertices"
-            )));
+            return Err(misshapen("faces", &shape, "[F, 3]: rows of vertices"));
         }
         let faces: Vec<[u32; 3]> = corners.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
         let classes = match class_ids {

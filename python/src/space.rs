@@ -8,7 +8,7 @@ use sightline::vehicle::{Equipment, SensorName, Vehicle, Violation};
 use sightline::{Constraints, Placement, SensorPose};
 
 use crate::arguments::{self, entries, or_raised, room_for, shown, whole};
-use crate::arrays::{matrix, numbers, shape_in_words, shaped};
+use crate::arrays::{matrix, misshapen, numbers, shaped};
 use crate::errors::bad;
 use crate::placements::{PyPlacement, parsed, placement_bytes};
 use crate::scenes::PyScene;
@@ -73,10 +73,7 @@ impl PySpace {
         let count = match *array.shape() {
             [own] if own == dim => 1,
             [count, own] if own == dim => count,
-            ref shape => {
-                let shape = shape_in_words(shape);
-                return Err(bad(format!("z: has the shape {shape}; give {wanted}")));
-            }
+            ref shape => return Err(misshapen("z", shape, wanted)),
         };
         room_for("placements", count, placement_bytes(self.rules.lidars()))?;
         let values: Vec<f64> = array.as_array().iter().copied().collect();
