@@ -38,23 +38,6 @@ pub(crate) struct PySpace {
 }
 
 impl PySpace {
-    /// The space of some equipment, or of the fullest.
-    pub(crate) fn new(
-        scene: &Bound<'_, PyScene>,
-        equipment: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let vehicle = scene.get().built.scene.vehicle();
-        let is_given = equipment.is_some();
-        let equipment = match equipment {
-            Some(given) => equipment_of(vehicle, given)?,
-            None => vehicle.fullest(),
-        };
-        let rules = vehicle.constraints(&equipment);
-        let given = if is_given { rules.clone() } else { vehicle.rules() };
-        let bounds = rules.variable_bounds();
-        Ok(Self { scene: scene.clone().unbind(), equipment, rules, given, bounds })
-    }
-
     /// Rules of the mounts for its LiDARs.
     pub(crate) fn constraints(&self) -> &Constraints {
         &self.rules
@@ -342,7 +325,16 @@ impl PyScene {
     /// model; the fullest unless given. Raises `ValueError` for names that the vehicle does not have.
     #[pyo3(signature = (equipment = None))]
     fn space(slf: &Bound<'_, Self>, equipment: Option<&Bound<'_, PyAny>>) -> PyResult<PySpace> {
-        PySpace::new(slf, equipment)
+        let vehicle = slf.get().built.scene.vehicle();
+        let is_given = equipment.is_some();
+        let equipment = match equipment {
+            Some(given) => equipment_of(vehicle, given)?,
+            None => vehicle.fullest(),
+        };
+        let rules = vehicle.constraints(&equipment);
+        let given = if is_given { rules.clone() } else { vehicle.rules() };
+        let bounds = rules.variable_bounds();
+        Ok(PySpace { scene: slf.clone().unbind(), equipment, rules, given, bounds })
     }
 
     /// Random placements by all rules of the mount, f64 `[count, L, 6]`, as `space().random(count, seed)`; equal seeds give
@@ -353,6 +345,6 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::count)] count: usize,
         #[pyo3(from_py_with = arguments::seed)] seed: u64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        PySpace::new(slf, None)?.drawn(slf.py(), count, seed, true)
+        Self::space(slf, None)?.drawn(slf.py(), count, seed, true)
     }
 }
