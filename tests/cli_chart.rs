@@ -20,7 +20,7 @@ fn a_chart_measures_the_settings_of_a_scene() {
         rows.iter().find(|r| r["setting"] == setting).unwrap_or_else(|| panic!("no {setting}"))
     };
     let number = |row: &Value, at: &str| row.pointer(at).unwrap().as_f64().unwrap();
-    // The f64 scorer shares no code with the backends: their agreement checks both.
+    // The f64 scorer shares no code with the backends but the build of trees: their agreement checks both.
     let finest = row("0.5 m, 3 frames, f64");
     assert_eq!(answer["reference"], finest["setting"]);
     assert_eq!(

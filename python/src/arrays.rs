@@ -1,5 +1,6 @@
 //! Arrays in and out: checked on the way in, moved on the way out; JSON for records that are trees.
 
+use std::fmt::Display;
 use std::ops::RangeInclusive;
 
 use numpy::ndarray::{ArrayD, ArrayView2, Ix2};
@@ -138,9 +139,9 @@ fn converted<'py, T: Element>(
     readonly.map_err(|error| bad(error.to_string()))
 }
 
-/// A shape in words, as `[3, 4, 6]`.
-pub(crate) fn shape_in_words(shape: &[usize]) -> String {
-    format!("{shape:?}")
+/// The exception for an array of another shape than `wanted`.
+pub(crate) fn misshapen(what: &str, shape: &[usize], wanted: impl Display) -> PyErr {
+    bad(format!("{what}: has the shape {shape:?}; give {wanted}"))
 }
 
 /// Rows of `width` numbers, `[N, width]`.
@@ -152,9 +153,7 @@ pub(crate) fn rows<'a, T: Element>(
     let shape = array.shape().to_vec();
     match array.as_array().into_dimensionality::<Ix2>() {
         Ok(view) if view.ncols() == width => Ok(view),
-        _ => {
-            Err(bad(format!("{what}: has the shape {}; give [N, {width}]", shape_in_words(&shape))))
-        }
+        _ => Err(misshapen(what, &shape, format!("[N, {width}]"))),
     }
 }
 
@@ -180,11 +179,7 @@ pub(crate) fn few_numbers<const N: usize>(
     let wanted = format!("{N} numbers");
     let array = numbers::<f64>(what, given, &wanted)?;
     let values: Vec<f64> = array.as_array().iter().copied().collect();
-    let wrong = |_| {
-        let shape = shape_in_words(array.shape());
-        bad(format!("{what}: has the shape {shape}; give {wanted}"))
-    };
-    values.try_into().map_err(wrong)
+    values.try_into().map_err(|_| misshapen(what, array.shape(), wanted))
 }
 
 /// Values of any shape, moved.

@@ -12,7 +12,7 @@ use sightline::score::{Needed, Scores};
 use sightline::vehicle::{Constraints, Region, SensorPose, Slot};
 
 use crate::arguments::{self, room_for};
-use crate::arrays::{column, matrix, shape_in_words, wholes};
+use crate::arrays::{column, matrix, misshapen, wholes};
 use crate::columns::summed;
 use crate::engine::Built;
 use crate::errors::{bad, raised};
@@ -32,48 +32,6 @@ pub(crate) struct PyAtlas {
     /// Number in the atlas of each pose that was given.
     numbers: Vec<u32>,
     poses: Vec<SensorPose>,
-}
-
-impl PyAtlas {
-    /// Casts poses `[M, 6]`, of one model or of one each.
-    pub(crate) fn new(
-        py: Python<'_>,
-        built: Arc<Built>,
-        poses: &Bound<'_, PyAny>,
-        sensors: Option<Vec<String>>,
-    ) -> PyResult<Self> {
-        let single = poses.call_method1("__len__", ()).and_then(|count| count.extract::<usize>());
-        let array = py.import("numpy")?.call_method1("asarray", (poses,))?;
-        let count = single.map_err(|_| bad("poses: give an array [M, 6] of sensor poses"))?;
-        if count == 0 || count > MOST_POSES || array.getattr("ndim")?.extract::<usize>()? != 2 {
-            return Err(bad(format!(
-                "poses: give an array [M, 6] of 1 to {MOST_POSES} sensor poses"
-            )));
-        }
-        // A placement of one LiDAR for each pose: the checks are those of placements.
-        let each = array.call_method1("reshape", (count, 1, 6))?;
-        let mut given = Vec::with_capacity(count);
-        match sensors {
-            Some(names) if names.len() != 1 => {
-                if names.len() != count {
-                    let found = names.len();
-                    return Err(bad(format!(
-                        "sensors: are {found} names for {count} poses; give one, or one each"
-                    )));
-                }
-                for (k, name) in names.into_iter().enumerate() {
-                    let one = each.get_item(k)?;
-                    given.extend(placements_in(&built.scene, &one, Some(vec![name]), None)?);
-                }
-            }
-            other => given = placements_in(&built.scene, &each, other, None)?,
-        }
-        let poses: Vec<SensorPose> = given.iter().map(|one| one.lidars[0]).collect();
-        let (rules, numbers) = points(&poses);
-        let atlas = interruptible(py, move |watch| held(&built, &rules, watch))??;
-        let poses = numbers.iter().map(|number| atlas.grid().pose(*number)).collect();
-        Ok(Self { atlas: Arc::new(atlas), numbers, poses })
-    }
 }
 
 /// Rules of a mount that consists of some poses alone, and the number of each among different ones.
@@ -144,12 +102,12 @@ impl PyAtlas {
         let most = self.numbers.len() as i128 - 1;
         let (places, shape) = wholes::<u32>("index", index, wanted, 0..=most)?;
         let [_, lidars] = shape[..] else {
-            let found = shape_in_words(&shape);
-            return Err(bad(format!("index: has the shape {found}; give {wanted}")));
+            return Err(misshapen("index", &shape, wanted));
         };
         if !(1..=sightline::vehicle::MAX_LIDARS).contains(&lidars) {
-            let found = shape_in_words(&shape);
-            return Err(bad(format!("index: has the shape {found}, {lidars} LiDARs a placement")));
+            return Err(bad(format!(
+                "index: has the shape {shape:?}, {lidars} LiDARs a placement"
+            )));
         }
         let numbers: Vec<u32> = places.iter().map(|&at| self.numbers[at as usize]).collect();
         let atlas = self.atlas.clone();
@@ -208,6 +166,37 @@ impl PyScene {
         poses: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
     ) -> PyResult<PyAtlas> {
-        PyAtlas::new(py, self.built.clone(), poses, sensors)
+        let built = self.built.clone();
+        let single = poses.call_method1("__len__", ()).and_then(|count| count.extract::<usize>());
+        let array = py.import("numpy")?.call_method1("asarray", (poses,))?;
+        let count = single.map_err(|_| bad("poses: give an array [M, 6] of sensor poses"))?;
+        if count == 0 || count > MOST_POSES || array.getattr("ndim")?.extract::<usize>()? != 2 {
+            return Err(bad(format!(
+                "poses: give an array [M, 6] of 1 to {MOST_POSES} sensor poses"
+            )));
+        }
+        // A placement of one LiDAR for each pose: the checks are those of placements.
+        let each = array.call_method1("reshape", (count, 1, 6))?;
+        let mut given = Vec::with_capacity(count);
+        match sensors {
+            Some(names) if names.len() != 1 => {
+                if names.len() != count {
+                    let found = names.len();
+                    return Err(bad(format!(
+                        "sensors: are {found} names for {count} poses; give one, or one each"
+                    )));
+                }
+                for (k, name) in names.into_iter().enumerate() {
+                    let one = each.get_item(k)?;
+                    given.extend(placements_in(&built.scene, &one, Some(vec![name]), None)?);
+                }
+            }
+            other => given = placements_in(&built.scene, &each, other, None)?,
+        }
+        let poses: Vec<SensorPose> = given.iter().map(|one| one.lidars[0]).collect();
+        let (rules, numbers) = points(&poses);
+        let atlas = interruptible(py, move |watch| held(&built, &rules, watch))??;
+        let poses = numbers.iter().map(|number| atlas.grid().pose(*number)).collect();
+        Ok(PyAtlas { atlas: Arc::new(atlas), numbers, poses })
     }
 }

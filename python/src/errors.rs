@@ -90,41 +90,34 @@ fn lacks_memory(error: &Error) -> bool {
         )
 }
 
+/// An error and its causes, one after the other.
+fn causes(error: &Error) -> impl Iterator<Item = &(dyn StdError + 'static)> {
+    let first: &(dyn StdError + 'static) = error;
+    std::iter::successors(Some(first), |&error| error.source())
+}
+
 /// Number of the system's error and the file that it is about, where the error is of a file.
 fn of_system(error: &Error) -> Option<(i32, String)> {
-    let mut cause: &(dyn StdError + 'static) = error;
-    while let Some(source) = cause.source() {
-        if let Some(system) = source.downcast_ref::<io::Error>() {
-            let number = system.raw_os_error().or(match system.kind() {
-                ErrorKind::NotFound => Some(2),
-                ErrorKind::PermissionDenied => Some(13),
-                ErrorKind::NotADirectory => Some(20),
-                ErrorKind::IsADirectory => Some(21),
-                _ => None,
-            })?;
-            // Every error of a file begins with its name, and goes on with the system's words.
-            let told = cause.to_string();
-            let (told, _) = told.split_once(&system.to_string())?;
-            let file = told.trim_end_matches(": ").trim_end_matches(": cannot be read");
-            let file = file.trim_end_matches(": cannot be written");
-            return Some((number, file.to_owned()));
-        }
-        cause = source;
-    }
-    None
+    let (cause, system) = causes(error).find_map(|cause| {
+        let system = cause.source()?.downcast_ref::<io::Error>()?;
+        Some((cause, system))
+    })?;
+    let number = system.raw_os_error().or(match system.kind() {
+        ErrorKind::NotFound => Some(2),
+        ErrorKind::PermissionDenied => Some(13),
+        ErrorKind::NotADirectory => Some(20),
+        ErrorKind::IsADirectory => Some(21),
+        _ => None,
+    })?;
+    // Every error of a file begins with its name, and goes on with the system's words.
+    let told = cause.to_string();
+    let (told, _) = told.split_once(&system.to_string())?;
+    let file = told.trim_end_matches(": ").trim_end_matches(": cannot be read");
+    Some((number, file.trim_end_matches(": cannot be written").to_owned()))
 }
 
 fn lacks_file_or_device(error: &Error) -> bool {
     let engine = of_engine(error);
-    if matches!(engine, Some(BackendError::NoDevice { .. } | BackendError::Device { .. })) {
-        return true;
-    }
-    let mut cause: Option<&(dyn StdError + 'static)> = Some(error);
-    while let Some(error) = cause {
-        if error.is::<io::Error>() {
-            return true;
-        }
-        cause = error.source();
-    }
-    false
+    matches!(engine, Some(BackendError::NoDevice { .. } | BackendError::Device { .. }))
+        || causes(error).any(|cause| cause.is::<io::Error>())
 }

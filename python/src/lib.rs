@@ -17,7 +17,6 @@
 //! | `scans` | scans as an iterator, and over time as files of viewers |
 //! | `search` | suites and `optimize` |
 //! | `questions` | studies of one placement as methods of a scene |
-//! | `targets` | beams on targets, range cards, redundancy and overlap |
 //! | `front` | the front of objectives |
 //! | `studies` | studies that take many runs |
 
@@ -43,7 +42,6 @@ mod search;
 mod sensors;
 mod space;
 mod studies;
-mod targets;
 mod wait;
 
 use std::error::Error;

@@ -9,7 +9,7 @@ use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
 use sightline::{Placement, Scene, SensorPose, read_placements};
 
 use crate::arguments::{self, listed, room_for};
-use crate::arrays::{column, matrix, numbers, shape_in_words, to_python};
+use crate::arrays::{column, matrix, numbers, to_python};
 use crate::errors::{bad, raised, warn_of_placements};
 
 const NAME_BYTES: usize = 32;
@@ -171,8 +171,7 @@ fn phases_of(given: &Bound<'_, PyAny>, count: usize, lidars: usize) -> PyResult<
         [own] if own == lidars => Ok(values.repeat(count)),
         [own, each] if (own, each) == (count, lidars) => Ok(values),
         ref shape => Err(bad(format!(
-            "phases: have the shape {} for {count} placements of {lidars} LiDARs; give {wanted}",
-            shape_in_words(shape)
+            "phases: have the shape {shape:?} for {count} placements of {lidars} LiDARs; give {wanted}"
         ))),
     }
 }
@@ -184,16 +183,14 @@ fn from_array(
 ) -> PyResult<Vec<Placement>> {
     let array = numbers::<f64>("poses", given, WANTED)?;
     let shape = array.shape().to_vec();
-    let wrong = || bad(format!("poses: have the shape {}; give {WANTED}", shape_in_words(&shape)));
     let (count, lidars) = match shape[..] {
         [lidars, 6] => (1, lidars),
         [count, lidars, 6] => (count, lidars),
-        _ => return Err(wrong()),
+        _ => return Err(bad(format!("poses: have the shape {shape:?}; give {WANTED}"))),
     };
     if !(1..=MAX_LIDARS).contains(&lidars) {
         return Err(bad(format!(
-            "poses: have the shape {}, {lidars} LiDARs a placement; 1 to {MAX_LIDARS} are possible",
-            shape_in_words(&shape)
+            "poses: have the shape {shape:?}, {lidars} LiDARs a placement; 1 to {MAX_LIDARS} are possible"
         )));
     }
     if !sensors.is_empty() && sensors.len() != lidars {

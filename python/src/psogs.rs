@@ -17,9 +17,7 @@ use sightline::psog::{PsogError, PsogInfo, Roi, read_psog, write_psog};
 use sightline::scan::NO_CLASS;
 
 use crate::arguments::{self, entries, room_for};
-use crate::arrays::{
-    column, few_numbers, matrix, numbers, rows, shape_in_words, to_python, wholes,
-};
+use crate::arrays::{column, few_numbers, matrix, misshapen, numbers, rows, to_python, wholes};
 use crate::errors::{bad, raised};
 use crate::progress::WorkMessages;
 use crate::wait::{interruptible, pooled};
@@ -56,14 +54,11 @@ impl PyPsog {
         let wanted = "[K, classes] frames of each class";
         let (counts, cells) = wholes("counts", counts, wanted, 0..=u16::MAX.into())?;
         let [voxels] = voxels[..] else {
-            return Err(bad(format!("index: has the shape {}; give [K]", shape_in_words(&voxels))));
+            return Err(misshapen("index", &voxels, "[K]"));
         };
         let rows = match cells[..] {
             [rows, width] if width == classes.len() => rows,
-            _ => {
-                let (shape, width) = (shape_in_words(&cells), classes.len());
-                return Err(bad(format!("counts: has the shape {shape}; give [N, {width}]")));
-            }
+            _ => return Err(misshapen("counts", &cells, format!("[N, {}]", classes.len()))),
         };
         if rows != voxels {
             return Err(bad(format!(
@@ -254,8 +249,7 @@ fn labelled(
     let wanted = "[N] positions in `classes`, −1 for no vote";
     let (labels, shape) = wholes::<i64>(&what, labels, wanted, i64::MIN.into()..=i64::MAX.into())?;
     if shape.len() != 1 {
-        let shape = shape_in_words(&shape);
-        return Err(bad(format!("{what}: has the shape {shape}; give {wanted}")));
+        return Err(misshapen(&what, &shape, wanted));
     }
     if labels.len() != points.len() {
         let (labels, points) = (labels.len(), points.len());
@@ -282,9 +276,8 @@ fn labelled(
 
 fn corners_of(corners: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[[f64; 3]; 2]> {
     let view = rows("roi", corners, 3)?;
-    let shape = || shape_in_words(corners.shape());
     if view.nrows() != 2 {
-        return Err(bad(format!("roi: has the shape {}; give {CORNERS}", shape())));
+        return Err(misshapen("roi", corners.shape(), CORNERS));
     }
     Ok([0, 1].map(|k| [0, 1, 2].map(|axis| view[(k, axis)])))
 }

@@ -1,19 +1,22 @@
 //! Questions about one placement in a scene, each with the answer of the study of that name.
 
-use numpy::PyArrayDyn;
+use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use sightline::job::{MOST_ABOUT, MOST_TILT, RoomSteps, Sweep, SweptField, moves_of};
 use sightline::near_field::NearSite;
-use sightline::shared::LEAST_SHARED;
-use sightline::targets::TargetQuestion;
+use sightline::scene::Target;
+use sightline::shared::{LEAST_SHARED, Overlap, REDUNDANCY_TARGETS, redundancy_question};
+use sightline::targets::{
+    GroundBelow, RangeCard, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance,
+};
+use sightline::{Note, Placement};
 
-use crate::arguments;
-use crate::arrays::shaped;
-use crate::engine::counted;
+use crate::arguments::{self, room_for};
+use crate::arrays::{misshapen, numbers, shaped};
+use crate::engine::{Built, counted};
 use crate::errors::{bad, raised, warn_of};
 use crate::progress::Progress;
 use crate::scenes::PyScene;
-use crate::targets::{redundancy_targets, row, target_question};
 use crate::wait::{answer, interruptible};
 
 // Python shows defaults that are literals.
@@ -22,6 +25,8 @@ const _: () = assert!(LEAST_SHARED == 500);
 /// Values of a sweep that are scored between two looks whether to stop.
 const AT_ONCE: usize = 16;
 const MOST_VALUES: usize = 10_000;
+/// Bytes of a row of a table, with its names and the beams of each LiDAR.
+const ROW_BYTES: usize = size_of::<TargetRow>() + 128;
 
 #[pymethods]
 impl PyScene {
@@ -40,7 +45,11 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
-        answer(py, None, move |_| built.range_card(&placement))
+        answer(py, None, move |_| {
+            let site = built.job.target_site().map_err(raised)?;
+            let card = site.map(|site| RangeCard::new(site, &placement.lidars)).transpose();
+            card.map_err(|unknown| bad(unknown.to_string()))
+        })
     }
 
     /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
@@ -60,15 +69,25 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
         let question = target_question(targets, distances, bearings)?;
-        warn_of(py, built.beyond(&question, &placement)?.as_slice())?;
+        let site = built.job.target_site().map_err(raised)?;
+        let beyond = site.and_then(|site| question.beyond(site.sensors(), &placement.lidars));
+        if let Some((range, beyond)) = beyond {
+            let beyond: Vec<String> = beyond.iter().map(ToString::to_string).collect();
+            let doubt = format!(
+                "distances: the LiDARs reach {range} m at most and meet no target at {} m: this lies beyond their range; leave \
+                 them out, or take sensors of longer range",
+                beyond.join(", ")
+            );
+            warn_of(py, &[Note::doubt(doubt)])?;
+        }
         let shape = [
             question.targets.len(),
             question.bearings.len(),
             question.distances.len(),
             placement.lidars.len(),
         ];
-        let beams = interruptible(py, move |_| built.beams_on(&question, &placement))??;
-        shaped(py, beams, &shape)
+        let table = interruptible(py, move |_| on_level_ground(&built, &question, &placement))??;
+        shaped(py, table.rows.into_iter().flat_map(|row| row.by_lidar).collect(), &shape)
     }
 
     /// How many LiDARs of one placement see voxels, ground near the vehicle and targets, as a `dict`.
@@ -88,7 +107,19 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
         let question = redundancy_targets(targets)?;
-        answer(py, None, move |watch| built.redundancy(&question, &placement, watch))
+        answer(py, None, move |watch| {
+            built.psog(watch)?;
+            let site = built.job.scenes()[0].redundancy_site().map_err(raised)?;
+            built.evaluate(watch, |evaluator| {
+                let frames = evaluator.shared_problem().distinct_frames().len();
+                // Voxels first, then ground where there is any.
+                let casts = frames * (1 + usize::from(site.no_ground().is_none()));
+                let look = counted(evaluator.backend_mut(), watch, casts, |engine| {
+                    site.look(engine, &question, &placement)
+                });
+                look.map_err(raised)
+            })
+        })
     }
 
     /// Ground near the vehicle that one placement sees, as a `dict` with the row that `sightline study nearfield`
@@ -153,7 +184,21 @@ impl PyScene {
         }
         let question = target_question(targets, distances, bearings)?;
         let question = TargetQuestion { beams, of_frames, ..question };
-        answer(py, None, move |watch| built.detections(&question, &placement, level, watch))
+        answer(py, None, move |watch| {
+            if level {
+                return on_level_ground(&built, &question, &placement);
+            }
+            let site = built.job.target_site().map_err(raised)?.ok_or_else(ends_at_nothing)?;
+            let ground = GroundBelow::new(&built.scene);
+            built.evaluate(watch, |evaluator| {
+                let problem = evaluator.shared_problem();
+                let frames = problem.frame_count();
+                let found = counted(evaluator.backend_mut(), watch, frames, |engine| {
+                    question.in_scene(site, (&problem, &ground), engine, &placement)
+                });
+                Ok(found.map_err(raised)?.of_scene(built.scene.name()))
+            })
+        })
     }
 
     /// One placement with all its LiDARs and with each lost in turn, as a `dict` of `scores` and `losses`.
@@ -207,7 +252,17 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
-        answer(py, None, move |watch| built.overlap(least_shared, &placement, watch))
+        answer(py, None, move |watch| {
+            built.psog(watch)?;
+            let problem = built.job.problem().map_err(raised)?;
+            built.evaluate(watch, |evaluator| {
+                let frames = problem.distinct_frames().len();
+                let found = counted(evaluator.backend_mut(), watch, frames, |engine| {
+                    Overlap::new(&built.scene, &problem, engine, &placement, least_shared)
+                });
+                found.map_err(raised)
+            })
+        })
     }
 
     /// Scores of one placement with one pose field of one LiDAR at each of some values, as a `dict` with the sweep that
@@ -308,4 +363,68 @@ impl PyScene {
             })
         })
     }
+}
+
+/// Targets by preset or file, at distances in metres and bearings in degrees.
+fn target_question(
+    targets: &Bound<'_, PyAny>,
+    distances: &Bound<'_, PyAny>,
+    bearings: &Bound<'_, PyAny>,
+) -> PyResult<TargetQuestion> {
+    let targets = named(&arguments::texts("targets", targets)?)?;
+    let above_0 = "metres above 0 and up to 1000";
+    let distances = row("distances", distances, above_0, is_distance)?;
+    let bearings = row("bearings", bearings, "degrees from -360 to 360", is_bearing)?;
+    let rows = [targets.len(), bearings.len(), distances.len()];
+    let rows = rows.into_iter().fold(1, usize::saturating_mul);
+    room_for("beams on targets", rows, ROW_BYTES)?;
+    Ok(TargetQuestion { targets, distances, bearings, beams: 1, of_frames: 1 })
+}
+
+/// Targets by preset or file.
+fn named(names: &[String]) -> PyResult<Vec<Target>> {
+    let named = |name: &String| Target::named(name).map_err(raised);
+    names.iter().map(named).collect()
+}
+
+/// Targets whose redundancy is counted; the usual presets for `None`.
+fn redundancy_targets(targets: Option<&Bound<'_, PyAny>>) -> PyResult<TargetQuestion> {
+    let names = match targets {
+        Some(targets) => arguments::texts("targets", targets)?,
+        None => REDUNDANCY_TARGETS.map(str::to_owned).to_vec(),
+    };
+    Ok(redundancy_question(named(&names)?))
+}
+
+/// Numbers in a row that `is_allowed`.
+fn row(
+    what: &str,
+    given: &Bound<'_, PyAny>,
+    allowed: &str,
+    is_allowed: fn(f64) -> bool,
+) -> PyResult<Vec<f64>> {
+    let wanted = format!("[N] {allowed}");
+    let array = numbers::<f64>(what, given, &wanted)?;
+    let values: Vec<f64> = array.as_array().iter().copied().collect();
+    if array.ndim() != 1 {
+        return Err(misshapen(what, array.shape(), wanted));
+    }
+    match values.iter().position(|value| !is_allowed(*value)) {
+        Some(at) => Err(bad(format!("{what}[{at}]: is {}; give {allowed}", values[at]))),
+        None => Ok(values),
+    }
+}
+
+fn ends_at_nothing() -> PyErr {
+    bad("beams end at nothing in this scene; give it geometry and a body")
+}
+
+/// Beams of a placement on each target at each bearing and distance, on level ground.
+fn on_level_ground(
+    built: &Built,
+    question: &TargetQuestion,
+    placement: &Placement,
+) -> PyResult<TargetTable> {
+    let site = built.job.target_site().map_err(raised)?.ok_or_else(ends_at_nothing)?;
+    question.on_level_ground(site, placement).map_err(|unknown| bad(unknown.to_string()))
 }

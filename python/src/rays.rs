@@ -15,7 +15,7 @@ use sightline::problem::{Frame, Problem};
 use sightline::scene::EgoBody;
 
 use crate::arguments::{self, room_for};
-use crate::arrays::{numbers, place, rows, shape_in_words, shaped, wholes};
+use crate::arrays::{misshapen, numbers, place, rows, shaped, wholes};
 use crate::errors::bad;
 use crate::scenes::PyScene;
 use crate::wait::interruptible;
@@ -143,8 +143,7 @@ impl RayArray {
     fn new(rays: &Bound<'_, PyAny>) -> PyResult<Self> {
         let array = numbers::<f32>("rays", rays, WANTED)?;
         let Some((6, shape)) = array.shape().split_last().map(|(last, rest)| (*last, rest)) else {
-            let found = shape_in_words(array.shape());
-            return Err(bad(format!("rays: has the shape {found}; give {WANTED}")));
+            return Err(misshapen("rays", array.shape(), WANTED));
         };
         let shape = shape.to_vec();
         room_for("hits of all rays", shape.iter().product(), RAY_BYTES)?;
@@ -189,59 +188,22 @@ impl RayArray {
     }
 }
 
-/// Options of a call beside its rays.
+/// Columns of hits beside those that are always there.
 #[derive(Clone, Copy)]
-pub(crate) struct HitOptions {
-    pub t_max: Option<f64>,
-    pub normals: bool,
-    pub uvs: bool,
+struct HitOptions {
+    normals: bool,
+    uvs: bool,
 }
 
-impl HitOptions {
-    /// The largest distance in lengths of the direction.
-    fn t_max(&self) -> PyResult<f32> {
-        match self.t_max {
-            None => Ok(f32::INFINITY),
-            Some(most) if most > 0.0 => Ok(most as f32),
-            Some(most) => Err(bad(format!(
-                "t_max: is {most}; give lengths of the direction, more than 0, or None"
-            ))),
-        }
+/// The largest distance in lengths of the direction.
+fn most_lengths(t_max: Option<f64>) -> PyResult<f32> {
+    match t_max {
+        None => Ok(f32::INFINITY),
+        Some(most) if most > 0.0 => Ok(most as f32),
+        Some(most) => Err(bad(format!(
+            "t_max: is {most}; give lengths of the direction, more than 0, or None"
+        ))),
     }
-}
-
-/// Closest hits as a dict of arrays.
-pub(crate) fn hits_object<'py>(
-    py: Python<'py>,
-    target: Arc<RayTarget>,
-    rays: &Bound<'py, PyAny>,
-    asked: HitOptions,
-) -> PyResult<Bound<'py, PyDict>> {
-    let (t_max, given) = (asked.t_max()?, RayArray::new(rays)?);
-    let shape = given.shape.clone();
-    let has_classes = !target.classes.is_empty();
-    let found = HitColumns::with_room(given.rays().len(), &target, asked);
-    let add = move |all: &mut HitColumns, some: &[[f32; 6]]| all.add(&target, some, t_max, asked);
-    let found = given.answers(py, found, add)?;
-    let columns = PyDict::new(py);
-    columns.set_item("t_hit", shaped(py, found.t, &shape)?)?;
-    columns.set_item("primitive_ids", shaped(py, found.triangle, &shape)?)?;
-    if has_classes {
-        columns.set_item("class_ids", shaped(py, found.class, &shape)?)?;
-    }
-    if asked.normals {
-        columns.set_item(
-            "normals",
-            shaped(py, found.normal.into_flattened(), &[&shape[..], &[3]].concat())?,
-        )?;
-    }
-    if asked.uvs {
-        columns.set_item(
-            "uvs",
-            shaped(py, found.uv.into_flattened(), &[&shape[..], &[2]].concat())?,
-        )?;
-    }
-    Ok(columns)
 }
 
 /// The answer `of` the trees to each ray within `t_max` lengths of its direction, in the shape of the rays.
@@ -251,7 +213,7 @@ fn each_ray<'py, T: Element + 'static>(
     t_max: Option<f64>,
     of: fn(&RayScene, &[[f32; 6]], f32) -> Vec<T>,
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    let t_max = HitOptions { t_max, normals: false, uvs: false }.t_max()?;
+    let t_max = most_lengths(t_max)?;
     let (py, target, given) = (rays.py(), target.clone(), RayArray::new(rays)?);
     let shape = given.shape.clone();
     let add = move |all: &mut Vec<T>, some: &[[f32; 6]]| all.extend(of(&target.rays, some, t_max));
@@ -286,10 +248,7 @@ impl PyRaycaster {
         let most = vertices.len() as i128 - 1;
         let (corners, shape) = wholes::<u32>("faces", faces, "[F, 3]: rows of vertices", 0..=most)?;
         if shape.len() != 2 || shape[1] != 3 {
-            let found = shape_in_words(&shape);
-            return Err(bad(format!(
-                "faces: has the shape {found}; give [F, 3]: rows of vertices"
-            )));
+            return Err(misshapen("faces", &shape, "[F, 3]: rows of vertices"));
         }
         let faces: Vec<[u32; 3]> = corners.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
         let classes = match class_ids {
@@ -328,7 +287,29 @@ impl PyRaycaster {
         normals: bool,
         uvs: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        hits_object(rays.py(), self.0.clone(), rays, HitOptions { t_max, normals, uvs })
+        let (py, target, asked) = (rays.py(), self.0.clone(), HitOptions { normals, uvs });
+        let (t_max, given) = (most_lengths(t_max)?, RayArray::new(rays)?);
+        let shape = given.shape.clone();
+        let has_classes = !target.classes.is_empty();
+        let found = HitColumns::with_room(given.rays().len(), &target, asked);
+        let add =
+            move |all: &mut HitColumns, some: &[[f32; 6]]| all.add(&target, some, t_max, asked);
+        let found = given.answers(py, found, add)?;
+        let columns = PyDict::new(py);
+        columns.set_item("t_hit", shaped(py, found.t, &shape)?)?;
+        columns.set_item("primitive_ids", shaped(py, found.triangle, &shape)?)?;
+        if has_classes {
+            columns.set_item("class_ids", shaped(py, found.class, &shape)?)?;
+        }
+        if normals {
+            let shape = [&shape[..], &[3]].concat();
+            columns.set_item("normals", shaped(py, found.normal.into_flattened(), &shape)?)?;
+        }
+        if uvs {
+            let shape = [&shape[..], &[2]].concat();
+            columns.set_item("uvs", shaped(py, found.uv.into_flattened(), &shape)?)?;
+        }
+        Ok(columns)
     }
 
     /// bool `[...]`: whether each of `rays` `[..., 6]` hits anything within `t_max` lengths of its direction. Raises
@@ -395,7 +376,6 @@ impl PyScene {
         normals: bool,
         uvs: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let target = self.raycaster(py, frame)?.0;
-        hits_object(py, target, rays, HitOptions { t_max, normals, uvs })
+        self.raycaster(py, frame)?.cast_rays(rays, t_max, normals, uvs)
     }
 }

@@ -1,18 +1,17 @@
 //! Scans as an iterator, the next frame scanned while Python works on the last, and as recordings of viewers.
 
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::sync::{Arc, Mutex};
 
 use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use sightline::Error;
 use sightline::scan::{Return, Scan, Scanner, Scanning, TrackedBox};
-use sightline::{Error, Placement};
 
-use crate::arguments::which_frames;
+use crate::arguments::{self, which_frames};
 use crate::arrays::{column, homogeneous, matrix, shaped};
-use crate::engine::Built;
 use crate::errors::raised;
 use crate::scenes::PyScene;
 use crate::wait::{start, wait};
@@ -22,46 +21,6 @@ use crate::wait::{start, wait};
 pub(crate) struct ScanIterator {
     scans: Mutex<Receiver<Result<Scan, Error>>>,
     misses: bool,
-}
-
-impl ScanIterator {
-    /// Checks everything, then begins to scan.
-    pub(crate) fn begin(
-        built: Arc<Built>,
-        placement: Placement,
-        conditions: &[String],
-        ideal: bool,
-        seed: u64,
-        frames: Option<&Bound<'_, PyAny>>,
-        misses: bool,
-    ) -> PyResult<Self> {
-        let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
-        let conditions = conditions.collect::<PyResult<_>>()?;
-        let scanning = Scanning { ideal, seed, conditions };
-        Scanner::check(&built.scene, &placement, &scanning).map_err(raised)?;
-        let count = built.scene.frame_count();
-        let frames = which_frames(frames, count)?;
-        // One frame waits while another is scanned.
-        let (sender, scans) = sync_channel(1);
-        start(move || {
-            let opened = || -> Result<Scanner<'_>, Error> {
-                let mut scanner = Scanner::on(built.stage()?, &built.scene, &placement, &scanning)?;
-                scanner.cast_on(&built.options.engine)?;
-                Ok(scanner)
-            };
-            let scanner = match opened() {
-                Ok(scanner) => scanner,
-                Err(error) => return drop(sender.send(Err(error))),
-            };
-            for frame in frames {
-                // Nobody listens any more.
-                if sender.send(Ok(scanner.scan(frame))).is_err() {
-                    break;
-                }
-            }
-        })?;
-        Ok(Self { scans: Mutex::new(scans), misses })
-    }
 }
 
 #[pymethods]
@@ -146,6 +105,55 @@ fn boxes_object<'py>(py: Python<'py>, boxes: &[TrackedBox]) -> PyResult<Bound<'p
 
 #[pymethods]
 impl PyScene {
+    /// Labelled scans of one placement, frame after frame, as an iterator of `Scan`; the next frame is scanned meanwhile.
+    ///
+    /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`. `ideal` leaves the sensor's own limits out.
+    /// `frames` is a number of frames, spread evenly, or a list of their numbers from 0; all unless given. With
+    /// `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts;
+    /// the numbers are the same on all. Raises `ValueError` as `score`, for unknown conditions, and for scenes without
+    /// geometry.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = None, ideal = false, seed = 1,
+        frames = None, misses = false))]
+    fn scan(
+        &self,
+        poses: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
+        ideal: bool,
+        #[pyo3(from_py_with = arguments::seed)] seed: u64,
+        frames: Option<&Bound<'_, PyAny>>,
+        misses: bool,
+    ) -> PyResult<ScanIterator> {
+        let (built, placement) = self.one(poses, sensors, phases)?;
+        let conditions = conditions.iter().flatten().map(|text| text.parse().map_err(raised));
+        let conditions = conditions.collect::<PyResult<_>>()?;
+        let scanning = Scanning { ideal, seed, conditions };
+        Scanner::check(&built.scene, &placement, &scanning).map_err(raised)?;
+        let count = built.scene.frame_count();
+        let frames = which_frames(frames, count)?;
+        // One frame waits while another is scanned.
+        let (sender, scans) = sync_channel(1);
+        start(move || {
+            let opened = || -> Result<Scanner<'_>, Error> {
+                let mut scanner = Scanner::on(built.stage()?, &built.scene, &placement, &scanning)?;
+                scanner.cast_on(&built.options.engine)?;
+                Ok(scanner)
+            };
+            let scanner = match opened() {
+                Ok(scanner) => scanner,
+                Err(error) => return drop(sender.send(Err(error))),
+            };
+            for frame in frames {
+                // Nobody listens any more.
+                if sender.send(Ok(scanner.scan(frame))).is_err() {
+                    break;
+                }
+            }
+        })?;
+        Ok(ScanIterator { scans: Mutex::new(scans), misses })
+    }
+
     /// Writes a recording of Rerun (`.rrd`): points, LiDARs and boxes of one or several placements over time.
     ///
     /// Entities are `world/ego/NAME/points`, `world/ego/NAME/lidar_K` with the outline of its `field_of_view`, 3 m away, and

@@ -24,7 +24,6 @@ use crate::placements::{placement_bytes, placements_in};
 use crate::progress::Progress;
 use crate::psogs::PyPsog;
 use crate::rays::signed;
-use crate::scans::ScanIterator;
 use crate::sensors::sensors_object;
 use crate::wait::{answer, interruptible, pooled};
 
@@ -330,31 +329,6 @@ impl PyScene {
         columns.set_item("placement", wide(hits.placement.into_iter().map(i64::from).collect()))?;
         columns.set_item("lidar", wide(hits.lidar.into_iter().map(i64::from).collect()))?;
         Ok(columns)
-    }
-
-    /// Labelled scans of one placement, frame after frame, as an iterator of `Scan`; the next frame is scanned meanwhile.
-    ///
-    /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`. `ideal` leaves the sensor's own limits out.
-    /// `frames` is a number of frames, spread evenly, or a list of their numbers from 0; all unless given. With
-    /// `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts;
-    /// the numbers are the same on all. Raises `ValueError` as `score`, for unknown conditions, and for scenes without
-    /// geometry.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = None, ideal = false, seed = 1,
-        frames = None, misses = false))]
-    fn scan(
-        &self,
-        poses: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
-        phases: Option<&Bound<'_, PyAny>>,
-        #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
-        ideal: bool,
-        #[pyo3(from_py_with = arguments::seed)] seed: u64,
-        frames: Option<&Bound<'_, PyAny>>,
-        misses: bool,
-    ) -> PyResult<ScanIterator> {
-        let (built, placement) = self.one(poses, sensors, phases)?;
-        let conditions = conditions.unwrap_or_default();
-        ScanIterator::begin(built, placement, &conditions, ideal, seed, frames, misses)
     }
 
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of

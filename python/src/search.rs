@@ -137,25 +137,19 @@ fn optimized<'py>(
 
 /// Tells a callback of an event; `Ok(false)` where it asks for the end by `StopIteration`, as SciPy has it.
 fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
-    let told = PyDict::new(py);
-    match event {
-        Event::Note(text) => {
-            told.set_item("event", "note")?;
-            told.set_item("text", text)?;
-        }
+    let told = match event {
+        Event::Note(text) => json!({ "event": "note", "text": text }),
         Event::Generation(record) => {
-            told.set_item("event", "generation")?;
-            told.update(to_python(py, record)?.cast::<PyDict>()?.as_mapping())?;
+            let mut told = json!(record);
+            told["event"] = "generation".into();
+            told
         }
         Event::Progress { work, done, total } => {
-            told.set_item("event", "progress")?;
-            told.set_item("work", work.to_string())?;
-            told.set_item("done", done)?;
-            told.set_item("total", total)?;
+            json!({ "event": "progress", "work": work.to_string(), "done": done, "total": total })
         }
         _ => return Ok(true),
-    }
-    match callback.call1(py, (told,)) {
+    };
+    match callback.call1(py, (to_python(py, &told)?,)) {
         Ok(_) => Ok(true),
         Err(error) if error.is_instance_of::<PyStopIteration>(py) => Ok(false),
         Err(error) => Err(error),

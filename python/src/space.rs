@@ -8,7 +8,7 @@ use sightline::vehicle::{Equipment, SensorName, Vehicle, Violation};
 use sightline::{Constraints, Placement, SensorPose};
 
 use crate::arguments::{self, entries, or_raised, room_for, shown, whole};
-use crate::arrays::{matrix, numbers, shape_in_words, shaped};
+use crate::arrays::{matrix, misshapen, numbers, shaped};
 use crate::errors::bad;
 use crate::placements::{PyPlacement, parsed, placement_bytes};
 use crate::scenes::PyScene;
@@ -38,23 +38,6 @@ pub(crate) struct PySpace {
 }
 
 impl PySpace {
-    /// The space of some equipment, or of the fullest.
-    pub(crate) fn new(
-        scene: &Bound<'_, PyScene>,
-        equipment: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let vehicle = scene.get().built.scene.vehicle();
-        let is_given = equipment.is_some();
-        let equipment = match equipment {
-            Some(given) => equipment_of(vehicle, given)?,
-            None => vehicle.fullest(),
-        };
-        let rules = vehicle.constraints(&equipment);
-        let given = if is_given { rules.clone() } else { vehicle.rules() };
-        let bounds = rules.variable_bounds();
-        Ok(Self { scene: scene.clone().unbind(), equipment, rules, given, bounds })
-    }
-
     /// Rules of the mounts for its LiDARs.
     pub(crate) fn constraints(&self) -> &Constraints {
         &self.rules
@@ -73,10 +56,7 @@ impl PySpace {
         let count = match *array.shape() {
             [own] if own == dim => 1,
             [count, own] if own == dim => count,
-            ref shape => {
-                let shape = shape_in_words(shape);
-                return Err(bad(format!("z: has the shape {shape}; give {wanted}")));
-            }
+            ref shape => return Err(misshapen("z", shape, wanted)),
         };
         room_for("placements", count, placement_bytes(self.rules.lidars()))?;
         let values: Vec<f64> = array.as_array().iter().copied().collect();
@@ -345,7 +325,16 @@ impl PyScene {
     /// model; the fullest unless given. Raises `ValueError` for names that the vehicle does not have.
     #[pyo3(signature = (equipment = None))]
     fn space(slf: &Bound<'_, Self>, equipment: Option<&Bound<'_, PyAny>>) -> PyResult<PySpace> {
-        PySpace::new(slf, equipment)
+        let vehicle = slf.get().built.scene.vehicle();
+        let is_given = equipment.is_some();
+        let equipment = match equipment {
+            Some(given) => equipment_of(vehicle, given)?,
+            None => vehicle.fullest(),
+        };
+        let rules = vehicle.constraints(&equipment);
+        let given = if is_given { rules.clone() } else { vehicle.rules() };
+        let bounds = rules.variable_bounds();
+        Ok(PySpace { scene: slf.clone().unbind(), equipment, rules, given, bounds })
     }
 
     /// Random placements by all rules of the mount, f64 `[count, L, 6]`, as `space().random(count, seed)`; equal seeds give
@@ -356,6 +345,6 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::count)] count: usize,
         #[pyo3(from_py_with = arguments::seed)] seed: u64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        PySpace::new(slf, None)?.drawn(slf.py(), count, seed, true)
+        Self::space(slf, None)?.drawn(slf.py(), count, seed, true)
     }
 }

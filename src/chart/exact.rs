@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// The scorer that others are compared with: every number from the pose to the sum is an `f64`.
 ///
-/// Casting, walking and summing are written for themselves and share no code with the backends.
+/// Casting, walking and summing are written for themselves and share no code with the backends but the build of trees.
 /// Triangles are those of [`Scene::frame`], which rounds corners to `f32` once (4 µm at 50 m).
 #[derive(Debug, Clone)]
 pub(super) struct Exact {

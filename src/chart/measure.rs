@@ -6,7 +6,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::early::IN_F64;
+use super::early::{IN_F64, StoppingRule};
 use super::exact::Exact;
 use super::{ChartError, ChartWorld, Engine, Left, SceneDetail, Setting};
 use crate::bvh::Hit;
@@ -15,7 +15,7 @@ use crate::problem::{Problem, Tally};
 use crate::score::Objective;
 use crate::search::atlas::{Atlas, Union};
 use crate::search::{SWAP_SPACING, coarse_grid};
-use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors, UnknownSensor};
+use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors};
 
 /// Placements by which the GPU is compared with the CPU before the CPU's scores stand for both.
 const COMPARED: usize = 8;
@@ -63,19 +63,6 @@ pub struct Measured {
     pub left: Option<Left>,
     /// Objective of each placement; `None` where it covers nothing.
     pub scores: Vec<Option<f64>>,
-}
-
-/// Reason to leave a setting, from its scores and seconds a placement so far.
-type Leaves<'a> = dyn Fn(&[Option<f64>], f64) -> Option<Left> + 'a;
-
-/// Limits of a measurement.
-pub(super) struct MeasureLimits<'a> {
-    /// Called with the number of placements just scored; `false` drops the setting under way.
-    pub(super) goes_on: &'a dyn Fn(usize) -> bool,
-    /// Reason to leave a setting under way.
-    pub(super) leaves: &'a Leaves<'a>,
-    /// True if a setting is timed in repeats, from all its scores.
-    pub(super) is_timed: &'a dyn Fn(&[Option<f64>]) -> bool,
 }
 
 /// Scores of the first placements of a setting.
@@ -132,7 +119,8 @@ impl Bench {
         Ok(scorer.value(&tallies[0], &self.objective))
     }
 
-    /// Measures one setting as far as `extent` says; `None` where that says stop.
+    /// Measures one setting as far as `rule` says. `goes_on` is called with the number of placements just scored; a no
+    /// drops the setting.
     ///
     /// For a GPU setting whose equal on the CPU is in `done`, a few placements are scored. Where their scores are equal
     /// to the last bit, the CPU's scores stand for both.
@@ -143,10 +131,11 @@ impl Bench {
         &mut self,
         setting: &Setting,
         done: &[Measured],
-        extent: &MeasureLimits<'_>,
+        rule: &StoppingRule,
+        goes_on: &dyn Fn(usize) -> bool,
     ) -> Result<Option<Measured>, ChartError> {
         let voxel = setting.fidelity.voxel;
-        if self.world.psog(voxel, &|| (extent.goes_on)(0))?.is_none() {
+        if self.world.psog(voxel, &|| goes_on(0))?.is_none() {
             return Ok(None);
         }
         let mut scorer = self.scorer(setting)?;
@@ -155,13 +144,13 @@ impl Bench {
         let on_cpu = done.iter().filter(|_| setting.engine == Engine::Gpu).find(is_whole);
         let start = Instant::now();
         let Some(FirstScores { scores, left, batches }) =
-            self.score(&mut scorer, on_cpu, extent)?
+            self.score(&mut scorer, on_cpu, rule, goes_on)?
         else {
             return Ok(None);
         };
         let pose = scorer.pose(start.elapsed().as_secs_f64());
         let each = median(&batches);
-        let is_timed = left.is_none() && (extent.is_timed)(&scores);
+        let is_timed = left.is_none() && (rule.full || rule.is_candidate(setting, &scores));
         let seconds = if is_timed { self.time(&mut scorer, each)? } else { batches };
         let (mut beams, lidars) = (0, self.placements[0].lidars.len() as u64);
         if let Some(tally) = scorer.tallies(&self.placements[..1])?.first() {
@@ -187,12 +176,13 @@ impl Bench {
         }))
     }
 
-    /// Scores placements until `extent` has enough; `None` where it says stop.
+    /// Scores placements until `rule` has enough; `None` after a no.
     fn score(
         &self,
         scorer: &mut Scorer,
         on_cpu: Option<&Measured>,
-        extent: &MeasureLimits<'_>,
+        rule: &StoppingRule,
+        goes_on: &dyn Fn(usize) -> bool,
     ) -> Result<Option<FirstScores>, ChartError> {
         let scores = Vec::with_capacity(self.placements.len());
         let mut scored = FirstScores { scores, left: None, batches: Vec::new() };
@@ -203,7 +193,7 @@ impl Bench {
             scored.batches.push(start.elapsed().as_secs_f64() / batch.len() as f64);
             let values = tallies.iter().map(|tally| scorer.value(tally, &self.objective));
             scored.scores.extend(values);
-            if !(extent.goes_on)(batch.len()) {
+            if !goes_on(batch.len()) {
                 return Ok(None);
             }
             let so_far = scored.scores.len();
@@ -214,7 +204,7 @@ impl Bench {
                 scored.scores.clone_from(&on_cpu.scores);
                 break;
             }
-            scored.left = (extent.leaves)(&scored.scores, median(&scored.batches));
+            scored.left = rule.leaves(&scored.scores, median(&scored.batches));
             if scored.left.is_some() {
                 break;
             }
@@ -223,7 +213,7 @@ impl Bench {
     }
 
     /// Seconds a placement of each repeat; `each` is a first estimate.
-    fn time(&mut self, scorer: &mut Scorer, each: f64) -> Result<Vec<f64>, BackendError> {
+    fn time(&mut self, scorer: &mut Scorer, each: f64) -> Result<Vec<f64>, ChartError> {
         let most = scorer.most().min(self.placements.len());
         let fewest = TIMED.min(most);
         let each = match scorer {
@@ -248,7 +238,7 @@ impl Bench {
     }
 }
 
-fn seconds_of(scorer: &mut Scorer, placements: &[Placement]) -> Result<f64, BackendError> {
+fn seconds_of(scorer: &mut Scorer, placements: &[Placement]) -> Result<f64, ChartError> {
     let start = Instant::now();
     scorer.tallies(placements)?;
     Ok(start.elapsed().as_secs_f64() / placements.len() as f64)
@@ -265,37 +255,20 @@ const BATCH: usize = 8;
 /// Bytes of bitmaps that an atlas keeps at most.
 const ATLAS_BYTES: u64 = 2 << 30;
 
-/// Poses of a grid nearest to a placement's, each of its LiDAR's model. LiDARs of a model that no mount may hold are
-/// left out.
+/// Poses of a grid nearest to a placement's, each of its LiDAR's model. Refuses a LiDAR of a model that no mount may hold.
 fn poses_of(
     sensors: &Sensors,
     grid: &PoseGrid,
     placement: &Placement,
-) -> Result<Vec<u32>, UnknownSensor> {
+) -> Result<Vec<u32>, ChartError> {
     let nearest = |pose: &SensorPose| {
-        let model = sensors.models()[sensors.number(pose)?].name;
-        Ok(grid.nearest_of(model, pose))
+        let sensor = sensors.models()[sensors.number(pose)?].name;
+        grid.nearest_of(sensor, pose).ok_or_else(|| {
+            let placement = placement.name.clone();
+            ChartError::NoPlace { placement, sensor }
+        })
     };
-    let poses = placement.lidars.iter().map(nearest).collect::<Result<Vec<Option<u32>>, _>>()?;
-    Ok(poses.into_iter().flatten().collect())
-}
-
-/// Refuses a placement with a model that no pose of the grid has.
-fn check_places(
-    sensors: &Sensors,
-    grid: &PoseGrid,
-    placements: &[Placement],
-) -> Result<(), ChartError> {
-    for placement in placements {
-        for pose in &placement.lidars {
-            let sensor = sensors.models()[sensors.number(pose)?].name;
-            if grid.nearest_of(sensor, pose).is_none() {
-                let placement = placement.name.clone();
-                return Err(ChartError::NoPlace { placement, sensor });
-            }
-        }
-    }
-    Ok(())
+    placement.lidars.iter().map(nearest).collect()
 }
 
 /// A setting ready to score.
@@ -326,7 +299,8 @@ impl Scorer {
         if setting.engine == Engine::Atlas {
             let kinds = world.scene.vehicle().every_kind();
             let (grid, _) = coarse_grid(&kinds, SWAP_SPACING, 1, u64::MAX)?;
-            check_places(problem.sensors(), &grid, placements)?;
+            let is_held = |placement| poses_of(problem.sensors(), &grid, placement).map(drop);
+            placements.iter().try_for_each(is_held)?;
             let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);
             let lidars = placements.iter().map(|placement| placement.lidars.len()).max();
             let lidars = lidars.unwrap_or(0);
@@ -348,10 +322,10 @@ impl Scorer {
         }
     }
 
-    pub(super) fn tallies(&mut self, placements: &[Placement]) -> Result<Vec<Tally>, BackendError> {
+    pub(super) fn tallies(&mut self, placements: &[Placement]) -> Result<Vec<Tally>, ChartError> {
         match self {
             Self::Exact(exact) => Ok(exact.tallies(placements)?),
-            Self::Backend(_, backend) => backend.tally(placements, None),
+            Self::Backend(_, backend) => Ok(backend.tally(placements, None)?),
             Self::Atlas { atlas, backend, .. } => {
                 let sensors = atlas.problem().sensors();
                 let poses = placements.iter().map(|p| poses_of(sensors, atlas.grid(), p));

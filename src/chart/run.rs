@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::early::StoppingRule;
-use super::measure::{Bench, MeasureLimits};
+use super::measure::Bench;
 use super::{
     Advice, ChartError, ChartWorld, Engine, Ladder, Left, Measured, PoseCost, RankingError, Rated,
     SceneDetail, Setting, Skipped, cheapest, rate,
@@ -364,8 +364,5 @@ fn one(
         share(done.get() as f64 / count);
         observer.goes_on()
     };
-    let leaves = |scores: &[Option<f64>], seconds: f64| rule.leaves(scores, seconds);
-    let is_timed = |scores: &[Option<f64>]| rule.full || rule.is_candidate(setting, scores);
-    let extent = MeasureLimits { goes_on: &goes_on, leaves: &leaves, is_timed: &is_timed };
-    bench.measure(setting, &state.measured, &extent)
+    bench.measure(setting, &state.measured, rule, &goes_on)
 }

@@ -51,17 +51,6 @@ pub struct Ended {
     pub reason: StopReason,
 }
 
-/// Settings of the next instance.
-#[derive(Debug, Clone, PartialEq)]
-struct NextInstance {
-    small: bool,
-    population: usize,
-    step_size: f64,
-    mean: Vec<f64>,
-    seed: u64,
-    budget: Option<u64>,
-}
-
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct RestartInstance {
     small: bool,
@@ -175,70 +164,46 @@ impl Restarts {
         Ok(search)
     }
 
-    /// Starts the next instance in place of the one that runs.
+    /// Starts the next instance in place of the one that runs: the first one at the mean of the search, all later ones at
+    /// random means.
     fn start_next(&mut self) -> Result<(), CmaError> {
         let small = self.restarts.strategy == RestartStrategy::Bipop && self.small < self.large;
-        let plan = self.plan(small);
-        let options = CmaOptions {
-            population: Some(plan.population),
-            seed: plan.seed,
-            target: None,
-            budget: plan.budget,
-            ..self.options.clone()
-        };
-        let mut cma = Cma::new(&plan.mean, plan.step_size, options)?;
+        let (first, mut population) = (self.first_population, self.first_population);
+        let (mut mean, mut step_size) = (self.mean.clone(), self.step_size);
+        let mut options = CmaOptions { target: None, budget: None, ..self.options.clone() };
+        let index = u64::from(self.large.instances + self.small.instances);
+        if index > 0 {
+            // Generations draw from the streams from 0 upwards, instances from the last one downwards.
+            let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
+            rng.set_stream(u64::MAX - index);
+            options.seed = rng.random();
+            if let Some(region) = self.restarts.region.as_ref().or(self.options.bounds.as_ref()) {
+                let draw = |&(low, high): &(f64, f64)| low + rng.random::<f64>() * (high - low);
+                mean = region.iter().map(draw).collect();
+            }
+            let doubled = |times: u32| {
+                let population = 1_usize.checked_shl(times).and_then(|f| first.checked_mul(f));
+                population.unwrap_or(MAX_POPULATION).min(MAX_POPULATION)
+            };
+            population = doubled(self.large.instances);
+            if small {
+                let (u, v): (f64, f64) = (rng.random(), rng.random());
+                let largest = doubled(self.large.instances.saturating_sub(1)) as f64;
+                let share = constants::pow(0.5 * largest / first as f64, u * u);
+                population = ((first as f64 * share) as usize).max(LEAST_POPULATION.min(first));
+                step_size *= constants::pow(10_f64, -2.0 * v);
+                options.budget = self.last_large.map(|evaluations| evaluations / 2);
+            }
+        }
+        options.population = Some(population);
+        let mut cma = Cma::new(&mean, step_size, options)?;
         if self.polishing {
             cma.polish();
         }
-        let spent = if plan.small { &mut self.small } else { &mut self.large };
+        let spent = if small { &mut self.small } else { &mut self.large };
         spent.instances += 1;
-        self.running = RestartInstance { small: plan.small, cma };
+        self.running = RestartInstance { small, cma };
         Ok(())
-    }
-
-    /// Settings of the next instance of a regime.
-    fn plan(&self, small: bool) -> NextInstance {
-        let first = self.first_population;
-        let index = u64::from(self.large.instances + self.small.instances);
-        let doubled = |times: u32| {
-            let population = 1_usize.checked_shl(times).and_then(|f| first.checked_mul(f));
-            population.unwrap_or(MAX_POPULATION).min(MAX_POPULATION)
-        };
-        if index == 0 {
-            return NextInstance {
-                small: false,
-                population: first,
-                step_size: self.step_size,
-                mean: self.mean.clone(),
-                seed: self.options.seed,
-                budget: None,
-            };
-        }
-        // Generations draw from the streams from 0 upwards, instances from the last one downwards.
-        let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
-        rng.set_stream(u64::MAX - index);
-        let seed = rng.random();
-        let region = self.restarts.region.as_ref().or(self.options.bounds.as_ref());
-        let mean = region.map_or_else(
-            || self.mean.clone(),
-            |region| {
-                let draw = |&(low, high): &(f64, f64)| low + rng.random::<f64>() * (high - low);
-                region.iter().map(draw).collect()
-            },
-        );
-        let (population, step_size, budget) = if small {
-            let (u, v): (f64, f64) = (rng.random(), rng.random());
-            let largest = doubled(self.large.instances.saturating_sub(1)) as f64;
-            let population = first as f64 * constants::pow(0.5 * largest / first as f64, u * u);
-            (
-                (population as usize).max(LEAST_POPULATION.min(first)),
-                self.step_size * constants::pow(10_f64, -2.0 * v),
-                self.last_large.map(|evaluations| evaluations / 2),
-            )
-        } else {
-            (doubled(self.large.instances), self.step_size, None)
-        };
-        NextInstance { small, population, step_size, mean, seed, budget }
     }
 
     /// Candidates of the next generation of the running instance; the same ones until they are told.

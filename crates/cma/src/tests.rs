@@ -112,15 +112,18 @@ fn rosenbrock(x: &[f64]) -> f64 {
     x.windows(2).map(|p| 100.0 * (p[0] * p[0] - p[1]).powi(2) + (1.0 - p[0]).powi(2)).sum()
 }
 
+/// Asks a generation and tells its costs; returns its points.
+fn told(cma: &mut Cma, cost: impl Fn(&[f64]) -> f64) -> Vec<Vec<f64>> {
+    let candidates = cma.ask();
+    let points: Vec<Vec<f64>> = candidates.iter().map(|c| c.point().to_vec()).collect();
+    let costs: Vec<f64> = points.iter().map(|point| cost(point)).collect();
+    cma.tell(&candidates, &costs).unwrap();
+    points
+}
+
 fn generations(cma: &mut Cma, f: Function, count: usize) -> f64 {
-    let mut best = f64::INFINITY;
-    for _ in 0..count {
-        let candidates = cma.ask();
-        let costs: Vec<f64> = candidates.iter().map(|c| f(c.point())).collect();
-        best = costs.iter().fold(best, |b, &c| b.min(c));
-        cma.tell(&candidates, &costs).unwrap();
-    }
-    best
+    let points = (0..count).flat_map(|_| told(cma, f));
+    points.map(|point| f(&point)).fold(f64::INFINITY, f64::min)
 }
 
 #[test]
@@ -143,10 +146,8 @@ fn boxed(seed: u64, n: usize) -> Cma {
 fn an_optimum_on_the_bounds_is_reached_and_never_passed() {
     let mut cma = boxed(1, 6);
     for _ in 0..400 {
-        let candidates = cma.ask();
-        assert!(candidates.iter().all(|c| c.point().iter().all(|x| (-5.0..=5.0).contains(x))));
-        let costs: Vec<f64> = candidates.iter().map(|c| c.point().iter().sum()).collect();
-        cma.tell(&candidates, &costs).unwrap();
+        let points = told(&mut cma, |x| x.iter().sum());
+        assert!(points.iter().flatten().all(|x| (-5.0..=5.0).contains(x)));
     }
     assert!(cma.mean_point().iter().all(|x| x + 5.0 < 1e-8), "{:?}", cma.mean_point());
 }

@@ -1,6 +1,7 @@
 //! Memory that this process may still have, and large buffers that do not fit it.
 
 use std::cell::Cell;
+use std::sync::Mutex;
 
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
@@ -97,6 +98,22 @@ pub fn zeros<T: Clone + Default>(len: usize, what: &'static str) -> Result<Vec<T
     let mut vec = room(len, what)?;
     vec.resize(len, T::default());
     Ok(vec)
+}
+
+/// Working memory of tasks, to be used again.
+#[derive(Default)]
+pub(crate) struct Pool<T>(Mutex<Vec<T>>);
+
+impl<T: Default> Pool<T> {
+    pub(crate) fn take(&self) -> T {
+        self.0.lock().ok().and_then(|mut kept| kept.pop()).unwrap_or_default()
+    }
+
+    pub(crate) fn put_back(&self, memory: T) {
+        if let Ok(mut kept) = self.0.lock() {
+            kept.push(memory);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use crate::fires::Purpose;
 use crate::{ScanError, Status};
 
 pub use condition::{Condition, ConditionKind};
-pub(crate) use condition::{Crosstalk, IncompleteEcho, MotionBlur, WetGround, holds_water};
+pub(crate) use condition::{IncompleteEcho, WetGround, false_range, holds_water};
 pub(crate) use fog::Fog;
 pub(crate) use snow::{FallEffect, Falling, Flake, JoinedEcho};
 
@@ -19,8 +19,10 @@ pub struct Weather {
     pub(crate) wet: Option<WetGround>,
     pub(crate) snow: Option<Falling>,
     pub(crate) rain: Option<Falling>,
-    pub(crate) blur: Option<MotionBlur>,
-    pub(crate) crosstalk: Option<Crosstalk>,
+    /// Share of the true motion in a turn that is left: 0 the points where they were, 1 the raw points.
+    pub(crate) blur: f64,
+    /// Share of the returns that other sensors' pulses come before.
+    pub(crate) crosstalk: f64,
     pub(crate) echo: Option<IncompleteEcho>,
 }
 
@@ -73,10 +75,8 @@ pub fn weather(conditions: &[Condition]) -> Result<Weather, ScanError> {
                 weather.snow = Some(Falling::snow(value("rate"), value("speed")))
             }
             ConditionKind::Rain => weather.rain = Some(Falling::rain(value("rate"))),
-            ConditionKind::Blur => weather.blur = Some(MotionBlur { share: value("share") }),
-            ConditionKind::Crosstalk => {
-                weather.crosstalk = Some(Crosstalk { share: value("share") })
-            }
+            ConditionKind::Blur => weather.blur = value("share"),
+            ConditionKind::Crosstalk => weather.crosstalk = value("share"),
             ConditionKind::Echo => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
         }
     }

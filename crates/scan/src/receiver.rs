@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use sightline_scene::vehicle::Echoes;
 
-use crate::conditions::{Flake, JoinedEcho};
+use crate::conditions::{Flake, JoinedEcho, false_range};
 use crate::fires::{BeamPlace, Chance, Purpose};
 use crate::optics::{Optics, is_seen};
 use crate::rim::{RAYS, Rims, ray_share};
@@ -178,11 +178,9 @@ impl Receiver<'_> {
         if number == 1 && echo.status == Status::Hit {
             echo.status = Status::Second;
         }
-        if let Some(crosstalk) = &self.optics.weather.crosstalk
-            && chance.draw(Purpose::Crosstalk, 2 * number) < crosstalk.share
-        {
+        if chance.draw(Purpose::Crosstalk, 2 * number) < self.optics.weather.crosstalk {
             let draw = chance.draw(Purpose::Crosstalk, 2 * number + 1);
-            range = crosstalk.false_range(response.min_range, range, draw);
+            range = false_range(response.min_range, range, draw);
             echo.status = Status::Crosstalk;
         }
         let intensity = (echo.power * echo.range * echo.range).clamp(0.0, 1.0) as f32;
@@ -239,7 +237,7 @@ impl Receiver<'_> {
             let station = self.sweep.station(beam.firing);
             station.start_from_sensor.apply(point).as_vec3()
         };
-        let blur = self.optics.weather.blur.as_ref().map_or(0.0, |blur| blur.share as f32);
+        let blur = self.optics.weather.blur as f32;
         (position + (raw - position) * blur, raw)
     }
 }

@@ -222,16 +222,10 @@ impl SeenFace {
         // Towards the sensor.
         let away = self.normal.dot(direction) > 0.0;
         let normal = if away { -self.normal } else { self.normal };
-        let surface = SurfaceHit {
-            t: hit.t,
-            prim: hit.prim,
-            class: self.class,
-            instance: self.instance,
-            incidence: (-normal.dot(direction)).clamp(0.0, 1.0) as f32,
-            normal: Vec3::ZERO,
-            position: Vec3::NAN,
-        };
-        (surface, normal)
+        let incidence = (-normal.dot(direction)).clamp(0.0, 1.0) as f32;
+        let Self { class, instance, .. } = *self;
+        let none = SurfaceHit::none(hit.t);
+        (SurfaceHit { prim: hit.prim, class, instance, incidence, ..none }, normal)
     }
 }
 

@@ -163,8 +163,7 @@ impl Visibility {
 
     /// True if a beam takes another sensor's pulse for its own.
     fn is_wrong(&self, beam: &Beam<'_>) -> bool {
-        let crosstalk = self.optics.weather.crosstalk.as_ref();
-        crosstalk.is_some_and(|c| beam.chance.draw(Purpose::Crosstalk, 0) < c.share)
+        beam.chance.draw(Purpose::Crosstalk, 0) < self.optics.weather.crosstalk
     }
 }
 

@@ -5,10 +5,7 @@ use super::*;
 /// Runs until a stop or `most` generations; every candidate has to be finite and in the box.
 fn run(cma: &mut Cma, most: usize, cost: impl Fn(&[f64]) -> f64) -> Option<StopReason> {
     for _ in 0..most {
-        let candidates = cma.ask();
-        let costs: Vec<f64> = candidates.iter().map(|c| cost(c.point())).collect();
-        assert!(candidates.iter().all(|c| c.point().iter().all(|x| x.is_finite())));
-        cma.tell(&candidates, &costs).unwrap();
+        assert!(told(cma, &cost).iter().flatten().all(|x| x.is_finite()));
         if let Some(reason) = cma.stop() {
             return Some(reason);
         }
@@ -38,10 +35,8 @@ fn a_range_of_no_width_holds_its_variable() {
     let mut cma = Cma::new(&[0.0, 3.0, 0.0], 0.3, options).unwrap();
     cma.inject(&[vec![9.0, 9.0, 9.0]]).unwrap();
     for _ in 0..80 {
-        let candidates = cma.ask();
-        assert!(candidates.iter().all(|c| c.point()[0] == 1.5 && c.point()[2] == -2.0));
-        let costs: Vec<f64> = candidates.iter().map(|c| sphere(c.point())).collect();
-        cma.tell(&candidates, &costs).unwrap();
+        let points = told(&mut cma, sphere);
+        assert!(points.iter().all(|point| point[0] == 1.5 && point[2] == -2.0));
     }
     assert!(cma.mean_point()[1].abs() < 1e-3);
 }
@@ -78,8 +73,7 @@ fn a_covariance_that_is_no_matrix_stops_by_name() {
     }
     let mut cma: Cma = serde_json::from_value(state).unwrap();
     for _ in 0..3 {
-        let candidates = cma.ask();
-        cma.tell(&candidates, &vec![1.0; candidates.len()]).unwrap();
+        told(&mut cma, |_| 1.0);
     }
     assert_eq!(cma.stop(), Some(StopReason::Decomposition));
 }
@@ -104,11 +98,8 @@ fn an_optimum_on_a_face_is_evaluated_exactly() {
     let mut cma = Cma::new(&[0.2, -2.0, 5.0], 0.3, options).unwrap();
     let mut exact = false;
     for _ in 0..200 {
-        let candidates = cma.ask();
-        exact |= candidates.iter().any(|c| c.point()[0] == 0.3 && c.point()[1] == 0.7);
-        let cost = |x: &[f64]| -x[0] - x[1] + (x[2] - 4.0).powi(2);
-        let costs: Vec<f64> = candidates.iter().map(|c| cost(c.point())).collect();
-        cma.tell(&candidates, &costs).unwrap();
+        let points = told(&mut cma, |x| -x[0] - x[1] + (x[2] - 4.0).powi(2));
+        exact |= points.iter().any(|point| point[0] == 0.3 && point[1] == 0.7);
     }
     assert!(exact);
 }

@@ -36,20 +36,22 @@ pub(crate) struct Node16 {
     pub valid: u16,
 }
 
-/// Up to sixteen triangles side by side, 896 bytes: 576 of corners, 192 of normals, 64 of `prim`, 2 of
-/// `valid`, and 62 that fill the last cache line.
+/// Up to `W` triangles side by side, to the end of a cache line: 896 bytes of sixteen, 448 of eight.
 #[repr(C, align(64))]
 #[derive(Debug, Clone)]
-pub(crate) struct Block16 {
-    /// Corners by corner, axis and triangle; unused slots repeat the first triangle.
-    pub corners: [[[f32; WIDTH]; 3]; 3],
+pub(crate) struct Block<const W: usize> {
+    /// Corners by corner, axis and triangle; an unused slot is a point, which no ray hits.
+    pub corners: [[[f32; W]; 3]; 3],
     /// Normals by axis and triangle.
-    pub normal: [[f32; WIDTH]; 3],
+    pub normal: [[f32; W]; 3],
     /// Indices of the faces.
-    pub prim: [i32; WIDTH],
+    pub prim: [u32; W],
     /// A bit for each triangle that there is.
     pub valid: u16,
 }
+
+/// Block of the sixteen-wide tree.
+pub(crate) type Block16 = Block<WIDTH>;
 
 struct Collapse<'a> {
     nodes: &'a [BvhNode],
@@ -115,32 +117,32 @@ impl Node16 {
     }
 }
 
-impl Block16 {
-    fn new(triangles: &[Triangle]) -> Self {
-        let mut block = Self {
-            corners: [[[0.0; WIDTH]; 3]; 3],
-            normal: [[0.0; WIDTH]; 3],
-            prim: [0; WIDTH],
-            valid: ((1_u32 << triangles.len()) - 1) as u16,
-        };
-        for slot in 0..WIDTH {
-            let triangle = triangles.get(slot).unwrap_or(&triangles[0]);
+impl<const W: usize> Block<W> {
+    pub(super) fn new(triangles: &[Triangle]) -> Self {
+        let at = triangles[0].a;
+        let point = Triangle { b: at, c: at, ..triangles[0] };
+        let valid = ((1_u32 << triangles.len()) - 1) as u16;
+        let mut block =
+            Self { corners: [[[0.0; W]; 3]; 3], normal: [[0.0; W]; 3], prim: [0; W], valid };
+        for slot in 0..W {
+            let Triangle { a, b, c, normal, prim, .. } = *triangles.get(slot).unwrap_or(&point);
             for axis in 0..3 {
-                for (k, corner) in [triangle.a, triangle.b, triangle.c].iter().enumerate() {
+                for (k, corner) in [a, b, c].iter().enumerate() {
                     block.corners[k][axis][slot] = corner[axis];
                 }
-                block.normal[axis][slot] = triangle.normal[axis];
+                block.normal[axis][slot] = normal[axis];
             }
-            block.prim[slot] = triangle.prim as i32;
+            block.prim[slot] = prim;
         }
         block
     }
 
     /// The triangle of a slot as it was built.
+    #[inline(always)]
     pub(crate) fn triangle(&self, slot: usize) -> Triangle {
-        let at = |numbers: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot]);
+        let at = |numbers: &[[f32; W]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot % W]);
         let [a, b, c] = &self.corners;
-        let (normal, prim) = (at(&self.normal), self.prim[slot] as u32);
+        let (normal, prim) = (at(&self.normal), self.prim[slot % W]);
         Triangle { a: at(a), prim, b: at(b), pad0: 0, c: at(c), pad1: 0, normal, pad2: 0 }
     }
 }

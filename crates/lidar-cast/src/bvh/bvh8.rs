@@ -2,7 +2,7 @@
 //!
 //! Boxes keep both sides, so that a ray reads the side that it enters by and the one that it leaves by without a comparison.
 
-use super::bvh16::{BLOCK, TreeCuts};
+use super::bvh16::{BLOCK, Block, TreeCuts};
 use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
@@ -36,20 +36,8 @@ pub(crate) struct Node8 {
     pub rows: [[f32; WIDTH]; 8],
 }
 
-/// Up to eight triangles side by side, 448 bytes: 288 of corners, 32 of `prim`, 96 of normals, and 32 that fill the last
-/// cache line. An unused slot is a point, which no ray hits.
-#[repr(C, align(64))]
-#[derive(Debug, Clone)]
-pub(crate) struct Block8 {
-    /// Corners by corner, axis and triangle.
-    pub corners: [[[f32; WIDTH]; 3]; 3],
-    /// Indices of the faces.
-    pub prim: [u32; WIDTH],
-    /// Number of triangles.
-    pub count: u32,
-    /// Normals by axis and triangle.
-    pub normal: [[f32; WIDTH]; 3],
-}
+/// Block of the eight-wide tree.
+pub(crate) type Block8 = Block<WIDTH>;
 
 impl Bvh8 {
     /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most eight triangles becomes a block.
@@ -117,42 +105,5 @@ impl Node8 {
     #[inline(always)]
     pub(crate) fn child(&self, slot: usize) -> u32 {
         self.rows[CHILDREN][slot % WIDTH].to_bits()
-    }
-}
-
-impl Block8 {
-    fn new(triangles: &[Triangle]) -> Self {
-        let [zero, none] = [[[0.0; WIDTH]; 3]; 2];
-        let mut block = Self {
-            corners: [zero; 3],
-            prim: [0; WIDTH],
-            count: triangles.len() as u32,
-            normal: none,
-        };
-        for slot in 0..WIDTH {
-            let triangle = triangles.get(slot);
-            let Triangle { a, b, c, normal, prim, .. } = triangle.copied().unwrap_or_else(|| {
-                let at = triangles[0].a;
-                Triangle { b: at, c: at, ..triangles[0] }
-            });
-            for axis in 0..3 {
-                for (k, corner) in [a, b, c].iter().enumerate() {
-                    block.corners[k][axis][slot] = corner[axis];
-                }
-                block.normal[axis][slot] = normal[axis];
-            }
-            block.prim[slot] = prim;
-        }
-        block
-    }
-
-    /// The triangle of a slot as it was built.
-    #[inline(always)]
-    pub(crate) fn triangle(&self, slot: usize) -> Triangle {
-        let at =
-            |numbers: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot % WIDTH]);
-        let [a, b, c] = &self.corners;
-        let (normal, prim) = (at(&self.normal), self.prim[slot % WIDTH]);
-        Triangle { a: at(a), prim, b: at(b), pad0: 0, c: at(c), pad1: 0, normal, pad2: 0 }
     }
 }

@@ -247,11 +247,11 @@ impl UpperTree {
         own.iter_mut().for_each(|node_8| node_8.map_children(node));
         own.extend(blocks.iter().map(|block| {
             let mut leaf = Node8::EMPTY;
-            for slot in 0..block.count {
-                let triangle = block.triangle(slot as usize);
+            for slot in 0..block.valid.count_ones() as usize {
+                let triangle = block.triangle(slot);
                 let Aabb { min, max } = Bvh::padded_box(&triangle, boxes.pad);
                 let node = BvhNode { min: min.into(), first: 0, max: max.into(), count: 1 };
-                leaf.set(slot as usize, &node, BLOCK | triangle.prim);
+                leaf.set(slot, &node, BLOCK | triangle.prim);
             }
             leaf
         }));

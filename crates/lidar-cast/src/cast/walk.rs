@@ -13,14 +13,13 @@ mod triangles;
 
 pub(super) use ops::three;
 
-use std::sync::Mutex;
-
 use multiversion::multiversion;
 use multiversion::target::match_target;
 use rayon::prelude::*;
 
 use crate::bvh::bvh16::Bvh16;
 use crate::bvh::{Bvh, Hit};
+use crate::memory::Pool;
 use crate::sensor::BeamTable;
 use crate::task::DevicePose;
 use angles::Eye;
@@ -52,12 +51,12 @@ pub(super) struct Walk {
     grid: Grid,
     instructions: Instructions,
     /// Working memory that no walk uses at the moment.
-    spare: Mutex<Vec<WalkMemory>>,
+    spare: Pool<WalkMemory>,
 }
 
 impl Walk {
     pub(super) fn new(table: &BeamTable, instructions: Instructions) -> Option<Self> {
-        Some(Self { grid: Grid::new(table)?, instructions, spare: Mutex::default() })
+        Some(Self { grid: Grid::new(table)?, instructions, spare: Pool::default() })
     }
 
     /// True if angles can be computed for a part: its pose turns, and no number is too large.
@@ -107,8 +106,7 @@ impl Walk {
         parts: &[TreeView<'_>],
         hits: &[Hit],
     ) -> WalkMemory {
-        let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
-        let mut work = spare.unwrap_or_default();
+        let mut work = self.spare.take();
         self.read(*window, hits, &mut work.beams);
         parts.iter().for_each(|part| self.descend(*window, local, part, &mut work));
         work
@@ -133,12 +131,6 @@ impl Walk {
             Instructions::Best => walk(&mut scene, tree, work),
             Instructions::Avx2 => walk_avx2(&mut scene, tree, work),
             Instructions::Plain => descent::plain::walk(&mut scene, tree, work),
-        }
-    }
-
-    fn put_back(&self, work: WalkMemory) {
-        if let Ok(mut spare) = self.spare.lock() {
-            spare.push(work);
         }
     }
 
@@ -174,7 +166,7 @@ impl Walk {
                 }
             }
         }
-        self.put_back(work);
+        self.spare.put_back(work);
     }
 }
 

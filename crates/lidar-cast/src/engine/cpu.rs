@@ -10,7 +10,7 @@
 //! None contracts a product and a sum, so all give the same bits.
 
 use std::ops::Range;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ use crate::bvh::Hit;
 use crate::cast::Caster;
 use crate::cover::{BitOrder, WalkScratch, cover_sensor};
 use crate::geom::Pose;
-use crate::memory;
+use crate::memory::{self, Pool};
 use crate::reduce::{EntropyIndex, take_sums};
 use crate::sensor::{MAX_LIDARS, Placement, SensorPose};
 use crate::task::{DevicePose, Frame, SensorBatch, StageTimes, Tally, Task};
@@ -45,25 +45,9 @@ pub struct CpuBackend {
     hits: Vec<Hit>,
     /// One a sensor model.
     casters: Vec<Caster>,
-    walks: Buffers<WalkScratch>,
+    walks: Pool<WalkScratch>,
     /// `[sensors × words]` in `order`, zero between tasks.
-    bitmaps: Buffers<Vec<u64>>,
-}
-
-/// Working memory of tasks, to be used again.
-#[derive(Default)]
-struct Buffers<T>(Mutex<Vec<T>>);
-
-impl<T: Default> Buffers<T> {
-    fn take(&self) -> T {
-        self.0.lock().ok().and_then(|mut kept| kept.pop()).unwrap_or_default()
-    }
-
-    fn put_back(&self, memory: T) {
-        if let Ok(mut kept) = self.0.lock() {
-            kept.push(memory);
-        }
-    }
+    bitmaps: Pool<Vec<u64>>,
 }
 
 struct SensorsInFrame<'a> {
@@ -83,7 +67,7 @@ impl CpuBackend {
         let order = BitOrder::rows(task.roi());
         let entropies = EntropyIndex::new(task.content(), &order);
         let times = StageTimes::default();
-        let (walks, bitmaps) = (Buffers::default(), Buffers::default());
+        let (walks, bitmaps) = (Pool::default(), Pool::default());
         let models = task.sensors().models();
         let casters = models.iter().map(|model| Caster::new(&model.table)).collect();
         let hits = Vec::new();

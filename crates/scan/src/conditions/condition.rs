@@ -237,26 +237,10 @@ fn keys(kind: ConditionKind) -> &'static [ConditionKey] {
 /// Reflectance of a vehicle that mirrors the beam away.
 const DARK: f64 = 0.05;
 
-/// Motion during a turn that is left in the cloud.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct MotionBlur {
-    /// Share of the true motion that is left: 0 the points where they were, 1 the raw points.
-    pub share: f64,
-}
-
-/// Pulses of other sensors that come before the beam's own echo.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Crosstalk {
-    /// Share of the returns that are hit.
-    pub share: f64,
-}
-
-impl Crosstalk {
-    /// Apparent range of a return at `range` metres: uniform from the sensor's `least` on, by `u` from 0 to below 1.
-    /// Pulses later than the own echo are not waited for.
-    pub(crate) fn false_range(&self, least: f64, range: f64, u: f64) -> f64 {
-        least + u * (range - least).max(0.0)
-    }
+/// Apparent range of a return at `range` metres that another sensor's pulse comes before: uniform from the sensor's `least`
+/// on, by `u` from 0 to below 1. Pulses later than the own echo are not waited for.
+pub(crate) fn false_range(least: f64, range: f64, u: f64) -> f64 {
+    least + u * (range - least).max(0.0)
 }
 
 /// Vehicles whose paint mirrors the beam away.

@@ -1,5 +1,7 @@
 //! Angles of sixteen boxes or triangles, and the rectangles of beams that they span.
 
+use bytemuck::Zeroable;
+
 use super::TreeView;
 use super::grid::{CELLS, Grid, Window};
 use super::ops::{W, per_target, three};
@@ -49,6 +51,7 @@ impl Eye {
 
 /// Rows and columns that sixteen boxes or triangles may be seen by, and how near they begin.
 #[repr(align(64))]
+#[derive(Zeroable)]
 pub(super) struct Rects {
     /// A bit for each that is seen by a beam.
     pub(super) seen: u16,
@@ -60,17 +63,6 @@ pub(super) struct Rects {
     pub(super) distance: [f32; W],
     /// Where columns begin and end before they are rounded and cut to the window.
     pub(super) exact: [[f32; W]; 2],
-}
-
-impl Rects {
-    pub(super) const NOTHING: Self = Self {
-        seen: 0,
-        split: 0,
-        rows: [[0; W]; 2],
-        columns: [[0; W]; 2],
-        distance: [0.0; W],
-        exact: [[0.0; W]; 2],
-    };
 }
 
 per_target! {

@@ -19,7 +19,7 @@ const BLOCKS: usize = 2;
 pub(super) const TESTS: usize = 2048;
 
 /// A part of the tree to visit: the beams that may meet it, and where it begins.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Zeroable)]
 pub(super) struct Entry {
     pub(super) child: u32,
     distance: f32,
@@ -68,6 +68,7 @@ pub(super) struct WindowBeams {
 
 /// Listed tests; `inside` keeps the ones in which a beam passes between the edges: the test, then a bit for
 /// each beam that may and each that surely does.
+#[derive(Zeroable)]
 pub(super) struct Tests {
     pub(super) words: [i32; TESTS],
     pub(super) len: usize,
@@ -87,15 +88,9 @@ pub(super) struct WalkMemory {
 
 impl Default for WalkMemory {
     fn default() -> Self {
-        let tests = Tests { words: [0; TESTS], len: 0, inside: [(0, 0, 0); TESTS] };
-        Self {
-            beams: zeroed_box(),
-            stack: Box::new([Entry::default(); STACK]),
-            tests: Box::new(tests),
-            rects: [Rects::NOTHING; BLOCKS],
-            seen: [TriangleView::NOTHING; BLOCKS],
-            blocks: [0; BLOCKS],
-        }
+        let (beams, stack, tests) = (zeroed_box(), zeroed_box(), zeroed_box());
+        let (rects, seen) = (Zeroable::zeroed(), Zeroable::zeroed());
+        Self { beams, stack, tests, rects, seen, blocks: [0; BLOCKS] }
     }
 }
 

@@ -3,8 +3,8 @@
 //! Neighbouring azimuth steps, fired from places of their own, go down a tree together.
 
 use std::ops::Range;
-use std::sync::Mutex;
 
+use bytemuck::{Zeroable, zeroed_box};
 use multiversion::multiversion;
 use multiversion::target::match_target;
 
@@ -18,6 +18,7 @@ use super::{Instructions, LARGEST, TreeView, Walk};
 use crate::bvh::bvh16::{BLOCK, Bvh16};
 use crate::bvh::{Bvh, Hit, Ray};
 use crate::cast::bundle::descend;
+use crate::memory::Pool;
 use crate::sensor::BeamTable;
 use crate::task::{DevicePose, beam_direction, beam_origin};
 
@@ -49,7 +50,7 @@ pub struct FiringWalk {
     width: f32,
     instructions: Instructions,
     /// Working memory that no walk uses at the moment.
-    spare: Mutex<Vec<SweepMemory>>,
+    spare: Pool<SweepMemory>,
 }
 
 impl FiringWalk {
@@ -58,7 +59,7 @@ impl FiringWalk {
         let beams = table.grid()?;
         let grid = Grid::of_firings(beams)?;
         let channels: Vec<usize> = grid.channels().collect();
-        let spare = Mutex::default();
+        let spare = Pool::default();
         let mut walk = Self {
             grid,
             channels,
@@ -104,7 +105,7 @@ impl FiringWalk {
         let window = Window { from: steps.start, columns: steps.len() };
         let beams = window.columns * self.channels.len();
         assert!(beams <= BEAMS, "windows are as wide as `together` says");
-        let mut work = self.spare.lock().ok().and_then(|mut spare| spare.pop()).unwrap_or_default();
+        let mut work = self.spare.take();
         work.packets.resize(beams, Packet::NONE);
         work.packets.iter_mut().for_each(|packet| packet.begin(range));
         work.far[..beams].fill(range);
@@ -116,9 +117,7 @@ impl FiringWalk {
             *found = hit(0);
             *rim = std::array::from_fn(|k| hit(k + 1));
         }
-        if let Ok(mut spare) = self.spare.lock() {
-            spare.push(work);
-        }
+        self.spare.put_back(work);
     }
 
     fn descend(
@@ -273,10 +272,10 @@ impl Default for SweepMemory {
     fn default() -> Self {
         Self {
             packets: Vec::new(),
-            far: bytemuck::zeroed_box(),
-            stack: Box::new([Entry::default(); STACK]),
-            rects: Rects::NOTHING,
-            outlined: Outlined::NOTHING,
+            far: zeroed_box(),
+            stack: zeroed_box(),
+            rects: Zeroable::zeroed(),
+            outlined: Zeroable::zeroed(),
         }
     }
 }

@@ -165,7 +165,7 @@ per_target! {
             let enter = max(max(enter[0], enter[1]), max(enter[2], zero));
             let leave = min(min(leave[0], leave[1]), leave[2]);
             let t = min(max(quotient, enter), leave);
-            let id = splat_i(block.prim[slot].wrapping_add(scene.first_prim as i32));
+            let id = splat_i(block.prim[slot].wrapping_add(scene.first_prim) as i32);
             let (before, other) = (load(some(best, at)), load_i(some(prim, at)));
             let closer = either(lt(t, before), both(eq(t, before), less_id(id, other)));
             let ahead = both(lt(zero, quotient), lt(zero, t));

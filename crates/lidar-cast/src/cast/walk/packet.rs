@@ -173,7 +173,7 @@ per_target! {
             return false;
         }
         let (mut takes, mut besides) = (0, 0);
-        let id = first_prim + seen.block.prim[seen.slot] as u32;
+        let id = first_prim + seen.block.prim[seen.slot];
         let (n, low, high) = (&seen.normal, &seen.low, &seen.high);
         let [dx, dy, dz] = &packet.direction;
         for i in 0..RAYS {

@@ -1,5 +1,7 @@
 //! Cuts the sixteen triangles of a block down to the beams that may hit them.
 
+use bytemuck::Zeroable;
+
 use super::angles::{Eye, Rects};
 use super::grid::{Grid, Window};
 use super::ops::{W, per_target, three};
@@ -12,6 +14,7 @@ const SHORTEST: f32 = 4e-3;
 
 /// Sixteen triangles as seen from a sensor.
 #[repr(align(64))]
+#[derive(Zeroable)]
 pub(super) struct TriangleView {
     /// Normals of the planes through the origin and an edge, in the sensor frame, by edge and axis; a
     /// beam passes inside where its products with all three are positive.
@@ -35,22 +38,6 @@ pub(super) struct TriangleView {
     end: [[f32; W]; 3],
     rise: [[f32; W]; 3],
     blur: [[f32; W]; 3],
-}
-
-impl TriangleView {
-    pub(super) const NOTHING: Self = Self {
-        edges: [[[0.0; W]; 3]; 3],
-        doubt: [0.0; W],
-        margin: [[0.0; W]; 3],
-        above: [0.0; W],
-        sides: [[[0.0; W]; 3]; 2],
-        azimuths: [[0.0; W]; 2],
-        uncut: 0,
-        begin: [[0.0; W]; 3],
-        end: [[0.0; W]; 3],
-        rise: [[0.0; W]; 3],
-        blur: [[0.0; W]; 3],
-    };
 }
 
 per_target! {

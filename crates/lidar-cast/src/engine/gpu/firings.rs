@@ -16,22 +16,12 @@ pub(in crate::engine) struct GpuFirings {
     device: Device,
     kernels: Kernels,
     trees: Trees,
-    work: FiringBuffers,
+    /// Buffers of a dispatch in the order of [`NAMES`], each made again where a larger one is needed.
+    work: [Option<wgpu::Buffer>; NAMES.len()],
 }
 
-/// Buffers of a dispatch, each made again where a larger one is needed.
-#[derive(Default)]
-struct FiringBuffers {
-    instances: GrowingBuffer,
-    sensors: GrowingBuffer,
-    directions: GrowingBuffer,
-    hits: GrowingBuffer,
-    counters: GrowingBuffer,
-}
-
-/// A buffer once it is needed.
-#[derive(Default)]
-struct GrowingBuffer(Option<wgpu::Buffer>);
+/// Names of the buffers of a dispatch.
+const NAMES: [&str; 5] = ["instances", "sensors", "directions of rays", "hits", "hit counters"];
 
 /// Firings as the kernel reads them.
 #[derive(Default)]
@@ -55,7 +45,7 @@ impl GpuFirings {
         let kernels = Kernels::new();
         kernels.compile(&device, |kernel| kernel == "cast_closest");
         device.check("compiling a kernel")?;
-        Ok(Self { device, kernels, trees, work: FiringBuffers::default() })
+        Ok(Self { device, kernels, trees, work: Default::default() })
     }
 
     /// Name and driver of the device.
@@ -113,9 +103,8 @@ impl GpuFirings {
             rays * size_of::<Hit>(),
             4 * (1 + sensors),
         ];
-        let Self { device, kernels, trees, work } = self;
-        let [instances, of_sensors, directions, hits, counters] =
-            work.with_room(device, kernels, sizes)?;
+        let [instances, of_sensors, directions, hits, counters] = &self.with_room(sizes)?;
+        let Self { device, kernels, trees, .. } = &*self;
         device.write(instances, &packed.instances);
         device.write(of_sensors, &packed.sensors);
         device.write(directions, &packed.directions);
@@ -129,57 +118,27 @@ impl GpuFirings {
         let reading = device.start("casting", record, &[(hits, sizes[3] as u64)])?;
         let mut found: Vec<Hit> =
             device.finish(reading, |parts| bytemuck::pod_collect_to_vec(parts[0]))?;
-        finish_by_host(firings, range, &mut found);
+        let rays =
+            firings.iter().flat_map(|firing| firing.rays.iter().map(move |ray| (firing, *ray)));
+        // The kernel ran out of steps with some.
+        let unfinished = found.iter_mut().zip(rays).filter(|(hit, _)| hit.prim == UNFINISHED);
+        unfinished.for_each(|(hit, (firing, ray))| *hit = firing.closest_hit(ray, range));
         Ok(found)
     }
-}
 
-/// Casts the rays that the kernel ran out of steps with.
-fn finish_by_host(firings: &[Firing<'_>], range: f32, hits: &mut [Hit]) {
-    let rays = firings.iter().flat_map(|firing| firing.rays.iter().map(move |ray| (firing, *ray)));
-    for (hit, (firing, ray)) in hits.iter_mut().zip(rays) {
-        if hit.prim == UNFINISHED {
-            *hit = firing.closest_hit(ray, range);
+    /// Buffers with room for so many bytes.
+    fn with_room(&mut self, bytes: [usize; NAMES.len()]) -> Result<[wgpu::Buffer; NAMES.len()]> {
+        for ((buffer, what), bytes) in self.work.iter_mut().zip(NAMES).zip(bytes) {
+            let bytes = bytes as u64;
+            if buffer.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
+                self.kernels.unbind();
+                *buffer = None;
+                // Half as much again, so that slightly larger ones do not come one after the other.
+                let room = (bytes + bytes / 2).min(self.device.max_binding()).max(bytes);
+                *buffer = Some(self.device.buffer(what, room, WORK)?);
+            }
         }
-    }
-}
-
-impl FiringBuffers {
-    /// All buffers, in the order of the fields, with the given sizes in bytes.
-    fn with_room(
-        &mut self,
-        device: &Device,
-        kernels: &Kernels,
-        bytes: [usize; 5],
-    ) -> Result<[&wgpu::Buffer; 5]> {
-        let Self { instances, sensors, directions, hits, counters } = self;
-        let names = ["instances", "sensors", "directions of rays", "hits", "hit counters"];
-        let rooms = [instances, sensors, directions, hits, counters];
-        let mut rooms = rooms.into_iter().zip(names.into_iter().zip(bytes));
-        let mut next = || {
-            let (room, (what, bytes)) = rooms.next().expect("five of them");
-            room.of(device, kernels, what, bytes as u64)
-        };
-        Ok([next()?, next()?, next()?, next()?, next()?])
-    }
-}
-
-impl GrowingBuffer {
-    fn of(
-        &mut self,
-        device: &Device,
-        kernels: &Kernels,
-        what: &'static str,
-        bytes: u64,
-    ) -> Result<&wgpu::Buffer> {
-        if self.0.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
-            kernels.unbind();
-            self.0 = None;
-            // Half as much again, so that slightly larger ones do not come one after the other.
-            let room = (bytes + bytes / 2).min(device.max_binding()).max(bytes);
-            self.0 = Some(device.buffer(what, room, WORK)?);
-        }
-        Ok(self.0.as_ref().expect("made above"))
+        Ok(self.work.clone().map(|buffer| buffer.expect("made above")))
     }
 }
 

@@ -1,16 +1,14 @@
-//! Blur, crosstalk and incomplete echoes of beams.
+//! Crosstalk and incomplete echoes of beams.
 
 use super::{ks, uniform};
-use crate::conditions::{Crosstalk, IncompleteEcho, MotionBlur};
+use crate::conditions::{IncompleteEcho, false_range};
 
 #[test]
 fn false_ranges_are_even_between_the_least_and_the_true_one() {
     let mut draw = uniform(1);
-    let crosstalk = Crosstalk { share: 0.01 };
-    let mut ranges: Vec<f64> =
-        (0..4000).map(|_| crosstalk.false_range(1.0, 41.0, draw())).collect();
+    let mut ranges: Vec<f64> = (0..4000).map(|_| false_range(1.0, 41.0, draw())).collect();
     assert!(ks(&mut ranges, |r| (r - 1.0) / 40.0) < 1.63 / 4000_f64.sqrt());
-    assert_eq!(crosstalk.false_range(1.0, 0.5, 0.7), 1.0, "none before the sensor sees anything");
+    assert_eq!(false_range(1.0, 0.5, 0.7), 1.0, "none before the sensor sees anything");
 }
 
 #[test]
@@ -27,9 +25,4 @@ fn vehicles_are_dark_by_object_and_stay_dark_at_greater_ratios() {
     assert_eq!(IncompleteEcho::new(1.0).reflectance(0.02, Some(0.5)), 0.02, "none gets brighter");
     let together = IncompleteEcho::new(0.6).reflectance(0.3, None);
     assert!((together - (0.6 * 0.05 + 0.4 * 0.3)).abs() < 1e-12, "{together}: the mean of all");
-}
-
-#[test]
-fn blur_is_the_share_that_was_asked_for() {
-    assert_eq!(MotionBlur { share: 0.5 }.share, 0.5);
 }
