@@ -391,6 +391,7 @@ impl JobRun<'_> {
         };
         let settings = &self.job.settings;
         run.open_with(settings.engine.clone(), settings.time, self.job.tolerance);
+        run.look_at_body_in(self.job.scene().clone());
         if let Some(kept) = &self.kept {
             run.keep(kept.clone());
         }
