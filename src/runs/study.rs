@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::inputs::{
-    Files, Given, can_be_read, file_and_name, note_repeated, note_unpriced, rig_path,
+    Files, Given, can_be_read, file_and_name, fit_alone, note_repeated, note_unpriced, rig_path,
 };
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::files;
@@ -171,6 +171,7 @@ fn of_scenes(
     let mut settings = settings.clone();
     if let Some(file) = placements {
         settings.placements = read_placements(file)?;
+        fit_alone(file, &settings.placements, computing)?;
     }
     if !holds_run(folder) {
         files::check_new_folder(folder)?;
