@@ -80,6 +80,7 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
         check_field(&request.field, &file, computing)?;
     }
     let mut opened = OpenJob::new(&request.shared, &scenes, &file, computing)?;
+    opening::note_relief(&opened.job, computing.watcher)?;
     let given = (&*file, &*opened.placements);
     let fields = fields(&request.field, given, opened.job.problem()?.rules())?;
     if request.out.is_some() && opened.placements.len() > 1 {
@@ -219,6 +220,9 @@ pub fn room(request: &RoomRequest, computing: &Computing<'_>) -> Result<RoomFoun
         return Err(JobError::NothingRequired { asked: "tolerance" }.into());
     }
     let mut opened = OpenJob::over_frames(Some(FRAMES_OF_ROOM), shared, &scenes, &file, computing)?;
+    if opened.job.problem()?.target_rules().iter().any(|rule| !rule.on_scene) {
+        opening::note_relief(&opened.job, computing.watcher)?;
+    }
     let bar = computing.watcher.bar(opened.placements.iter().map(moves_of).sum(), Some("moves"));
     let mut go_on = |moves: u64| {
         bar.advance(moves);

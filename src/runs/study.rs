@@ -181,6 +181,9 @@ fn of_scenes(
     let scenes = job.scenes();
     if let Some(file) = placements {
         Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
+        if matches!(request.kind, Kind::Loss | Kind::Weather) {
+            opening::note_relief(&job, watcher)?;
+        }
         // Own rigs are compared with the result of a run, which is over all frames.
         if request.kind == Kind::Loss && request.frames.is_none() {
             let frames = scenes.iter().map(|scene| scene.scene().frame_count());
