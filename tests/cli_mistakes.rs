@@ -35,8 +35,38 @@ fn errors_that_need_no_scene_come_before_it_is_read() {
     for name in ["f.html", "f.npz"] {
         fs::write(dir.path().join("taken").join(name), "").unwrap();
     }
+    let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
+    fs::write(dir.path().join("typo.json"), text.replacen("spinning", "spining", 1)).unwrap();
+    let sweep = |of: &str| format!("study sweep bad.json {of} --from 0 --to 1");
+    let (by_number, by_name) =
+        (sweep("p.json --of 5.yaw"), sweep("p.json --vehicle cart.json --of rear.yaw"));
+    let typo = sweep("typo.json --vehicle cart.json --of 0.yaw");
+    let unknown = "there is no sensor `spining`; did you mean `spinning`?";
     for (line, word) in [
         ("optimize bad.json --vehicle cart.json --budget 2", "2 is below the cheapest rig"),
+        (
+            "optimize bad.json --vehicle cart.json --fewest",
+            "--fewest: the vehicle requires nothing",
+        ),
+        (
+            "optimize bad.json --vehicle cart.json --front near_gain,requirements",
+            "requires nothing; write what it must see",
+        ),
+        ("study tolerance bad.json p.json --vehicle cart.json", "the vehicle requires nothing"),
+        (by_number.as_str(), "placement `p` has no LiDAR 5; it has 2, the first is 0"),
+        (by_name.as_str(), "placement `p` has no LiDAR `rear`; its LiDARs are 0 to 1, "),
+        (typo.as_str(), unknown),
+        ("optimize bad.json --vehicle cart.json --baselines typo.json", unknown),
+        ("score bad.json typo.json --vehicle cart.json", unknown),
+        ("cast bad.json typo.json --vehicle cart.json", unknown),
+        ("view bad.json typo.json --vehicle cart.json --out v.html", unknown),
+        ("study loss bad.json typo.json --vehicle cart.json", unknown),
+        ("study overlap bad.json typo.json --vehicle cart.json", unknown),
+        ("study targets bad.json typo.json --vehicle cart.json --target car", unknown),
+        (
+            "score bad.json p.json --vehicle cart.json --sensor all=solide",
+            "there is no sensor `solide`",
+        ),
         ("optimize bad.json nope.json", "nope.json: cannot be read: "),
         ("optimize bad.json --out taken", "taken: is not empty"),
         (

@@ -199,11 +199,17 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
         scene["static"] = json!([plane(-40, 12, 0.0), plane(12, 60, z)]);
         write(&dir, "street.json", &scene);
         let words = "stand on level ground, and the ground of street rises 1.5 m to 15 m at 0° in frame 0; `study targets`";
-        for command in ["score", "view"] {
-            let mut args = vec![command, "street.json", "rigs.json", "--backend", "cpu"];
-            args.extend(if command == "view" { &["--force", "--out", "v.html"][..] } else { &[] });
-            let (_, [_, told]) = ran(&dir, &args);
-            assert_eq!(told.contains(words), is_told, "{told}");
+        for (command, more) in [
+            ("score", ""),
+            ("view", " --force --out v.html"),
+            ("study loss", " --force --out loss"),
+            ("study weather", " --force --out weather"),
+            ("study sweep", " --of 0.yaw --from 0 --to 1 --values 2"),
+            ("study tolerance", " --steps 1"),
+        ] {
+            let line = format!("{command} street.json rigs.json --backend cpu{more}");
+            let (_, [_, told]) = ran(&dir, &line);
+            assert_eq!(told.contains(words), is_told, "{line}: {told}");
         }
         let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
         assert_eq!(page.contains("Note: targets of requirements and range card"), is_told);
@@ -214,6 +220,61 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
     set_rules(&dir, json!([on_scene]));
     let told = stderr(&dir, "score street.json rigs.json --backend cpu");
     assert!(told.contains("targets of the range card stand on level ground, "), "{told}");
+}
+
+#[test]
+fn a_target_on_the_ground_of_a_scene_is_looked_at_there_by_every_command() {
+    let dir = TempDir::new().unwrap();
+    // The nose points 0.05 rad down: 30 m ahead the ground rises 1.5 m, and few beams meet the car on it.
+    let car = |name: &str| {
+        json!({ "name": name, "target": "car", "from": 30, "within": 30, "bearing": [0, 0],
+        "beams": 30, "share": 1 })
+    };
+    let mut slope = car("slope");
+    slope["ground"] = json!("scene");
+    let cart = json!({ "sightline": 1, "name": "cart",
+        "body": [{ "class": "vehicle", "box": { "min": [-1, -0.5, 0.3], "max": [1, 0.5, 1.2] } }],
+        "sensors": [{ "name": "m", "price": 3, "phase": 0,
+            "lidar": { "channels": 21, "fov": [-10, 0], "azimuth_steps": 720, "range": 100 } }],
+        "mounts": [{ "name": "roof", "min": [0, 0, 1.8], "max": [0, 0, 1.8], "count": [0, 1], "sensors": ["m"] }],
+        "require": [car("flat"), slope] });
+    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
+    for name in ["hill", "again"] {
+        let scene = json!({ "sightline": 1, "name": name, "vehicle": "cart.json", "coverage": "first-hit",
+            "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
+            "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
+            "ego": { "poses": [{ "x": 0, "y": 0, "z": 0, "pitch": 0.05 }, { "x": 2, "y": 0, "z": 0, "pitch": 0.05 }] },
+            "actors": [{ "name": "crate", "kind": "car",
+                "parts": [{ "class": "vehicle", "box": { "min": [-1, -1, 0], "max": [1, 1, 2] } }],
+                "poses": [{ "x": 8, "y": 4 }, { "x": 10, "y": 4 }] }] });
+        fs::write(dir.path().join(format!("{name}.json")), scene.to_string()).unwrap();
+    }
+    let rigs = json!({ "placements": [{ "name": "a", "lidars": [{ "x": 0, "y": 0, "z": 1.8, "sensor": "m" }] }] });
+    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    let optimize =
+        |more: &str| format!("optimize hill.json --evaluations 4 --force --out o {more}");
+    let [missed, none] = ["NOT MET: slope: 0.0 % seen", "NOT MET: no point meets all requirements"];
+    for (line, words) in [
+        ("score hill.json p.json", missed),
+        ("score hill.json again.json p.json", missed),
+        ("study loss hill.json p.json --out loss", missed),
+        ("study weather hill.json p.json --out weather", missed),
+        ("study tolerance hill.json p.json --steps 1", missed),
+        (optimize("--fewest").as_str(), missed),
+        (optimize("--mirror").as_str(), missed),
+        (optimize("--bound 5").as_str(), missed),
+        ("optimize hill.json again.json --evaluations 4 --force --out o", missed),
+        (optimize("--front price,near_gain").as_str(), none),
+    ] {
+        let args: Vec<&str> = line.split(' ').chain(["--backend", "cpu"]).collect();
+        let output = sightline(dir.path(), &args);
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains(words) && !text.contains("NOT MET: flat"), "{line}: {text}");
+        let is_study = line.starts_with("study loss") || line.starts_with("study weather");
+        assert_eq!(output.status.code(), Some(i32::from(!is_study)), "{line}");
+    }
+    let args = ["view", "hill.json", "p.json", "--out", "v.html", "--backend", "cpu"];
+    assert_eq!(sightline(dir.path(), &args).status.code(), Some(1));
 }
 
 #[test]

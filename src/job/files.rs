@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Job, JobError, JobScene, Tolerance};
 use crate::scan::conditions::Condition;
 use crate::scene::Scene;
-use crate::vehicle::MountRules;
+use crate::vehicle::{MountRules, Vehicle};
 
 /// Files and options of a [`Job`]; an option that is left out of the file has its default.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -88,6 +88,17 @@ impl JobFiles {
             .budget(self.budget)
             .fewest(self.fewest)
             .tolerance(self.tolerance))
+    }
+
+    /// Checks that a vehicle requires something where the fewest sensors that meet it are wanted.
+    ///
+    /// # Errors
+    /// [`JobError::NothingRequired`].
+    pub(crate) fn check_vehicle(&self, vehicle: &Vehicle) -> Result<(), JobError> {
+        match self.fewest && !vehicle.requires() {
+            true => Err(JobError::NothingRequired { asked: "--fewest" }),
+            false => Ok(()),
+        }
     }
 
     /// The job, its scenes read.

@@ -168,7 +168,7 @@ impl Job {
         steps: &RoomSteps,
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Room, JobError> {
-        if !self.requires()? {
+        if !self.scene().vehicle().requires() {
             return Err(JobError::NothingRequired { asked: "tolerance" });
         }
         let mut room = Room { placement: placement.name.clone(), ..Room::default() };

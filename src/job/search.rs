@@ -152,13 +152,14 @@ impl Job {
     /// # Errors
     /// See [`Self::begin`]; [`JobError::OtherState`] for a state of another vehicle or of other scenes.
     pub fn resume(&self, state: JobState) -> Result<JobRun<'_>, JobError> {
-        let (suite, vehicle) = (self.suite()?, self.scene().vehicle());
+        let vehicle = self.scene().vehicle();
         if vehicle.is_nameless() && self.budget.is_some() {
             return Err(JobError::NoPrices);
         }
-        if self.fewest && !self.requires()? {
+        if self.fewest && !vehicle.requires() {
             return Err(JobError::NothingRequired { asked: "--fewest" });
         }
+        let suite = self.suite()?;
         let (is_late, equipped_in) = (false, Duration::ZERO);
         let mut run = JobRun {
             job: self,
@@ -391,6 +392,7 @@ impl JobRun<'_> {
         };
         let settings = &self.job.settings;
         run.open_with(settings.engine.clone(), settings.time, self.job.tolerance);
+        run.look_at_body_in(self.job.scene().clone());
         if let Some(kept) = &self.kept {
             run.keep(kept.clone());
         }

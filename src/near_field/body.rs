@@ -225,8 +225,8 @@ fn own_shares(
 
 /// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.
 ///
-/// Needs hits of its own: tallies count those of all LiDARs together, whatever is hit. So a search does
-/// not know this guard; it is for placements that are reported.
+/// Needs hits of its own: tallies count those of all LiDARs together, whatever is hit. So the steps of a search do not know
+/// this guard; it is for results, layouts given and moves within the mounting tolerance.
 ///
 /// # Errors
 /// A device that fails, a sensor that the vehicle does not have.

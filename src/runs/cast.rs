@@ -6,7 +6,9 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::inputs::{Given, file_and_name, held, named_placements, note_repeated, rig_path};
+use super::inputs::{
+    Given, file_and_name, fit_alone, held, named_placements, note_repeated, rig_path,
+};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::outputs::Figure;
 use super::{Computing, RunError, opening, outputs};
@@ -74,6 +76,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     let _session = Session::begin();
     let start = Instant::now();
     let mut placements = read_placements(rig_path(&request.placements)?)?;
+    fit_alone(&request.placements, &placements, computing)?;
     will_read(&request.scene);
     outputs::check_gltf(request.gltf.gltf.as_deref())?;
     if let Some(path) = &request.out {
@@ -180,6 +183,10 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, Ru
     }
     let rivals = request.baselines.iter().map(|text| read(text));
     let mut rivals = rivals.collect::<Result<Vec<_>, RunError>>()?;
+    fit_alone(Path::new(file_and_name(placements).0), std::slice::from_ref(&*shown), computing)?;
+    for (file, all) in &rivals {
+        fit_alone(Path::new(file), all, computing)?;
+    }
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     note_repeated(&paths, computing.watcher);
     paths.iter().for_each(|scene| will_read(scene));

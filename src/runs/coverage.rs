@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{Files, Given, held, name_published, no_ground, rig_path};
+use super::inputs::{Files, Given, fit_alone, held, name_published, no_ground, rig_path};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
 use super::{Computing, GRACE, RunError, opening, outputs};
@@ -236,6 +236,7 @@ pub fn targets(
     let drawings = Drawings::new(&request.out, &request.figures);
     drawings.check()?;
     let placements = read_placements(&file)?;
+    fit_alone(&file, &placements, computing)?;
     let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
     let mut reached = Reached::default();
     watcher.listen(GRACE);

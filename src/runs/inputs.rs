@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::opening::vehicle_alone;
 use super::{Computing, RunError, Watcher};
 use crate::json::{FileKind, ForeignJson};
 use crate::problem::Problem;
+use crate::scene::Scene;
 pub(super) use crate::vehicle::placement_file::file_and_name;
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{
@@ -318,9 +320,7 @@ impl<'a> Given<'a> {
         for placement in placements {
             self.most_lidars = self.most_lidars.max(placement.lidars.len());
             self.named_any |= placement.lidars.iter().any(|pose| pose.sensor.is_none());
-            let unknown = |source| self.unknown(source);
-            name_lidars(&self.choices, placement).map_err(unknown)?;
-            self.sensors.check(placement).map_err(unknown)?;
+            self.name(placement)?;
             for doubt in self.doubts.about(placement) {
                 self.found += 1;
                 if self.found <= MOST_TOLD {
@@ -330,6 +330,13 @@ impl<'a> Given<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Names LiDARs by `--sensor`, and checks that the vehicle has the models.
+    fn name(&self, placement: &mut Placement) -> Result<(), RunError> {
+        let unknown = |source| self.unknown(source);
+        name_lidars(&self.choices, placement).map_err(unknown)?;
+        self.sensors.check(placement).map_err(unknown)
     }
 
     /// Error about the model of a LiDAR; names the vehicle of the run that wrote the file, where the scene has no names.
@@ -398,6 +405,22 @@ impl<'a> Given<'a> {
         self.finish();
         Ok(self)
     }
+}
+
+/// Checks, before a large scene is read, that the vehicle of a file beside it has the models of placements. Returns that
+/// vehicle on level ground, and the placements with the models of `--sensor`; `None` where no vehicle file tells them.
+pub(crate) fn fit_alone(
+    file: &Path,
+    placements: &[Placement],
+    computing: &Computing<'_>,
+) -> Result<Option<(Scene, Vec<Placement>)>, RunError> {
+    let Some(ground) = vehicle_alone(computing) else { return Ok(None) };
+    let Ok(sensors) = ground.sensors() else { return Ok(None) };
+    let given = Given::new(file, &sensors, &ground.rules(), computing);
+    given.check_models()?;
+    let mut named = placements.to_vec();
+    named.iter_mut().try_for_each(|placement| given.name(placement))?;
+    Ok(Some((ground, named)))
 }
 
 /// The layouts of Table 7 where a vehicle is the paper's car: one model, a mount that holds them; else none.

@@ -51,6 +51,13 @@ fn told(scene: Scene, watcher: &dyn Watcher) -> Result<Scene, RunError> {
     Ok(scene)
 }
 
+/// The vehicle of a file that is given beside scenes, on level ground, for checks before a large scene is read. `None`
+/// without a file, of a pipe, which is read once, and of a file with faults, which are told later.
+pub(super) fn vehicle_alone(computing: &Computing<'_>) -> Option<Scene> {
+    let file = computing.vehicle.as_deref().filter(|file| file.is_file())?;
+    Scene::level_ground(file).ok()
+}
+
 /// Files and options of a command: scenes, weather and frames, and the vehicle of all commands.
 pub(super) fn files(
     scenes: &[PathBuf],
@@ -82,6 +89,8 @@ pub(crate) fn job_within(
         let start = Instant::now();
         let scene = told(files.read_scene(path)?, watcher)?;
         note_frames(&scene, files.frames, watcher);
+        // Before the P-SOG is scanned, which takes longest.
+        files.check_vehicle(scene.vehicle())?;
         let is_file = matches!(scene.psog_source(), PsogSource::File(_));
         let scene = JobScene::from(scene);
         times.load += start.elapsed().as_secs_f64();

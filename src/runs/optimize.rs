@@ -1,5 +1,6 @@
 //! A search in a run folder: begun or resumed, saved on the way, recorded at its end.
 
+mod early;
 mod finished;
 mod front;
 mod request;

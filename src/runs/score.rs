@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::inputs::{Files, Given, note_unpriced};
+use super::inputs::{Files, Given, fit_alone, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::{Computing, GRACE, RunError, TableFormat, opening, outputs};
 use crate::csv::csv;
@@ -63,6 +63,10 @@ pub fn score(
         let names = placements.reader()?.map(|placement| Ok(placement?.name));
         let names = names.collect::<Result<Vec<String>, RunError>>()?;
         check_coverage(std::slice::from_ref(folder), names.iter().map(|name| &**name), request)?;
+    }
+    if total > 0 {
+        let first: Result<Vec<_>, _> = placements.reader()?.take(FEW_PLACEMENTS).collect();
+        fit_alone(placements.label(), &first?, computing)?;
     }
     let is_met = match &scenes[..] {
         [scene] => stream::score(request, computing, scene, &placements, total, start, out),

@@ -5,19 +5,19 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::coverage::named;
-use super::inputs::{Files, Given, note_repeated};
-use super::opening::{LoadTimes, Loaded};
+use super::inputs::{Files, Given, file_and_name, fit_alone, note_repeated};
+use super::opening::{LoadTimes, Loaded, vehicle_alone};
 use super::outputs::Drawings;
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
 use crate::files::Session;
-use crate::job::{Job, JobScene, Room, RoomSteps, Sweep, SweptField, moves_of};
+use crate::job::{Job, JobError, JobScene, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
 use crate::scan::conditions::in_words;
 use crate::scene::Target;
 use crate::search::Evaluator;
 use crate::shared::{Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
-use crate::vehicle::{Placement, read_placements};
+use crate::vehicle::{Constraints, Placement, read_placements};
 
 /// Values that are scored at once.
 const AT_ONCE: usize = 8;
@@ -76,8 +76,13 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     let drawings = Drawings::new(&request.out, &request.figures);
     drawings.check()?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
+    if !scenes.is_empty() {
+        check_field(&request.field, &file, computing)?;
+    }
     let mut opened = OpenJob::new(&request.shared, &scenes, &file, computing)?;
-    let fields = opened.fields(&request.field, &file.display().to_string())?;
+    opening::note_relief(&opened.job, computing.watcher)?;
+    let given = (&*file, &*opened.placements);
+    let fields = fields(&request.field, given, opened.job.problem()?.rules())?;
     if request.out.is_some() && opened.placements.len() > 1 {
         let words = "--out draws one placement; leave the other placements out of the file";
         return Err(RunError::Usage(format!("{}: {words}", file.display())));
@@ -124,16 +129,34 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     })
 }
 
-impl OpenJob {
-    /// The field that `text` names in each placement of a file.
-    fn fields(&self, text: &str, file: &str) -> Result<Vec<SweptField>, RunError> {
-        let problem = self.job.problem()?;
-        let find = |placement: &Placement| {
-            let found = SweptField::find(text, placement, problem.rules());
-            found.map_err(|error| RunError::Usage(format!("{file}: --of {text}: {error}")))
-        };
-        self.placements.iter().map(find).collect()
+/// The field that `text` names in each placement of a file.
+fn fields(
+    text: &str,
+    (file, placements): (&Path, &[Placement]),
+    rules: &Constraints,
+) -> Result<Vec<SweptField>, RunError> {
+    let file = file.display();
+    let wrong = |error| RunError::Usage(format!("{file}: --of {text}: {error}"));
+    let find = |placement| SweptField::find(text, placement, rules).map_err(wrong);
+    placements.iter().map(find).collect()
+}
+
+/// Refuses a field that no LiDAR has, before a scene is read: of a LiDAR by its name, where the vehicle is a file. Placements
+/// of a pipe are read once, later.
+fn check_field(text: &str, file: &Path, computing: &Computing<'_>) -> Result<(), RunError> {
+    let plain = file.to_str().map_or(file, |text| Path::new(file_and_name(text).0));
+    if !plain.is_file() {
+        return Ok(());
     }
+    let placements = read_placements(file)?;
+    if let Some((ground, named)) = fit_alone(file, &placements, computing)? {
+        return fields(text, (file, &named), &ground.rules()).map(drop);
+    }
+    let by_name = text.rsplit_once('.').is_some_and(|(lidar, _)| lidar.parse::<usize>().is_err());
+    if by_name {
+        return Ok(());
+    }
+    fields(text, (file, &placements), &Constraints::default()).map(drop)
 }
 
 /// Room of each placement; an interrupted answer holds the first ones.
@@ -193,7 +216,13 @@ pub fn room(request: &RoomRequest, computing: &Computing<'_>) -> Result<RoomFoun
     let &RoomRequest { ref shared, most_mm, most_deg, most_tilt_deg, tilt_about, steps } = request;
     let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
     let (scenes, file) = Files::or_level_ground(&shared.files, computing)?;
+    if vehicle_alone(computing).is_some_and(|ground| !ground.vehicle().requires()) {
+        return Err(JobError::NothingRequired { asked: "tolerance" }.into());
+    }
     let mut opened = OpenJob::over_frames(Some(FRAMES_OF_ROOM), shared, &scenes, &file, computing)?;
+    if opened.job.problem()?.target_rules().iter().any(|rule| !rule.on_scene) {
+        opening::note_relief(&opened.job, computing.watcher)?;
+    }
     let bar = computing.watcher.bar(opened.placements.iter().map(moves_of).sum(), Some("moves"));
     let mut go_on = |moves: u64| {
         bar.advance(moves);
@@ -404,6 +433,9 @@ impl OpenJob {
         computing: &Computing<'_>,
     ) -> Result<Self, RunError> {
         let (watcher, mut placements) = (computing.watcher, read_placements(file)?);
+        if !scenes.is_empty() {
+            fit_alone(file, &placements, computing)?;
+        }
         let mut loaded = match (scenes, &computing.vehicle) {
             ([], Some(vehicle)) => {
                 let scene = opening::level_ground(vehicle, request.frames, watcher)?;

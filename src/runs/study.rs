@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::inputs::{
-    Files, Given, can_be_read, file_and_name, note_repeated, note_unpriced, rig_path,
+    Files, Given, can_be_read, file_and_name, fit_alone, note_repeated, note_unpriced, rig_path,
 };
 use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::files;
@@ -171,6 +171,7 @@ fn of_scenes(
     let mut settings = settings.clone();
     if let Some(file) = placements {
         settings.placements = read_placements(file)?;
+        fit_alone(file, &settings.placements, computing)?;
     }
     if !holds_run(folder) {
         files::check_new_folder(folder)?;
@@ -180,6 +181,9 @@ fn of_scenes(
     let scenes = job.scenes();
     if let Some(file) = placements {
         Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
+        if matches!(request.kind, Kind::Loss | Kind::Weather) {
+            opening::note_relief(&job, watcher)?;
+        }
         // Own rigs are compared with the result of a run, which is over all frames.
         if request.kind == Kind::Loss && request.frames.is_none() {
             let frames = scenes.iter().map(|scene| scene.scene().frame_count());

@@ -114,6 +114,11 @@ impl Guard {
         }
     }
 
+    /// True for the guards that a scene's own body and ground are looked at for, `self_hit` and `below_ground`.
+    pub(crate) fn is_of_body(&self) -> bool {
+        matches!(self, Self::BelowGround { .. } | Self::SelfHit { .. })
+    }
+
     /// `name: sentence`, as files and other programs have it: a blind sector has the name `blind_sector`.
     pub fn keyed(&self) -> String {
         match self {

@@ -97,9 +97,11 @@ impl Scored {
         Self::yardstick(baselines).or_else(best)
     }
 
-    /// A copy without the parts that only a search asks about.
+    /// A copy without the parts that only a search asks about, and without guards of the own body, which a job adds to results
+    /// by its closer look.
     pub(super) fn settled(mut self) -> Self {
         self.scores.car_missing = None;
+        self.scores.guards.retain(|guard| !guard.is_of_body());
         self
     }
 

@@ -170,7 +170,8 @@ impl Job {
     ) -> Result<Front, JobError> {
         self.check_front(objectives)?;
         let kept = &mut FrontProgress { state, tell: keep };
-        let (vehicle, requires) = (self.scene().vehicle(), self.requires()?);
+        let vehicle = self.scene().vehicle();
+        let requires = vehicle.requires();
         let suite = self.suite()?;
         let own = &self.settings.objective;
         let own = if own.is_information_gain() { own.clone() } else { Objective::default() };
@@ -224,16 +225,10 @@ impl Job {
         if objectives.has(&FrontObjective::Price) && is_free {
             return Err(FrontError::NoPrices { vehicle: name() }.into());
         }
-        if objectives.has(&FrontObjective::Requirements) && !self.requires()? {
+        if objectives.has(&FrontObjective::Requirements) && !vehicle.requires() {
             return Err(FrontError::NothingRequired { vehicle: name() }.into());
         }
         Ok(())
-    }
-
-    /// True if the vehicle requires anything.
-    pub(super) fn requires(&self) -> Result<bool, JobError> {
-        let problem = self.problem()?;
-        Ok(!problem.content().areas().is_empty() || problem.requires_sight())
     }
 }
 

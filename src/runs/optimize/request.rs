@@ -6,12 +6,13 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::files::{Input, RunDir, check_new_folder, holds_run};
-use crate::job::{FRONT_EVALUATIONS, FrontObjectives, Job, JobError, JobFiles, JobState};
+use super::early;
+use crate::files::{Input, RunDir, check_new_folder};
+use crate::job::{FRONT_EVALUATIONS, FrontObjectives, JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::{from_here, word};
-use crate::runs::inputs::{Given, RESULT, can_be_read, note_repeated, note_unpriced, rig_path};
+use crate::runs::inputs::{Given, fit_alone, note_repeated, note_unpriced, rig_path};
 use crate::runs::opening::Loaded;
 #[cfg(feature = "cli")]
 use crate::runs::parse;
@@ -20,9 +21,7 @@ use crate::runs::{
     outputs,
 };
 use crate::scan::conditions::in_words;
-use crate::scene::Scene;
-use crate::search::{FrameChoice, Method, SearchError, Settings, TimeLimit};
-use crate::vehicle::placement_file::holds_placements;
+use crate::search::{FrameChoice, Method, Settings, TimeLimit};
 use crate::vehicle::{MountRules, Spacing, Vehicle, read_placements};
 
 /// A search to begin or to go on with: of one placement, or of a front where objectives of one are given.
@@ -208,35 +207,6 @@ impl Begun {
     }
 }
 
-/// Refuses the folder of a run, and a file of placements, in the place of a scene; and a scene after the first that cannot
-/// be read.
-fn check_scenes(files: &JobFiles) -> Result<(), RunError> {
-    for path in files.scenes() {
-        let file = path.display();
-        let fault = if path.join(RESULT).exists() || holds_run(path) {
-            format!("is the folder of a run; go on with --resume {file}, or give a scene file")
-        } else if path.is_file() && holds_placements(path) {
-            "is a file of placements, where a scene belongs; give it by --baselines or --inject"
-                .into()
-        } else {
-            continue;
-        };
-        return Err(RunError::Usage(format!("{file}: {fault}")));
-    }
-    let missing = files.more_scenes.iter().find(|path| can_be_read(path).is_err());
-    missing.map_or(Ok(()), |path| Ok(files.read_scene(path).map(drop)?))
-}
-
-/// Refuses a budget below the cheapest rig of a vehicle file (no pipe: one is read once); other faults are told later.
-fn check_budget(files: &JobFiles) -> Result<(), RunError> {
-    let file = files.vehicle.as_deref().filter(|file| files.budget.is_some() && file.is_file());
-    let Some(Ok(ground)) = file.map(Scene::level_ground) else { return Ok(()) };
-    match Job::new(ground).budget(files.budget).check_room() {
-        Err(error @ JobError::Search(SearchError::Budget { .. })) => Err(error.into()),
-        _ => Ok(()),
-    }
-}
-
 impl OptimizeRequest {
     /// Files and options of the job, with the paths that are given.
     fn files(&self, vehicle: Option<&Path>) -> JobFiles {
@@ -256,6 +226,10 @@ impl OptimizeRequest {
     /// Files and options that the checkpoint of a new run keeps, and its settings, once all is checked that takes no scene.
     pub(super) fn checked(&self, computing: &Computing<'_>) -> Result<(Begun, Settings), RunError> {
         let checked = (self.begun(computing)?, self.settings()?);
+        let (baselines, starts) = (&checked.1.baselines, &checked.1.starts);
+        for (file, placements) in [(&self.baselines, baselines), (&self.inject, starts)] {
+            file.as_ref().map_or(Ok(None), |file| fit_alone(file, placements, computing))?;
+        }
         self.out.as_deref().map_or(Ok(()), check_new_folder)?;
         Ok(checked)
     }
@@ -268,8 +242,8 @@ impl OptimizeRequest {
         if self.scenes.is_empty() {
             return Err(RunError::Usage("give a scene to search in".into()));
         }
-        check_scenes(&files)?;
-        check_budget(&files)?;
+        early::check_scenes(&files)?;
+        early::check_vehicle(&files, self.front.as_ref(), computing)?;
         let files = JobFiles {
             scene: absolute(&files.scene)?,
             more_scenes: files.more_scenes.iter().map(absolute).collect::<Result<_, _>>()?,

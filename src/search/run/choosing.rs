@@ -190,7 +190,7 @@ impl Run {
             judged.extend(more);
         }
         let count = judged.len();
-        let scored = self.scored(&baselines[..count], judged);
+        let scored = self.scored(&baselines[..count], judged, watch)?;
         if count < baselines.len() {
             self.cut(watch);
             return Ok(Some(scored));

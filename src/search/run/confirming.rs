@@ -125,7 +125,7 @@ impl Run {
         let Some(given) = self.best_given(baselines, watch)? else { return Ok(None) };
         let kept: Vec<Placement> = self.sitting.kept.iter().cloned().collect();
         let Some(judged) = self.judged_over_all(&kept, watch)? else { return Ok(None) };
-        let kept = self.scored(&kept, judged).pop();
+        let kept = self.scored(&kept, judged, watch)?.pop();
         let mut standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
         standings.extend(given.iter().map(Scored::standing));
         // The first of equal ones: a layout that was given is the result only where it is better than all that was found.
@@ -196,7 +196,7 @@ impl Run {
         let starts = self.state.settings.starts.iter().filter(|start| is_allowed(start));
         let starts: Vec<Placement> = starts.cloned().collect();
         let Some(judged) = self.judged_over_all(&starts, watch)? else { return Ok(None) };
-        let mut given = self.scored(&starts, judged);
+        let mut given = self.scored(&starts, judged, watch)?;
         given.extend(baselines.iter().filter(|b| is_allowed(&b.placement)).cloned());
         let standings: Vec<Standing> = given.iter().map(Scored::standing).collect();
         let best = Standing::best(&standings).map(|best| {
@@ -235,7 +235,7 @@ impl Run {
         };
         let named = [self.written(&Placement { name: "optimized".into(), ..best })];
         let Some(judged) = self.judged_over_all(&named, watch)? else { return Ok(None) };
-        let scored = self.scored(&named, judged).remove(0);
+        let scored = self.scored(&named, judged, watch)?.remove(0);
         let evaluations = self.state.generations.evaluations();
         let poses_cast = evaluations * named[0].lidars.len() as u64;
         let method = MethodRecord { evaluations, poses_cast, ..record_of("cma-es", &scored) };
@@ -250,16 +250,17 @@ impl Run {
         if broken(&written) > broken(placement) { placement.clone() } else { written }
     }
 
-    /// The best of the ends of the swaps. Fewer frames than all tell the ends apart too badly to take the first.
+    /// The best of the ends of the swaps. Fewer frames than all tell the ends apart too badly to take the first, and another
+    /// end is better than a first one that looks at the own body.
     fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
         let Some(swaps) = self.state.swaps.clone() else { return Ok(Some(None)) };
         let mut ends = vec![swaps.placement];
-        if !self.is_over_all() {
+        if !self.is_over_all() || !self.guards_of_body(&ends[0], watch)?.is_empty() {
             ends.extend(swaps.others);
         }
         let ends: Vec<Placement> = ends.iter().map(|end| self.written(end)).collect();
         let Some(judged) = self.judged_over_all(&ends, watch)? else { return Ok(None) };
-        let mut scored = self.scored(&ends, judged);
+        let mut scored = self.scored(&ends, judged, watch)?;
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
         let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
         let (evaluations, poses_cast) = (swaps.evaluations, swaps.poses_cast);

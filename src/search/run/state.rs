@@ -1,12 +1,15 @@
 //! The state of a run as a value, its steps, and beside it the engines and caches of the process.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use crate::engine::EngineChoice;
-use crate::score::Objective;
+use crate::near_field::{below_ground, self_hits};
+use crate::scene::Scene;
+use crate::score::{Guard, Objective};
 use crate::search::bound::Bounds;
 use crate::search::error::SearchError;
 use crate::search::evaluator::{Evaluator, Judged};
@@ -163,6 +166,8 @@ pub(super) struct Sitting {
 /// A run under way: a [`State`], the scenes over all frames, and open engines.
 pub struct Run {
     pub(super) suite: Suite,
+    /// The first scene, whose own body stands for all; `None` where guards of the body are not looked at.
+    body_in: Option<Arc<Scene>>,
     pub(super) state: State,
     /// The state before the first cut, where there was one.
     pub(super) before_cut: Option<State>,
@@ -223,7 +228,8 @@ impl Run {
 
     /// Goes on with a state that an earlier run over the same scenes was in.
     pub fn resume(scenes: impl Into<Suite>, state: State) -> Self {
-        Self { suite: scenes.into(), state, before_cut: None, sitting: Sitting::default() }
+        let (suite, sitting) = (scenes.into(), Sitting::default());
+        Self { suite, body_in: None, state, before_cut: None, sitting }
     }
 
     /// Does one step; hands out the outcome after the last one.
@@ -281,6 +287,12 @@ impl Run {
     ) {
         let settings = &mut self.state.settings;
         (settings.engine, settings.time, settings.tolerance) = (engine, time, tolerance);
+    }
+
+    /// Looks at the own body in a scene: results, layouts given and moves then have the guards `self_hit` and `below_ground`
+    /// when they are compared. The steps of a method do not know them.
+    pub(crate) fn look_at_body_in(&mut self, scene: Arc<Scene>) {
+        self.body_in = Some(scene);
     }
 
     /// Keeps the result of an earlier sitting: where this one is cut short, its result is no worse. One that does not fit the
@@ -449,11 +461,34 @@ impl Run {
         self.sitting.told = changes.len();
     }
 
-    /// Placements with their scores and the rules that they break.
-    pub(super) fn scored(&self, placements: &[Placement], judged: Vec<Judged>) -> Vec<Scored> {
+    /// Placements with their scores, the guards of the own body, and the rules that they break.
+    pub(super) fn scored(
+        &mut self,
+        placements: &[Placement],
+        judged: Vec<Judged>,
+        watch: &mut Watch,
+    ) -> Result<Vec<Scored>, SearchError> {
         let (objective, constraints) = (self.objective(), self.suite.rules());
         let scored = placements.iter().zip(judged);
         let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, constraints));
-        scored.collect()
+        let mut scored: Vec<Scored> = scored.collect();
+        for scored in &mut scored {
+            scored.scores.guards.extend(self.guards_of_body(&scored.placement, watch)?);
+        }
+        Ok(scored)
+    }
+
+    /// Guards `below_ground` and `self_hit` of a placement in the scene of [`Self::look_at_body_in`].
+    pub(super) fn guards_of_body(
+        &mut self,
+        placement: &Placement,
+        watch: &mut Watch,
+    ) -> Result<Vec<Guard>, SearchError> {
+        let Some(scene) = self.body_in.clone() else { return Ok(Vec::new()) };
+        let evaluator = self.over_all(watch)?;
+        let problem = evaluator.shared_problem();
+        let mut guards = below_ground(&scene, &problem, placement);
+        guards.extend(self_hits(&scene, &problem, evaluator.backend_mut(), placement)?);
+        Ok(guards)
     }
 }

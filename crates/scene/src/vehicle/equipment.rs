@@ -159,6 +159,12 @@ impl Vehicle {
         self.mounts.iter().any(|mount| mount.count[0] < mount.count[1] || mount.sensors.len() > 1)
     }
 
+    /// True if anything is required: areas, targets, ground or overlap.
+    pub fn requires(&self) -> bool {
+        let Self { require, targets, ground, overlap, .. } = self;
+        !(require.is_empty() && targets.is_empty() && ground.is_empty() && overlap.is_empty())
+    }
+
     /// True if targets or ground must be seen whichever one LiDAR is lost: a rig of one LiDAR then sees none of it.
     pub fn needs_two(&self) -> bool {
         self.targets.iter().any(|rule| rule.without_any_one && rule.share > 0.0)
