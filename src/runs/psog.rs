@@ -178,7 +178,7 @@ fn of_scans(
         (.., Some(folder)) => build_psog(&[sets.carla(folder, watcher)?], &options)?,
         _ => return Err(RunError::Usage("give a scene, or labelled frames".to_owned())),
     };
-    note_ground(&built.0, watcher);
+    note_ground(&built.0, request.nuscenes.is_some(), watcher);
     Ok(built)
 }
 
@@ -191,14 +191,19 @@ pub(super) fn tell_notes(
 }
 
 /// Notes that no voxel holds ground: the scans were most likely placed at a wrong height.
-fn note_ground(psog: &Psog, watcher: &dyn Watcher) {
+fn note_ground(psog: &Psog, is_nuscenes: bool, watcher: &dyn Watcher) {
     let is_ground = Ground::among(psog.classes());
     let holds = |row: &[u16]| row.iter().zip(&is_ground).any(|(&count, &is)| is && count > 0);
     if is_ground.contains(&true) && !psog.rows().any(holds) {
-        watcher.note(
+        // The tables of nuScenes state the height of the LiDAR.
+        let height = match is_nuscenes {
+            true => "correct the translation of LIDAR_TOP in calibrated_sensor.json",
+            false => "give the height of their LiDAR with --lidar-height",
+        };
+        watcher.note(&format!(
             "no voxel of the region holds ground (road, sidewalk, terrain and the like): where the scans have \
-             some, give the height of their LiDAR with --lidar-height, or a region that reaches it",
-        );
+             some, {height}, or a region that reaches it"
+        ));
     }
 }
 

@@ -395,6 +395,8 @@ pub(crate) struct RobotShapes {
     pub origins: Vec<OriginAngles>,
     /// Names of links that have shapes of the other kind only, and so are missing among the parts.
     pub missing: Vec<String>,
+    /// Joints that cannot stand at 0, with the values at which they stand, in words.
+    pub moved: Vec<String>,
 }
 
 /// A URDF, and which of its shapes are meant.

@@ -4,7 +4,7 @@
 //! roll as it is; y, pitch, yaw and phase change sign. The bridge has the axes of ROS, and angles in degrees.
 
 use serde_json::{Map, Value, json};
-use sightline_files::json::{Location, UniqueKeys, written};
+use sightline_files::json::{Location, UniqueKeys, counted, written};
 use sightline_files::{Note, json};
 use sightline_scene::vehicle::{SensorPose, of_degrees};
 
@@ -13,6 +13,7 @@ use super::yaml::{Fields, PHASE, wrong};
 use super::{
     BASE_LINK, Checked, Fan, FormatError, Models, Mounting, Rig, RigLidar, RigSource, beams, yaml,
 };
+use crate::error::listed;
 
 /// Type of the LiDAR that CARLA casts.
 const LIDAR: &str = "sensor.lidar.ray_cast";
@@ -35,6 +36,8 @@ pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorP
     }
 }
 
+/// Key of the things that hang on an object or a sensor.
+const ATTACHED: &str = "attached_objects";
 /// Keys of a pose; in `objects.json` they stand in the [`SPAWN_POINT`] of a LiDAR.
 const POSE: [&str; 7] = ["x", "y", "z", "roll", "pitch", "yaw", PHASE];
 const SPAWN_POINT: &str = "spawn_point";
@@ -45,7 +48,7 @@ const READ: [&str; 6] = ["type", "id", "channels", "lower_fov", "upper_fov", SPA
 const PASSED_OVER: [&str; 12] = [
     "range", "points_per_second", "rotation_frequency", "sensor_tick", "atmosphere_attenuation_rate",
     "dropoff_general_rate", "dropoff_intensity_limit", "dropoff_zero_intensity", "noise_stddev", "noise_seed",
-    "role_name", "attached_objects",
+    "role_name", ATTACHED,
 ];
 
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
@@ -61,7 +64,8 @@ pub(super) fn read_list(document: &Value, top: &Location, frames: &mut FrameTree
     };
     let list = list.as_array().ok_or_else(|| wrong(&at, list, "a list of sensors"))?;
     for (index, sensor) in list.iter().enumerate() {
-        let fields = Fields::of(sensor, at.item(index))?;
+        let fields = Fields::of_carla(sensor, at.item(index))?;
+        doubt_attached(&fields, frames);
         let holds = holds(&fields, frames)?;
         if holds == FrameContent::Other {
             leave_out(frames, &fields)?;
@@ -136,6 +140,35 @@ fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Checked<()> {
     Ok(())
 }
 
+/// A doubt about LiDARs that hang on an entry, at any depth: their poses count from it, and are not read.
+fn doubt_attached(fields: &Fields, frames: &mut FrameTree) {
+    let mut names = Vec::new();
+    if fields.has(ATTACHED) {
+        fields.value(ATTACHED).iter().for_each(|list| lidars_in(list, &mut names));
+    }
+    if !names.is_empty() {
+        let (count, at) = (counted(names.len(), "LiDAR"), fields.at.key(ATTACHED));
+        frames.notes.push(Note::doubt(format!(
+            "{at}: {count} left out, as nothing there is read: {}; write each beside the other sensors, with its pose on \
+             the vehicle",
+            listed(&names)
+        )));
+        frames.left_out.extend(names);
+    }
+}
+
+/// Names of the LiDARs in a list of objects, and in those that hang on them.
+fn lidars_in(list: &Value, names: &mut Vec<String>) {
+    for object in list.as_array().into_iter().flatten() {
+        let text = |key: &str| object.get(key).and_then(Value::as_str);
+        if let Some(kind) = text("type").filter(|kind| kind.starts_with(ANY_LIDAR)) {
+            names.push(text("id").unwrap_or(kind).to_owned());
+        }
+        let inner = ["sensors", ATTACHED].into_iter().filter_map(|key| object.get(key));
+        inner.for_each(|inner| lidars_in(inner, names));
+    }
+}
+
 /// Adds an entry to `base_link`, under its `id`.
 fn add(
     frames: &mut FrameTree,
@@ -193,9 +226,10 @@ pub(super) fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose
 /// Reads the sensors of the only vehicle that has LiDARs.
 pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let UniqueKeys(document) = json::parse(&source.text, &source.file)?;
-    let top = Fields::of(&document, Location::top(&source.file))?;
+    let top = Fields::of_carla(&document, Location::top(&source.file))?;
     let mut vehicle = None;
     for object in items(&top, "objects")? {
+        doubt_attached(&object, frames);
         if !object.has("sensors") {
             if object.text("type").is_ok_and(|kind| kind.starts_with(ANY_LIDAR)) {
                 frames.notes.push(Note::doubt(format!(
@@ -207,11 +241,19 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checke
             }
             continue;
         }
+        let kind = object.text("type").unwrap_or_default();
+        let is_walker = kind.starts_with("walker.");
         for sensor in items(&object, "sensors")? {
+            doubt_attached(&sensor, frames);
             let holds = holds(&sensor, frames)?;
             if holds == FrameContent::Other {
                 leave_out(frames, &sensor)?;
                 continue;
+            }
+            if is_walker && vehicle.is_none() {
+                let told =
+                    format!("{}: the LiDARs hang on a `{kind}`, which is no vehicle", object.at);
+                frames.notes.push(Note::doubt(told));
             }
             if *vehicle.get_or_insert_with(|| object.at.clone()) != object.at {
                 let other = "a LiDAR of another vehicle";
@@ -234,7 +276,7 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checke
 fn items<'a>(fields: &Fields<'a>, key: &str) -> Checked<Vec<Fields<'a>>> {
     let (value, at) = (fields.value(key)?, fields.at.key(key));
     let list = value.as_array().ok_or_else(|| wrong(&at, value, "a list"))?;
-    list.iter().enumerate().map(|(index, item)| Fields::of(item, at.item(index))).collect()
+    list.iter().enumerate().map(|(index, item)| Fields::of_carla(item, at.item(index))).collect()
 }
 
 pub(super) fn write_objects(rig: &Rig, mounting: &Mounting, models: &Models) -> Value {

@@ -39,13 +39,27 @@ pub(super) struct RigFrame {
     pub(super) at: Location,
 }
 
+/// Value of a [`MovingJoint`] at 0, in words.
+pub(super) const AT_ZERO: &str = "0";
+
+/// A joint that moves, in words.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct MovingJoint {
+    /// Name and kind.
+    pub(super) joint: String,
+    /// The value at which it is taken.
+    pub(super) at: String,
+}
+
 /// All frames of a rig's files, in their order.
 #[derive(Debug, Default)]
 pub(super) struct FrameTree {
     list: Vec<RigFrame>,
     index: HashMap<String, usize>,
-    /// Moving joints, in words, by the frame below each.
-    moving: HashMap<String, String>,
+    /// Moving joints by the frame below each.
+    moving: HashMap<String, MovingJoint>,
+    /// The link above each link that a joint of SDF holds, and that joint where it moves.
+    held: HashMap<String, (String, Option<MovingJoint>)>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
     /// Model of a world that was read, in SDF.
@@ -73,8 +87,25 @@ impl FrameTree {
     }
 
     /// Says that a frame stands behind a joint that moves.
-    pub(super) fn moves(&mut self, frame: &str, joint: String) {
+    pub(super) fn moves(&mut self, frame: &str, joint: MovingJoint) {
         self.moving.insert(frame.to_owned(), joint);
+    }
+
+    /// Says that a joint of SDF holds a link on another one; poses there do not follow joints.
+    pub(super) fn holds(&mut self, child: &str, parent: String, moving: Option<MovingJoint>) {
+        self.held.insert(child.to_owned(), (parent, moving));
+    }
+
+    /// The link of a frame and those above it, by the joints of SDF.
+    fn holders<'a>(&'a self, frame: &'a str) -> Vec<&'a str> {
+        // A frame `LINK/SENSOR` stands for a sensor of a link.
+        let link = frame.rsplit_once('/').filter(|_| !self.held.contains_key(frame));
+        let (mut next, mut found) = (link.map_or(frame, |(link, _)| link), Vec::new());
+        while let Some((parent, _)) = self.held.get(next).filter(|_| !found.contains(&next)) {
+            found.push(next);
+            next = parent;
+        }
+        found
     }
 
     /// Frames whose poses lie between two frames, from the second one on; the root's own is none.
@@ -99,10 +130,14 @@ impl FrameTree {
         all.chain(other.into_iter().filter(|frame| its.contains(&frame.name))).collect()
     }
 
-    /// Joints that move between two frames, in words.
-    pub(super) fn moving_between(&self, base: &str, frame: &str) -> Vec<&str> {
+    /// Joints that move between two frames.
+    pub(super) fn moving_between(&self, base: &str, frame: &str) -> Vec<&MovingJoint> {
+        let (mine, its) = (self.holders(frame), self.holders(base));
+        let one = mine.iter().filter(|link| !its.contains(*link));
+        let links = one.chain(its.iter().filter(|link| !mine.contains(*link)));
+        let held = links.filter_map(|link| self.held.get(*link)?.1.as_ref());
         let way = self.way(base, frame).into_iter();
-        way.filter_map(|frame| self.moving.get(&frame.name).map(String::as_str)).collect()
+        way.filter_map(|frame| self.moving.get(&frame.name)).chain(held).collect()
     }
 
     /// Makes a frame of the root that the base hangs on, so that a LiDAR may stand there.

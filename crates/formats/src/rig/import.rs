@@ -8,7 +8,9 @@ use sightline_files::json::{Location, UniqueKeys};
 use sightline_files::{Note, json};
 use sightline_scene::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
 
-use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, compose, up};
+use super::frames::{
+    AT_ZERO, FrameContent, FrameTree, IDENTITY, MovingJoint, RigFrame, compose, up,
+};
 use super::yaml::Fields;
 use super::{
     BASE_LINK, Checked, FormatError, MODELS_FILE, Mounting, Rig, RigFormat, RigLidar, RigSource,
@@ -145,10 +147,11 @@ fn rig_of(
     let (lidars, mut left_out) = picked(&frames, settings, file)?;
     notes.extend(named_but_left_out(&frames, &lidars, settings, file));
     left_out.extend(unplaced);
-    let moving: BTreeSet<&str> =
+    let moving: BTreeSet<&MovingJoint> =
         lidars.iter().flat_map(|frame| frames.moving_between(&base, &frame.name)).collect();
-    notes.extend(moving.into_iter().map(|joint| {
-        Note::fact(format!("{file}: the joint {joint} moves; what stands behind it is taken where the joint is at 0"))
+    notes.extend(moving.into_iter().map(|MovingJoint { joint, at }| {
+        let text = format!("{file}: the joint {joint} moves; what stands behind it is taken where the joint is at {at}");
+        if at == AT_ZERO { Note::fact(text) } else { Note::doubt(text) }
     }));
     let mut unknown = Vec::new();
     let named = settings.name.clone().or(frames.name.clone());

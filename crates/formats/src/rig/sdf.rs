@@ -7,7 +7,9 @@ use sightline_files::Note;
 use sightline_files::json::{plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
-use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
+use super::frames::{
+    AT_ZERO, FrameContent, FrameTree, IDENTITY, MovingJoint, RigFrame, of_quaternion,
+};
 use super::yaml::{PHASE, missing, number, wrong};
 use super::{
     BASE_LINK, Checked, ImportSettings, Models, Mounting, Rig, RigLidar, RigSource, beams, carla,
@@ -47,6 +49,9 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
         let at = yaml::place(node, file);
         let kind = node.tag_name().name();
         let child = yaml::child(node, "child").map(yaml::text);
+        if kind == "joint" {
+            read_hold(node, scope, frames);
+        }
         let usual_parent = match kind {
             "link" | "model" => MODEL,
             "frame" => node.attribute("attached_to").filter(|to| !to.is_empty()).unwrap_or(MODEL),
@@ -77,9 +82,8 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
         frames.add(RigFrame { name: scoped(name), parent, pose, holds, at: at.clone() })?;
         match kind {
             "joint" => {
-                let moves = node.attribute("type").filter(|kind| *kind != "fixed");
-                if let Some(kind) = moves {
-                    frames.moves(&scoped(name), format!("`{name}` ({kind})"));
+                if let Some(joint) = moving(node) {
+                    frames.moves(&scoped(name), joint);
                 }
             }
             "model" => {
@@ -94,6 +98,31 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
         }
     }
     Ok(())
+}
+
+/// The joint of an element, where it moves.
+fn moving(node: Node) -> Option<MovingJoint> {
+    let name = node.attribute("name").unwrap_or_default();
+    let kind = node.attribute("type").filter(|kind| *kind != "fixed")?;
+    let begin = yaml::child(node, "axis").and_then(|axis| yaml::child(axis, "initial_position"));
+    let begin = begin.map(yaml::text).filter(|text| text.trim().parse() != Ok(0.0));
+    let at = begin.map_or_else(
+        || AT_ZERO.to_owned(),
+        |begin| format!("0, not at its <initial_position> of {}", begin.trim()),
+    );
+    Some(MovingJoint { joint: format!("`{name}` ({kind})"), at })
+}
+
+/// Keeps which link a joint holds on which other one.
+fn read_hold(node: Node, scope: &str, frames: &mut FrameTree) {
+    let link = |key: &str| yaml::child(node, key).map(|link| yaml::text(link).trim().to_owned());
+    if let (Some(parent), Some(child)) = (link("parent"), link("child")) {
+        let (parent, child) = (format!("{scope}{parent}"), format!("{scope}{child}"));
+        // A gearbox couples two links that other joints hold.
+        if node.attribute("type") != Some("gearbox") {
+            frames.holds(&child, parent, moving(node));
+        }
+    }
 }
 
 /// Adds the sensors of a link `name`; the element is the link, or the element of URDF in its place.

@@ -2,8 +2,8 @@
 //!
 //! Joints with `<origin xyz rpy>`, `R = Rz·Ry·Rx`, in metres and radians. The content of `<gazebo>` is SDF.
 //!
-//! Read: `<joint>` (type, origin, parent, child), `<gazebo reference>` with `<sensor>` and its `<pose>`, URDF's own
-//! `<sensor>` (parent, origin, ray). Passed over, because no pose depends on it: links' shapes and masses, limits, axes, transmissions, materials.
+//! Read: `<joint>` (type, origin, parent, child, axis, limit, mimic), `<gazebo reference>` with `<sensor>` and its `<pose>`, URDF's own
+//! `<sensor>` (parent, origin, ray). Passed over, because no pose depends on it: links' shapes and masses, transmissions, materials.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -11,18 +11,20 @@ use std::fmt::Write;
 use roxmltree::Node;
 use sightline_files::Note;
 use sightline_files::json::{Location, has_no_prefix, plain_names, written};
-use sightline_scene::vehicle::SensorPose;
+use sightline_scene::vehicle::{SensorPose, UrdfJoint};
 
-use super::frames::{FrameContent, FrameTree, RigFrame, of_quaternion};
+use super::frames::{
+    AT_ZERO, FrameContent, FrameTree, MovingJoint, RigFrame, compose, of_quaternion,
+};
 use super::yaml::{missing, wrong};
-use super::{BASE_LINK, Checked, Models, Mounting, Rig, RigSource, sdf, yaml};
+use super::{BASE_LINK, Checked, FormatError, Models, Mounting, Rig, RigSource, sdf, yaml};
 
-/// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
+/// Kinds of joints that move. Each frame behind one is taken where the joint stands nearest to 0.
 const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "revolute"];
 
 /// A rotation as a quaternion, in place of `rpy`.
 const QUATERNION: &str = "quat_xyzw";
-/// Elements of a joint: the first three are read, no pose at rest depends on the others.
+/// Elements of a joint: origin, parent, child, axis, limit and mimic are read, no pose at rest depends on the others.
 const OF_JOINT: [&str; 10] = [
     "origin", "parent", "child", "axis", "calibration", "dynamics", "hardwareInterface", "limit",
     "mimic", "safety_controller",
@@ -47,10 +49,14 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     }
     let robot = document.root_element();
     frames.name = robot.attribute("name").map(str::to_owned);
+    refuse_links_twice(robot, file)?;
     doubt_sensors_of_links(robot, file, frames);
-    for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
-        read_joint(joint, file, frames)?;
+    if robot.children().any(|node| node.has_tag_name("include")) {
+        frames.notes.push(Note::doubt(format!(
+            "{file}: <include> is not read; a LiDAR in it is missing. Merge the files, and read that"
+        )));
     }
+    read_joints(robot, file, frames)?;
     for gazebo in robot.children().filter(|node| node.has_tag_name("gazebo")) {
         let reference = gazebo.attribute("reference");
         doubt_unread(gazebo, reference, file, frames);
@@ -60,6 +66,18 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     }
     for sensor in robot.children().filter(|node| node.has_tag_name("sensor")) {
         read_sensor(sensor, file, frames)?;
+    }
+    Ok(())
+}
+
+/// Refuses a second link of a name: nothing says which of the two a joint holds.
+fn refuse_links_twice(robot: Node, file: &str) -> Checked<()> {
+    let mut names = BTreeSet::new();
+    for link in robot.children().filter(|node| node.has_tag_name("link")) {
+        if link.attribute("name").is_some_and(|name| !names.insert(name)) {
+            let told = "comes twice; give each link a name of its own";
+            return Err(FormatError::at(&yaml::place(link, file), told));
+        }
     }
     Ok(())
 }
@@ -176,8 +194,33 @@ fn pose_of(origin: Option<Node>, at: &Location) -> Checked<SensorPose> {
     }
 }
 
-/// Adds the frame of a joint's child.
-fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
+/// Adds the frame of each joint's child, with all joints at rest.
+fn read_joints(robot: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
+    let all: Vec<Node> = robot.children().filter(|node| node.has_tag_name("joint")).collect();
+    let told = |joint: Node, words: String| FormatError::at(&yaml::place(joint, file), &words);
+    let mut joints = Vec::new();
+    for &joint in &all {
+        let get =
+            |tag: &str, key: &str| yaml::child(joint, tag).and_then(|node| node.attribute(key));
+        let name = joint.attribute("name").unwrap_or_default();
+        let kind = joint.attribute("type").unwrap_or_default();
+        joints.push(UrdfJoint::read(name, kind, get).map_err(|words| told(joint, words))?);
+    }
+    let values = UrdfJoint::at_rest(&joints).map_err(|(k, words)| told(all[k], words))?;
+    for ((node, joint), value) in all.into_iter().zip(&joints).zip(values) {
+        read_joint(node, joint, value, file, frames)?;
+    }
+    Ok(())
+}
+
+/// Adds the frame of a joint's child, where the joint stands at `value`.
+fn read_joint(
+    joint: Node,
+    rest: &UrdfJoint,
+    value: f64,
+    file: &str,
+    frames: &mut FrameTree,
+) -> Checked<()> {
     let at = yaml::place(joint, file);
     let link = |key: &str| {
         let mut all = joint.children().filter(|node| node.has_tag_name(key));
@@ -194,11 +237,15 @@ fn read_joint(joint: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
         let wanted = "fixed, continuous, revolute, prismatic, planar or floating";
         return Err(wrong(&at.key("type"), kind, wanted));
     }
-    let pose = pose_of(origin, &at)?;
+    let mut pose = pose_of(origin, &at)?;
     let (name, parent) = (link("child")?, link("parent")?);
+    if value != 0.0 {
+        pose = compose(&pose, &SensorPose::from(&rest.pose(value)));
+    }
     if kind != "fixed" {
-        let joint = joint.attribute("name").unwrap_or_default();
-        frames.moves(&name, format!("`{joint}` ({kind})"));
+        let at = if value == 0.0 { AT_ZERO.to_owned() } else { rest.words(value) };
+        let joint = format!("`{}` ({kind})", rest.name);
+        frames.moves(&name, MovingJoint { joint, at });
     }
     frames.add(RigFrame { name, parent, pose, holds: FrameContent::Unsaid, at })
 }

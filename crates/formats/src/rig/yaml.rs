@@ -268,14 +268,21 @@ pub(super) fn number(at: &Location, text: &str) -> Checked<f64> {
 pub(super) struct Fields<'a> {
     map: &'a Map<String, Value>,
     pub(super) at: Location,
+    /// True if texts count as numbers.
+    texts: bool,
 }
 
 impl<'a> Fields<'a> {
     pub(super) fn of(value: &'a Value, at: Location) -> Checked<Self> {
         match value.as_object() {
-            Some(map) => Ok(Self { map, at }),
+            Some(map) => Ok(Self { map, at, texts: false }),
             None => Err(wrong(&at, value, "an object of keys and values")),
         }
+    }
+
+    /// Keys and values of a file of CARLA: its attributes are texts, so that a text counts as a number.
+    pub(super) fn of_carla(value: &'a Value, at: Location) -> Checked<Self> {
+        Ok(Self { texts: true, ..Self::of(value, at)? })
     }
 
     /// Refuses keys that are neither read nor passed over.
@@ -300,7 +307,7 @@ impl<'a> Fields<'a> {
     }
 
     pub(super) fn inner(&self, key: &str) -> Checked<Self> {
-        Self::of(self.value(key)?, self.at.key(key))
+        Ok(Self { texts: self.texts, ..Self::of(self.value(key)?, self.at.key(key))? })
     }
 
     /// Each key with its value and place.
@@ -308,10 +315,16 @@ impl<'a> Fields<'a> {
         self.map.iter().map(|(key, value)| (key, value, self.at.key(key)))
     }
 
-    /// The number under a key; a text that is one counts, as attributes of CARLA are texts.
+    /// The number under a key. A text counts in files of CARLA alone, and never with a leading zero: 010 is 8 to some
+    /// readers of YAML.
     pub(super) fn number(&self, key: &str) -> Checked<f64> {
         let value = self.value(key)?;
-        let of_text = || value.as_str()?.trim().parse().ok();
+        let of_text = || {
+            let text = value.as_str().filter(|_| self.texts)?.trim();
+            let digits = text.trim_start_matches(['+', '-']).as_bytes();
+            let is_octal = matches!(digits, [b'0', b'0'..=b'9', ..]);
+            text.parse().ok().filter(|_| !is_octal)
+        };
         let number = value.as_f64().or_else(of_text).filter(|v| v.is_finite());
         number.ok_or_else(|| wrong(&self.at.key(key), plain(value), "a finite number"))
     }

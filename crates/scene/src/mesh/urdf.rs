@@ -1,13 +1,15 @@
 //! Robots in URDF: the visual or collision shapes of their links, with all joints at rest.
 //!
 //! Read: `<link>` with `<visual>` and `<collision>` (box, cylinder, sphere, mesh), `<joint>` (type, origin, parent,
-//! child). Passed over, since no shape depends on it: masses, materials, limits, axes, transmissions.
+//! child, axis, limit, mimic). Passed over, since no shape depends on it: masses, materials, transmissions.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node, ParsingOptions};
+
+use crate::vehicle::UrdfJoint;
 
 use super::{Geometry, MeshFault, OriginAngles, Parsed, RobotFile, RobotPart, RobotShapes};
 use lidar_cast::geom::Pose;
@@ -16,7 +18,7 @@ use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, p
 
 /// Most elements, texts and comments of a file.
 const MAX_NODES: u32 = 1_000_000;
-/// Kinds of joints; at rest each stands at 0.
+/// Kinds of joints; at rest each stands as near to 0 as it can.
 const JOINTS: [&str; 6] = ["fixed", "continuous", "floating", "planar", "prismatic", "revolute"];
 /// Largest scale of a mesh.
 const MAX_SCALE: f64 = 1.0e6;
@@ -25,7 +27,7 @@ const MAX_SCALE: f64 = 1.0e6;
 struct Joint {
     parent: usize,
     parent_from_child: Pose,
-    name: String,
+    rest: UrdfJoint,
 }
 
 fn fault(element: impl Into<String>, problem: impl Into<String>) -> MeshFault {
@@ -123,7 +125,8 @@ impl RobotFile<'_> {
             };
             left_out[link] = true;
         }
-        let poses = at_rest(&joints(robot, &names, links.len())?, &links)?;
+        let (above, moved) = joints(robot, &names, links.len())?;
+        let poses = at_rest(&above, &links)?;
         let other = if self.tag == "visual" { "collision" } else { "visual" };
         let (mut parts, mut missing) = (Vec::new(), Vec::new());
         for (link, &root_from_link) in poses.iter().enumerate().filter(|(k, _)| !left_out[*k]) {
@@ -144,7 +147,7 @@ impl RobotFile<'_> {
             );
             return Err(fault("file", problem));
         }
-        Ok(RobotShapes { parts, origins: self.angles(robot), missing })
+        Ok(RobotShapes { parts, origins: self.angles(robot), missing, moved })
     }
 
     /// Roll, pitch and yaw of every origin that counts, with its joint or link.
@@ -307,8 +310,12 @@ fn links<'a, 'i>(robot: Node<'a, 'i>) -> Parsed<(Vec<Node<'a, 'i>>, HashMap<&'a 
     }
 }
 
-/// The joint above each link; none above a root.
-fn joints(robot: Node, names: &HashMap<&str, usize>, count: usize) -> Parsed<Vec<Option<Joint>>> {
+/// The joint above each link, none above a root; and the joints that cannot stand at 0, in words.
+fn joints(
+    robot: Node,
+    names: &HashMap<&str, usize>,
+    count: usize,
+) -> Parsed<(Vec<Option<Joint>>, Vec<String>)> {
     let mut above: Vec<Option<Joint>> = (0..count).map(|_| None).collect();
     for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
         let of = called(joint);
@@ -330,18 +337,38 @@ fn joints(robot: Node, names: &HashMap<&str, usize>, count: usize) -> Parsed<Vec
             })
         };
         let (parent, child) = (link("parent")?, link("child")?);
-        let name = joint.attribute("name").unwrap_or_default().to_owned();
-        let place = Joint { parent, parent_from_child: origin(joint, &of)?, name };
+        let get = |tag: &str, key: &str| {
+            joint.children().find(|node| node.has_tag_name(tag))?.attribute(key)
+        };
+        let name = joint.attribute("name").unwrap_or_default();
+        let rest = UrdfJoint::read(name, kind, get).map_err(|problem| fault(&*of, problem))?;
+        let place = Joint { parent, parent_from_child: origin(joint, &of)?, rest };
         if let Some(other) = &above[child] {
-            let problem = format!("joint `{}` has the same child; leave one out", other.name);
+            let problem = format!("joint `{}` has the same child; leave one out", other.rest.name);
             return Err(fault(of, problem));
         }
         above[child] = Some(place);
     }
-    Ok(above)
+    let moved = moved(&mut above)?;
+    Ok((above, moved))
 }
 
-/// Takes each link's frame to the root's, with all joints at 0.
+/// Moves each joint to its rest. Joints that cannot stand at 0 are told in words.
+fn moved(above: &mut [Option<Joint>]) -> Parsed<Vec<String>> {
+    let joints: Vec<UrdfJoint> = above.iter().flatten().map(|joint| joint.rest.clone()).collect();
+    let values = UrdfJoint::at_rest(&joints)
+        .map_err(|(k, problem)| fault(format!("joint `{}`", joints[k].name), problem))?;
+    let mut told = Vec::new();
+    for (joint, value) in above.iter_mut().flatten().zip(values) {
+        joint.parent_from_child = joint.parent_from_child.compose(&joint.rest.pose(value));
+        if value != 0.0 {
+            told.push(format!("joint `{}` at {}", joint.rest.name, joint.rest.words(value)));
+        }
+    }
+    Ok(told)
+}
+
+/// Takes each link's frame to the root's, with all joints at rest.
 fn at_rest(above: &[Option<Joint>], links: &[Node]) -> Parsed<Vec<Pose>> {
     let mut below: Vec<Vec<usize>> = vec![Vec::new(); above.len()];
     let mut roots = Vec::new();

@@ -313,13 +313,23 @@ impl<'a> Builder<'a> {
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let (packages, without) = (packages.as_deref(), &urdf.without[..]);
         let robot = RobotFile { file: &file, packages, tag, without };
-        let RobotShapes { parts, origins, missing } = robot.parts(at)?;
+        let RobotShapes { parts, origins, missing, moved } = robot.parts(at)?;
         // Origins of one file share one mistake.
         let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
             vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
         });
         self.notes.extend(in_degrees.take(3).map(Note::doubt));
         self.note_missing(at, &file, tag, &missing);
+        if let [first, others @ ..] = &moved[..] {
+            let more = match others.len() {
+                0 => String::new(),
+                more => format!(" (and {more} more)"),
+            };
+            self.notes.push(Note::doubt(format!(
+                "{at}: {}: <limit> or <mimic> keeps the {first}, not at 0{more}; the shapes stand there",
+                file.display()
+            )));
+        }
         self.others.push(file.clone());
         let mut solid = Solid::default();
         for part in parts {

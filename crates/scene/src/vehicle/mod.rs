@@ -4,6 +4,7 @@ pub mod constraints;
 mod description;
 mod doubts;
 mod equipment;
+mod joints;
 mod lidar;
 mod lidar_reading;
 mod mesh_mount;
@@ -33,6 +34,7 @@ pub(crate) use doubts::{is_degrees, of_angles, of_lidar};
 pub use equipment::{
     Equipment, Vehicle, VehicleMount, VehicleSensor, is_within_budget, sum_of_prices,
 };
+pub use joints::UrdfJoint;
 pub use lidar::{LIDAR, Lidar, OtherSensor};
 pub use lidar_cast::sensor::{
     BeamGrid, BeamTable, Echoes, ForeignLidar, MAX_LIDARS, Placement, Response, SensorError,

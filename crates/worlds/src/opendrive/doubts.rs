@@ -1,6 +1,6 @@
 //! Doubts about a map: reference lines that are most likely not meant as they stand, and warnings of the OpenDRIVE library.
 //!
-//! Lines have gaps between geometries, or headings in degrees. Warnings become errors or notes, or are passed over.
+//! Lines have gaps between geometries, or headings in degrees; records begin behind the start of their road or section. Warnings become errors or notes, or are passed over.
 
 use std::collections::BTreeMap;
 use std::mem::discriminant;
@@ -21,7 +21,8 @@ const WHOLE: f64 = 2.0;
 /// A doubt of each kind, for the first place that it holds for.
 pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
     let roads = || xml.descendants().filter(|node| node.has_tag_name("planView"));
-    [roads().find_map(gap), roads().find_map(in_degrees)]
+    let late = xml.descendants().find_map(late);
+    [roads().find_map(gap), roads().find_map(in_degrees), late]
         .into_iter()
         .flatten()
         .map(|words| Note::doubt(format!("{file}: {words}")))
@@ -68,6 +69,23 @@ fn gap(plan: Node) -> Option<String> {
                 road(plan)
             )
         })
+    })
+}
+
+/// A list of records whose first one begins late: nothing says what holds before it.
+fn late(node: Node) -> Option<String> {
+    let (record, key) = match node.tag_name().name() {
+        "planView" => ("geometry", "s"),
+        "elevationProfile" => ("elevation", "s"),
+        "lane" => ("width", "sOffset"),
+        _ => return None,
+    };
+    let records = node.children().filter(|child| child.has_tag_name(record));
+    let first = records.map(|child| number(child, key)).min_by(f64::total_cmp)?;
+    let road = node.ancestors().find(|node| node.has_tag_name("road"))?;
+    (first > GAP).then(|| {
+        let id: String = road.attribute("id").unwrap_or("without an id").chars().take(40).collect();
+        format!("road {id:?}: the first <{record}> begins at {key} = {first}; the map does not say what holds before it")
     })
 }
 
@@ -180,6 +198,26 @@ mod tests {
         };
         assert_eq!(told(&format!("{arc}{}", next(20.0))), "");
         assert!(told(&format!("{arc}{}", next(21.0))).contains("begins 1.00 m"));
+    }
+
+    #[test]
+    fn records_that_begin_late_are_doubted() {
+        let late = told(&line(20.0, 0.0, 0.0));
+        assert!(late.contains("road \"7\": the first <geometry> begins at s = 20"), "{late}");
+        let of = |inner: &str| {
+            let text = format!("<OpenDRIVE><road id='7'>{inner}</road></OpenDRIVE>");
+            let notes = doubts(&Document::parse(&text).unwrap(), "m");
+            notes.iter().map(Note::text).collect::<String>()
+        };
+        let heights = |s: f64| {
+            of(&format!("<elevationProfile><elevation s='{s}' a='9'/></elevationProfile>"))
+        };
+        assert_eq!(heights(0.0), "");
+        assert!(heights(5.0).contains("the first <elevation> begins at s = 5; the map"));
+        let widths =
+            |s: f64| of(&format!("<lane id='1'><width sOffset='9'/><width sOffset='{s}'/></lane>"));
+        assert_eq!(widths(0.0), "");
+        assert!(widths(3.0).contains("the first <width> begins at sOffset = 3; the map"));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! From tables to scenes: only rows of the wanted scenes are kept.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,7 +14,10 @@ use crate::datasets::{BoxTrack, Checked, FormatError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::quoted;
+use sightline_scene::vehicle::{SensorPose, doubts_of_units};
 
+/// Shortest way between two keyframes that tells where a vehicle drives, in metres.
+const STEP: f64 = 0.5;
 /// The channel whose keyframes lidarseg labels.
 const CHANNEL: &str = "LIDAR_TOP";
 
@@ -32,9 +35,9 @@ pub fn read_nuscenes(
     let version = version.map_or_else(|| only_version(folder), |version| Ok(version.to_owned()))?;
     let tables = SourceTables::new(folder.join(version));
     let scenes = scenes(&tables, names)?;
-    let samples = samples(&tables, &scenes)?;
+    let (samples, all) = samples(&tables, &scenes)?;
     let (categories, by_token) = categories(&tables)?;
-    let mut keyframes = keyframes(&tables, folder, &samples)?;
+    let mut keyframes = keyframes(&tables, folder, &samples, &all)?;
     let mut tracks = tracks(&tables, &samples, &by_token)?;
     let categories = Arc::new(categories);
     let mut read = Vec::new();
@@ -53,6 +56,7 @@ pub fn read_nuscenes(
             categories: Arc::clone(&categories),
             notes: times_doubted(&tables, name, &times).into_iter().chain(tables.notes()).collect(),
         };
+        scene.notes.extend(poses_doubted(&tables, &scene));
         scene.notes.extend(ground::doubts(&scene, None)?);
         read.push(scene);
     }
@@ -98,6 +102,35 @@ fn times_doubted(tables: &SourceTables, scene: &str, times: &[f64]) -> Option<No
     )))
 }
 
+/// Doubts about where LIDAR_TOP stands on the vehicle, and about a vehicle that does not drive forwards.
+fn poses_doubted(tables: &SourceTables, scene: &NuscenesScene) -> Vec<Note> {
+    let keyframes = &scene.keyframes;
+    let poses = keyframes.iter().map(|frame| SensorPose::from(&frame.ego_from_sensor));
+    let units: BTreeSet<String> = poses.flat_map(|pose| doubts_of_units(&pose)).collect();
+    let path = tables.path("calibrated_sensor");
+    let of_units = |doubt: String| {
+        Note::doubt(format!("{}: {CHANNEL} of the scene {:?}: {doubt}", path.display(), scene.name))
+    };
+    let mut notes: Vec<Note> = units.into_iter().map(of_units).collect();
+    let ego = |frame: &Keyframe| frame.world_from_sensor.compose(&frame.ego_from_sensor.inverse());
+    let steps = keyframes.windows(2).map(|pair| {
+        let step = ego(&pair[0]).inverse().apply(ego(&pair[1]).translation);
+        (step.x, step.length())
+    });
+    let steps: Vec<(f64, f64)> = steps.filter(|(_, length)| *length >= STEP).collect();
+    let odd = steps.iter().filter(|(ahead, length)| *ahead < 0.5 * length).count();
+    if 2 * odd > steps.len() {
+        notes.push(Note::doubt(format!(
+            "{}: in {odd} of {} steps between keyframes of the scene {:?} the vehicle drives backwards or sideways; \
+             rotations are w, x, y, z.",
+            tables.path("ego_pose").display(),
+            steps.len(),
+            scene.name
+        )));
+    }
+    notes
+}
+
 /// Token and name of the scenes, in the requested order or the table's.
 fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, String)>> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
@@ -139,15 +172,19 @@ struct Sample {
     timestamp: f64,
 }
 
-/// Samples of the scenes, by scene and time.
-fn samples(tables: &SourceTables, scenes: &[(String, String)]) -> Checked<Vec<Sample>> {
+/// Samples of the scenes, by scene and time, and the tokens of all samples.
+fn samples(
+    tables: &SourceTables,
+    scenes: &[(String, String)],
+) -> Checked<(Vec<Sample>, HashSet<String>)> {
     let scene: HashMap<&str, usize> =
         scenes.iter().enumerate().map(|(i, (token, _))| (token.as_str(), i)).collect();
     let (mut samples, mut tokens) = (Vec::new(), HashSet::new());
     tables.rows("sample", |row: SampleRow| {
+        let again = !tokens.insert(row.token.clone());
         if let Some(&scene) = scene.get(row.scene_token.as_str()) {
             let SampleRow { token, timestamp, .. } = row;
-            tables.refuse_twice("sample", &token, !tokens.insert(token.clone()))?;
+            tables.refuse_twice("sample", &token, again)?;
             samples.push(Sample { token, scene, frame: 0, timestamp });
         }
         Ok(())
@@ -163,7 +200,7 @@ fn samples(tables: &SourceTables, scenes: &[(String, String)]) -> Checked<Vec<Sa
         sample.frame = next.1;
         next.1 += 1;
     }
-    Ok(samples)
+    Ok((samples, tokens))
 }
 
 /// Meaning of each label.
@@ -210,14 +247,21 @@ fn keyframes(
     tables: &SourceTables,
     folder: &Path,
     samples: &[Sample],
+    all: &HashSet<String>,
 ) -> Checked<HashMap<usize, Vec<Keyframe>>> {
     let calibrated = calibrated(tables)?;
     let wanted: HashSet<&str> = samples.iter().map(|s| s.token.as_str()).collect();
     let mut data: HashMap<String, SampleDataRow> = HashMap::new();
     let mut tokens = HashSet::new();
     tables.rows("sample_data", |row: SampleDataRow| {
-        let keyframe = row.is_key_frame && wanted.contains(row.sample_token.as_str());
-        if keyframe && calibrated.contains_key(&row.calibrated_sensor_token) {
+        let of_lidar = calibrated.contains_key(&row.calibrated_sensor_token);
+        if !row.is_key_frame || !of_lidar {
+            return Ok(());
+        }
+        if !all.contains(&row.sample_token) {
+            return Err(tables.no_row("sample", &row.sample_token, "sample_data.json"));
+        }
+        if wanted.contains(row.sample_token.as_str()) {
             let token = row.token.clone();
             tables.refuse_twice("sample_data", &token, !tokens.insert(token.clone()))?;
             if data.insert(row.sample_token.clone(), row).is_some() {

@@ -268,7 +268,7 @@ fn edit(folder: &Path, table: &str, from: &str, to: &str) {
 }
 
 /// Texts of a table that are replaced, and how the error goes on behind the name of its file.
-const EDITED: [(&str, &str, &str, &str); 17] = [
+const EDITED: [(&str, &str, &str, &str); 18] = [
     ("scene", r#""other""#, r#""wanted""#, r#": the row "wanted": it comes twice; leave one out"#),
     ("scene", "scene-0103", "scene-0061", r#": the row "scene-0061": it comes twice"#),
     ("sample", r#""sample-1""#, r#""sample-0""#, r#": the row "sample-0": it comes twice"#),
@@ -298,6 +298,12 @@ const EDITED: [(&str, &str, &str, &str); 17] = [
         "scene-0061",
         "scene-0001",
         r#": no scene is called "scene-0061"; it has `scene-0103`, `scene-0001`"#,
+    ),
+    (
+        "sample",
+        r#""sample-1""#,
+        r#""sample-x""#,
+        r#": has no row for "sample-1", which sample_data.json names;"#,
     ),
     ("ego_pose", "ego-1", "ego-x", r#": has no row for "ego-1", which sample_data.json names;"#),
     (
@@ -425,6 +431,31 @@ fn bad_sets_are_refused() {
         refused(&|d: &Path| edit(d, table, from, to), &wanted);
     }
     SPOILT.into_iter().for_each(|(spoil, wanted)| refused(&spoil, wanted));
+}
+
+/// A vehicle whose rotations are x, y, z, w, and a LiDAR in millimetres.
+#[test]
+fn poses_of_other_units_and_orders_are_doubted() {
+    let doubts = |keyframes: &[Keyframe], spoil: &dyn Fn(&Path)| {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), keyframes, &BOXES);
+        spoil(folder.path());
+        let scenes = read_nuscenes(folder.path(), None, &["scene-0061".into()]).unwrap();
+        let notes = crate::datasets::LabelledSequence::notes(&scenes[0]).iter();
+        let notes = notes.filter(|note| note.is_doubt());
+        notes.map(ToString::to_string).collect::<String>()
+    };
+    let driven = doubts(&set(), &|_| {});
+    assert!(!driven.contains("backwards") && !driven.contains("millimetres"), "{driven}");
+    let mut mixed = set();
+    for Keyframe { ego: (_, turn), .. } in &mut mixed {
+        // The table holds x, y, z, w of this turn as w, x, y, z of another one.
+        *turn = DQuat::from_xyzw(turn.y, turn.z, turn.w, turn.x);
+    }
+    let told = doubts(&mixed, &|_| {});
+    assert!(told.contains("in 2 of 2 steps between keyframes"), "{told}");
+    let told = doubts(&set(), &|folder| edit(folder, "calibrated_sensor", "0.9437", "943.7"));
+    assert!(told.contains("calibrated_sensor.json: LIDAR_TOP of the scene"), "{told}");
 }
 
 #[test]

@@ -91,6 +91,103 @@ fn a_lidar_in_the_world_is_no_lidar_of_the_vehicle() {
 }
 
 #[test]
+fn lidars_that_hang_on_other_things_are_named() {
+    let lidar = |id: &str, more: &str| {
+        format!(
+            r#"{{"type": "sensor.lidar.ray_cast", "id": "{id}", "spawn_point": {{"x": 1, "y": 0, "z": 2}}{more}}}"#
+        )
+    };
+    let holds = |inner: &str| format!(r#", "attached_objects": [{inner}]"#);
+    let camera =
+        |inner: &str| format!(r#"{{"type": "sensor.camera.rgb", "id": "c"{}}}"#, holds(inner));
+    let of = |kind: &str, sensors: &str, more: &str| {
+        let text = format!(
+            r#"{{"objects": [{{"type": "{kind}", "id": "e", "sensors": [{sensors}]{more}}}]}}"#
+        );
+        let rig = read(&text).unwrap();
+        (rig.rig.lidars.len(), doubts(&rig))
+    };
+    let vehicle = |sensors: &str, more: &str| of("vehicle.a", sensors, more);
+    let (plain, inner) = (lidar("l", ""), lidar("m", ""));
+    assert_eq!(vehicle(&plain, ""), (1, String::new()));
+    for (sensors, more) in [
+        (lidar("l", &holds(&inner)), String::new()),
+        (format!("{plain}, {}", camera(&inner)), String::new()),
+        (format!("{plain}, {}", camera(&camera(&inner))), String::new()),
+        (plain.clone(), holds(&inner)),
+    ] {
+        let (count, told) = vehicle(&sensors, &more);
+        assert!(count == 1 && told.contains("attached_objects: 1 LiDAR left out"), "{told}");
+        assert!(told.contains("nothing there is read: `m`; write each"), "{told}");
+    }
+    let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "l", "x": 1, "y": 2, "z": 3, "attached_objects":
+        [{"type": "sensor.lidar.ray_cast", "id": "m"}]}]"#;
+    assert!(doubts(&read(list).unwrap()).contains("1 LiDAR left out"));
+    let (_, walker) = of("walker.pedestrian.0001", &plain, "");
+    assert!(walker.contains("hang on a `walker.pedestrian.0001`, which is no vehicle"), "{walker}");
+}
+
+/// A LiDAR 1 m along x of a joint that turns by 90° about z at rest; by hand it stands at (0, 1).
+#[test]
+fn joints_that_cannot_stand_at_0_move_the_lidar() {
+    let robot = |kind: &str, more: &str| {
+        format!(
+            "<robot name='r'><joint name='j' type='{kind}'><parent link='base_link'/><child link='arm'/>\
+             <axis xyz='0 0 1'/>{more}</joint><joint name='k' type='fixed'><parent link='arm'/>\
+             <child link='lidar'/><origin xyz='1 0 2'/></joint></robot>"
+        )
+    };
+    let at = |kind: &str, more: &str| {
+        let rig = read(&robot(kind, more)).unwrap();
+        (rig.rig.lidars[0].pose, doubts(&rig))
+    };
+    let (pose, told) = at("revolute", "<limit lower='-1' upper='1'/>");
+    assert_eq!((pose.x, pose.y, &told[..]), (1.0, 0.0, ""));
+    let (pose, told) = at("revolute", "<limit lower='1.5707963267948966' upper='2'/>");
+    assert!(pose.x.abs() < 1e-12 && (pose.y - 1.0).abs() < 1e-12, "{pose:?}");
+    assert!(
+        told.contains("`j` (revolute) moves") && told.contains("is at 1.5707963267948966 rad"),
+        "{told}"
+    );
+    let (pose, _) = at("prismatic", "<limit lower='-2' upper='-0.5'/>");
+    assert_eq!([pose.x, pose.y, pose.z], [1.0, 0.0, 1.5]);
+    let twice = robot("fixed", "")
+        .replace("<robot name='r'>", "<robot name='r'><link name='a'/><link name='a'/>");
+    assert!(error(&twice).contains("<link> `a`: comes twice"));
+    let twice = robot("fixed", "").replace("name='k'", "name='j'");
+    assert!(error(&twice).contains("<joint> `j`: comes twice"));
+    let include = robot("fixed", "").replace("<robot name='r'>", "<robot name='r'><include/>");
+    assert!(doubts(&read(&include).unwrap()).contains("<include> is not read"));
+}
+
+#[test]
+fn sensors_behind_moving_joints_of_sdf_are_told() {
+    let told = |version: &str, kind: &str, axis: &str| {
+        let text = format!(
+            "<sdf version='{version}'><model name='m'><link name='base_link'/><link name='arm'/>\
+             <joint name='j' type='{kind}'><parent>base_link</parent><child>arm</child>{axis}</joint>\
+             <link name='l'><pose>0 0 1 0 0 0</pose><sensor name='s' type='gpu_lidar'/></link>\
+             <joint name='k' type='fixed'><parent>arm</parent><child>l</child></joint></model></sdf>"
+        );
+        read(&text).unwrap().notes
+    };
+    for version in ["1.6", "1.9"] {
+        assert!(!told(version, "fixed", "").iter().any(|note| note.text().contains("moves")));
+        for kind in ["revolute", "prismatic", "continuous", "ball", "universal"] {
+            let notes = told(version, kind, "");
+            let words = format!(
+                "the joint `j` ({kind}) moves; what stands behind it is taken where the joint is at 0"
+            );
+            assert!(notes.iter().any(|note| note.text().contains(&words)), "{notes:?}");
+        }
+        let begins = "<axis><initial_position>0.5</initial_position></axis>";
+        let notes = told(version, "revolute", begins);
+        let is_told = |text: &str| text.contains("at 0, not at its <initial_position> of 0.5");
+        assert!(notes.iter().any(|note| note.is_doubt() && is_told(note.text())), "{notes:?}");
+    }
+}
+
+#[test]
 fn a_key_of_json_that_comes_twice_is_refused() {
     let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "L", "x": 0, "y": 0, "z": 2, "x": 3}]"#;
     assert!(error(list).contains("this key comes twice: `x`; leave one out (line 1,"));

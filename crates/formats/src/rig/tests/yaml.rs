@@ -35,6 +35,33 @@ fn unit_tags_are_those_of_xacro() {
     }
 }
 
+/// `010` is 8 in YAML 1.1 and 10 in 1.2, and a text to this reader.
+#[test]
+fn texts_are_no_numbers_but_in_files_of_carla() {
+    let kit = |x: &str| {
+        format!("base_link:\n  lidar: {{x: {x}, y: 0, z: 2, roll: 0, pitch: 0, yaw: 0}}\n")
+    };
+    for text in ["010", "-012", "'1.5'", "!!str 5"] {
+        let told = error(&kit(text));
+        assert!(
+            told.contains("base_link.lidar.x: `") && told.contains("a finite number"),
+            "{told}"
+        );
+    }
+    let told = error(
+        &transform("base_link", "lidar", [1.0, 0.0, 2.0], [0.0, 0.0, 0.0, 1.0])
+            .replace("x: 1", "x: 01"),
+    );
+    assert!(told.contains("a finite number"), "{told}");
+    let carla = |x: &str| {
+        format!(r#"[{{"type": "sensor.lidar.ray_cast", "id": "L", "x": "{x}", "y": 0, "z": 2}}]"#)
+    };
+    for (text, wanted) in [("1.5", 1.5), ("0.5", 0.5), ("-0", 0.0)] {
+        assert_eq!(read(&carla(text)).unwrap().rig.lidars[0].pose.x, wanted);
+    }
+    assert!(error(&carla("010")).contains("`010`"));
+}
+
 #[test]
 fn keys_that_may_move_a_frame_are_errors_and_others_notes() {
     let six = "x: 1, y: 0, z: 2, roll: 0, pitch: 0, yaw: 0";

@@ -19,7 +19,7 @@ fn link(name: &str) -> String {
 fn joint(kind: &str, parent: &str, child: &str, origin: &str) -> String {
     format!(
         "<joint name=\"{parent}_{child}\" type=\"{kind}\"><origin {origin}/><parent link=\"{parent}\"/>\
-         <child link=\"{child}\"/><axis xyz=\"0 0 1\"/><limit lower=\"0.4\" upper=\"1\"/></joint>"
+         <child link=\"{child}\"/><axis xyz=\"0 0 1\"/><limit lower=\"-0.4\" upper=\"1\"/></joint>"
     )
 }
 
@@ -64,6 +64,23 @@ fn a_chain_of_two_turned_joints_lies_where_trigonometry_says() {
     near(boom.rotation * DVec3::Z, [0.0, -s, c], 1e-12);
     near(parts[2].root_from_part.translation, [1.0, 0.0, 3.0], 1e-12);
     assert_eq!(read(&text, &["boom", "base"]).unwrap().len(), 1);
+}
+
+/// Joint c follows b, which stands at 0, by an offset of 0.7 rad about z; a slide from 0.5 m on stands there.
+#[test]
+fn joints_that_cannot_stand_at_0_stand_next_to_it() {
+    let two = link("a") + &link("b") + &link("c") + &joint("revolute", "a", "b", "xyz=\"1 0 0\"");
+    let mimic = "<mimic joint=\"a_b\" multiplier=\"2\" offset=\"0.7\"/></joint>";
+    let follower = joint("revolute", "a", "c", "xyz=\"2 0 0\"").replace("</joint>", mimic);
+    let part = read(&robot(&(two.clone() + &follower)), &[]).unwrap()[2].root_from_part;
+    near(part.translation, [2.0, 0.0, 0.0], 1e-12);
+    near(part.rotation * DVec3::X, [0.7_f64.cos(), 0.7_f64.sin(), 0.0], 1e-12);
+    let slide = joint("prismatic", "a", "c", "xyz=\"2 0 0\"").replace("-0.4", "0.5");
+    let part = read(&robot(&(two.clone() + &slide)), &[]).unwrap()[2].root_from_part;
+    near(part.translation, [2.0, 0.0, 0.5], 1e-12);
+    let lost = follower.replace("mimic joint=\"a_b\"", "mimic joint=\"ab\"");
+    let told = read(&robot(&(two + &lost)), &[]).unwrap_err();
+    assert!(told.starts_with("joint `a_c`: mimics \"ab\", which is no joint"), "{told}");
 }
 
 #[test]

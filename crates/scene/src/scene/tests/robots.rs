@@ -65,6 +65,16 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
         "{told}"
     );
     assert!(!doubts(collision).contains("no beam meets them"), "{}", doubts(collision));
+    let file = folder.path().join("car/urdf/car.urdf");
+    let fixed = fs::read_to_string(&file).unwrap();
+    let slide = fixed.replace("\"fixed\">", "\"prismatic\"><limit lower=\"0.5\" upper=\"1\"/>");
+    fs::write(&file, slide).unwrap();
+    let told = doubts(collision);
+    assert!(
+        told.contains("<limit> or <mimic> keeps the joint `mast` at 0.5 m, not at 0; the"),
+        "{told}"
+    );
+    fs::write(&file, fixed).unwrap();
     let without = visual.replace("\"}", "\", \"without\": [\"lidar\"]}");
     assert!(!doubts(&without).contains("no beam meets them"), "{}", doubts(&without));
 }
