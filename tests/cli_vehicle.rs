@@ -424,8 +424,10 @@ fn faults_are_said() {
     changed(dir.path(), "far.json", |vehicle| {
         vehicle["require"] = json!([{ "name": "behind the wall", "min": [90, 90, 0], "max": [91, 91, 1], "share": 0.5 }]);
     });
+    fs::write(dir.path().join("fits.json"), other.to_string().replace("sonar", "spinning"))
+        .unwrap();
     says(
-        &["score", "room.json", "sonar.json", "--vehicle", "far.json", "--backend", "cpu"],
+        &["score", "room.json", "fits.json", "--vehicle", "far.json", "--backend", "cpu"],
         &["far.json: require[0]: `behind the wall` holds no voxel of the scene's roi"],
     );
 }

@@ -100,7 +100,10 @@ fn each_fault_is_a_sentence() {
                 "--base-frame map; there are",
             ],
         ),
-        (robot(&[joint("a", "lidar"), joint("b", "lidar")]), &["`lidar` is placed a second time"]),
+        (
+            robot(&[joint("a", "lidar"), joint("b", "lidar").replace("lidar_j", "other_j")]),
+            &["`lidar` is placed a second time"],
+        ),
         (pandaset("'offset': 1", "", ""), &["main_pandar64: unknown key `offset`"]),
         (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
         (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),

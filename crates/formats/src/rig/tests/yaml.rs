@@ -50,7 +50,7 @@ fn texts_are_no_numbers_but_in_files_of_carla() {
     }
     let told = error(
         &transform("base_link", "lidar", [1.0, 0.0, 2.0], [0.0, 0.0, 0.0, 1.0])
-            .replace("x: 1", "x: 01"),
+            .replace("x: 1.0", "x: 010"),
     );
     assert!(told.contains("a finite number"), "{told}");
     let carla = |x: &str| {
