@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::card::{BeamFinder, SLACK};
 use super::places::GroundBelow;
+use super::plan::BodyPlan;
 use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
@@ -34,8 +35,8 @@ pub struct TargetSite {
     /// One a model, made on first use.
     finders: Arc<[OnceLock<BeamFinder>]>,
     body: Frame,
-    /// Lower and upper corner of the body in plan, metres.
-    bounds: Option<[[f64; 2]; 2]>,
+    /// The own body from above.
+    plan: Arc<BodyPlan>,
     /// Light that must return for a beam to count; `None` counts every beam, but on targets that say otherwise.
     receiving: Option<Receiving>,
     /// Surface on which targets stand; `None` for level ground.
@@ -131,8 +132,8 @@ impl TargetSite {
     /// From models and the body of the vehicle in the ego frame.
     pub fn new(sensors: Sensors, body: Frame) -> Self {
         let finders = sensors.models().iter().map(|_| OnceLock::new()).collect();
-        let bounds = bounds_in_plan(&body);
-        Self { sensors, finders, body, bounds, receiving: None, surface: None }
+        let plan = Arc::new(BodyPlan::of(&body));
+        Self { sensors, finders, body, plan, receiving: None, surface: None }
     }
 
     /// Models and own body of a problem. In weather a beam counts if enough light comes back. A problem of a mirror
@@ -148,12 +149,12 @@ impl TargetSite {
         let surface = problem.surface()?;
         let (instances, own) = (surface.geometry.instances(), problem.overlap_required().own);
         let own = instances.iter().filter(|instance| instance.first_prim as usize >= own);
-        let bounds = bounds_in_plan(&Frame::new(own.cloned()));
+        let plan = Arc::new(BodyPlan::of(&Frame::new(own.cloned())));
         let ground = GroundBelow::of(surface, problem.body());
         let wheels = ground.wheels(&surface.geometry);
         let surface_of = Surface { ground, wheels, frame: surface.frame, is_mirrored };
         let (body, surface) = (surface.geometry.clone(), Some(Arc::new(surface_of)));
-        Some(Self { body, bounds, surface, ..Self::of(problem) })
+        Some(Self { body, plan, surface, ..Self::of(problem) })
     }
 
     /// Models and own body of a scene's vehicle.
@@ -181,7 +182,7 @@ impl TargetSite {
         let bodies = bodies.iter().zip(poses);
         let at = |(of, &ego_from_instance)| Instance { ego_from_instance, ..Instance::clone(of) };
         let body = Frame::new(bodies.map(at));
-        Some(Self { bounds: bounds_in_plan(&body), body, ..self.clone() })
+        Some(Self { plan: Arc::new(BodyPlan::of(&body)), body, ..self.clone() })
     }
 
     /// True if the own bodies of both stand alike.
@@ -325,23 +326,10 @@ impl TargetSite {
         ground.height(&self.body, wheels, target, [x, side]).map(|height| [x, y, height])
     }
 
-    /// True if a target at a position stands beside the own body: their boxes in plan do not overlap.
+    /// True if a target at a position stands beside the own body or above it.
     pub fn has_room(&self, target: &Target, at: [f64; 3]) -> bool {
-        let Some([low, high]) = self.bounds else { return true };
-        let [from, to] = target.corners;
-        (0..2).any(|k| at[k] + from[k] >= high[k] || at[k] + to[k] <= low[k])
+        !self.plan.holds(target, at)
     }
-}
-
-/// Lower and upper corner of a body in plan, metres; `None` without triangles.
-fn bounds_in_plan(body: &Frame) -> Option<[[f64; 2]; 2]> {
-    let mut all: Option<[[f64; 2]; 2]> = None;
-    for at in body.corners() {
-        let [low, high] = all.get_or_insert([[at.x, at.y]; 2]);
-        *low = [low[0].min(at.x), low[1].min(at.y)];
-        *high = [high[0].max(at.x), high[1].max(at.y)];
-    }
-    all
 }
 
 /// `[lidars][targets]` as `[targets][lidars]`.

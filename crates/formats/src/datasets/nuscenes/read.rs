@@ -109,7 +109,11 @@ fn poses_doubted(tables: &SourceTables, scene: &NuscenesScene) -> Vec<Note> {
     let units: BTreeSet<String> = poses.flat_map(|pose| doubts_of_units(&pose)).collect();
     let path = tables.path("calibrated_sensor");
     let of_units = |doubt: String| {
-        Note::doubt(format!("{}: {CHANNEL} of the scene {:?}: {doubt}.", path.display(), scene.name))
+        Note::doubt(format!(
+            "{}: {CHANNEL} of the scene {:?}: {doubt}.",
+            path.display(),
+            scene.name
+        ))
     };
     let mut notes: Vec<Note> = units.into_iter().map(of_units).collect();
     let ego = |frame: &Keyframe| frame.world_from_sensor.compose(&frame.ego_from_sensor.inverse());
