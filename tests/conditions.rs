@@ -11,7 +11,6 @@ use sightline::scan::conditions::Condition;
 use sightline::scene::Scene;
 use sightline::{Job, JobScene};
 
-#[cfg(feature = "gpu")]
 use crate::common::*;
 
 /// A street with a house, a car and the own body, its sensor rated for `rated` metres.
