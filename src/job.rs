@@ -359,9 +359,9 @@ impl Job {
             scores.guards = [below, std::mem::take(&mut scores.guards)].concat();
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
-        self.confirm_targets(&mut all)?;
+        let bodies = self.confirm_targets(&mut all)?;
         let is_whole = self.add_holds(&mut all, go_on)?;
-        self.name_missed_places(&mut all)?;
+        bodies.map_or(Ok(()), |bodies| self.name_missed_places(&bodies, &mut all))?;
         self.add_range_cards(all)?;
         Ok(is_whole)
     }

@@ -440,8 +440,8 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     assert_eq!(unversioned(&svg), unversioned(&committed));
 }
 
-/// No two of the texts of a drawing lie over each other; all of them. Letters are so many sizes wide on average, those of
-/// Helvetica at least 0.42, and a text reaches so far above and below its line.
+/// All texts of a drawing, once none lies over another. A letter is `wide` sizes wide on average (Helvetica: at least 0.42),
+/// and a text reaches `above` and `below` its line.
 pub(crate) fn texts_apart(svg: &str, wide: f64, [above, below]: [f64; 2]) -> Vec<String> {
     let boxes = svg.split("<text").skip(1).map(|text| {
         let (element, rest) = text.split_once('>').unwrap();

@@ -244,7 +244,7 @@ class Bench:
         """Measures problem by problem and writes table.md after each."""
         parts, more, beside, text = [], [], [], ""
         seeds = f"seeds 1 to {self.args.seeds}" if self.args.seeds > 1 else "seed 1"
-        seeds += ", those of which all runs of ours are there" if self.args.kept else ""
+        seeds += ", where all runs of ours are there" if self.args.kept else ""
         for problem in problems:
             found = self.measured(problem)
             if found["ours"]:

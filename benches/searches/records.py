@@ -57,7 +57,7 @@ class Store:
         return known
 
     def done(self, problem: str, method: str, seed: int, settings: dict[str, Any], run: Any) -> dict[str, Any]:
-        """The finished run that is there, else that of `run()`, which is kept; Absent where runs are not made.
+        """The finished run on disk, else the result of `run()`, which is kept; raises Absent where no runs are made.
 
         SystemExit where the one that is there had other settings.
         """

@@ -120,7 +120,7 @@ def section(key: str, title: str, best: float | None, own: list[str], compared: 
 
 MORE = """## More evaluations against fewer
 
-The value of a run less that of one with fewer evaluations and the same seed, in per cent of the latter.
+Gain of a run over the run of the same seed with fewer evaluations, in per cent of the latter's value.
 
 | problem | evaluations | median, % | worst seed, % | seeds that lost |
 |---|---|--:|--:|---|

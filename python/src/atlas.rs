@@ -175,7 +175,7 @@ impl PyScene {
                 "poses: give an array [M, 6] of 1 to {MOST_POSES} sensor poses"
             )));
         }
-        // A placement of one LiDAR for each pose: the checks are those of placements.
+        // Each pose is checked as a placement of one LiDAR.
         let each = array.call_method1("reshape", (count, 1, 6))?;
         let mut given = Vec::with_capacity(count);
         match sensors {

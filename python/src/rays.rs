@@ -188,7 +188,7 @@ impl RayArray {
     }
 }
 
-/// Columns of hits beside those that are always there.
+/// Columns of hits that a caller may ask for.
 #[derive(Clone, Copy)]
 struct HitOptions {
     normals: bool,

@@ -20,21 +20,22 @@ impl Job {
         Ok(Some(BodyPoses::of(site.clone(), members)))
     }
 
-    /// Looks again, at bearings as close together as the target is wide, at targets that are required everywhere and met everywhere.
+    /// Looks again, at bearings as close together as the target is wide, at targets that are required everywhere and met
+    /// everywhere. Returns the bodies for [`Self::name_missed_places`]; `None` without rules on targets.
     ///
     /// # Errors
     /// See [`Job::problem`]; a sensor that the vehicle does not have.
     pub(super) fn confirm_targets(
         &self,
         all: &mut [(&Placement, &mut Scores)],
-    ) -> Result<(), JobError> {
-        let Some(bodies) = self.bodies_of_rules()? else { return Ok(()) };
+    ) -> Result<Option<BodyPoses>, JobError> {
+        let Some(bodies) = self.bodies_of_rules()? else { return Ok(None) };
         let problem = self.problem()?;
         for (placement, scores) in all {
             confirm(&bodies, &problem, placement, &mut scores.required)
                 .map_err(BackendError::from)?;
         }
-        Ok(())
+        Ok(Some(bodies))
     }
 
     /// Names places that a requirement on targets misses where enough others are seen; without the worst LiDAR where the
@@ -44,9 +45,9 @@ impl Job {
     /// See [`Self::confirm_targets`].
     pub(super) fn name_missed_places(
         &self,
+        bodies: &BodyPoses,
         all: &mut [(&Placement, &mut Scores)],
     ) -> Result<(), JobError> {
-        let Some(bodies) = self.bodies_of_rules()? else { return Ok(()) };
         let problem = self.problem()?;
         for (placement, scores) in all {
             let (placement, required): (&Placement, _) = (placement, scores.required.iter_mut());
@@ -57,7 +58,7 @@ impl Job {
                 let lost = lost.filter(|&lost| lost < placement.lidars.len());
                 let left = lost.map(|lost| without(placement, lost));
                 let lidars = &left.as_ref().unwrap_or(placement).lidars;
-                let words = missed_places(&bodies, rule, lidars).map_err(BackendError::from)?;
+                let words = missed_places(bodies, rule, lidars).map_err(BackendError::from)?;
                 let words = words.map(|words| match lost {
                     Some(lost) => format!("{words} (without LiDAR {lost})"),
                     None => words,

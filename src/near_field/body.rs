@@ -225,7 +225,7 @@ fn own_shares(
 
 /// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.
 ///
-/// Needs hits of its own: tallies count those of all LiDARs together, whatever is hit. So the steps of a search do not know
+/// Casts beams itself: tallies count hits of all LiDARs together, whatever is hit. So the steps of a search do not know
 /// this guard; it is for results, layouts given and moves within the mounting tolerance.
 ///
 /// # Errors

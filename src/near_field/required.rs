@@ -274,7 +274,7 @@ impl RequiredGround {
         WorstFrame::among(by_frame)
     }
 
-    /// Share of the cells of each frame's mask that are seen, a mean over some frames, without those that have none.
+    /// Share of the cells of a frame's mask that are seen, as a mean over some frames. Frames with an empty mask do not count.
     fn share_in(
         &self,
         masks: &[Box<[u64]>],

@@ -191,7 +191,7 @@ fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
     ]
 }
 
-/// Titles of a line: the setting, its cost and errors, those of a pose of an atlas, and the extent of the measurement.
+/// Titles of a line: the setting, its cost and errors, cost and errors of an atlas pose, and the extent of the measurement.
 const IN_CSV: &str = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,seconds_high,bytes,\
                       beams,triangles,score_error_median,score_error_largest,tau,tau_low,tau_high,regret,regret_low,\
                       regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,on_front,placements,left_early";

@@ -28,7 +28,7 @@ use crate::score::Objective;
 use crate::targets::{GroundBelow, Receiving, TargetQuestion, TargetSite, TargetTable};
 use crate::vehicle::{Placement, read_placements, table_7};
 pub(super) use question::named;
-use question::{Reached, question, receiving, usual_distances, with_distances};
+use question::{DistanceNotes, question, receiving, usual_distances, with_distances};
 
 /// Placements whose near field is looked at.
 #[derive(Debug, Clone, Default)]
@@ -238,7 +238,7 @@ pub fn targets(
     let placements = read_placements(&file)?;
     fit_alone(&file, &placements, computing)?;
     let (mut table, mut looked_at) = (TargetTable::default(), Vec::new());
-    let mut reached = Reached::default();
+    let mut reached = DistanceNotes::default();
     watcher.listen(GRACE);
     if let Some(vehicle) = computing.vehicle.as_deref().filter(|_| scenes.is_empty()) {
         let scene = opening::level_ground(vehicle, Some(request.frames), watcher)?;
@@ -277,7 +277,7 @@ pub fn targets(
 fn on_level_ground(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
-    (ground, reached): (&Scene, &mut Reached),
+    (ground, reached): (&Scene, &mut DistanceNotes),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
 ) -> Result<TargetTable, RunError> {
@@ -299,7 +299,7 @@ fn on_level_ground(
 fn in_scene(
     question: &TargetQuestion,
     receiving: Option<Receiving>,
-    (path, frames, reached): (&Path, u32, &mut Reached),
+    (path, frames, reached): (&Path, u32, &mut DistanceNotes),
     (file, placements): (&Path, &[Placement]),
     computing: &Computing<'_>,
 ) -> Result<(TargetTable, usize), RunError> {

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, fit_alone, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
-use super::{Computing, GRACE, RunError, TableFormat, opening, outputs};
+use super::{Computing, GRACE, RunError, TableFormat, Watcher, opening, outputs};
 use crate::csv::csv;
 use crate::files::{
     FileNames, Output, Session, safe_names, shared_folder, sync_disk, writable_file, write_as,
@@ -251,16 +251,7 @@ fn score_each(
         placements: placements.clone(),
         vehicle: job.scene().vehicle().clone(),
     };
-    let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
-    for block in placements.chunks(BLOCK) {
-        let scored = batch.judged.len();
-        if !computing.watcher.goes_on() {
-            return Err(interrupted(request, scored as u64, placements.len() as u64));
-        }
-        batch.judged.extend(batch.evaluator.judged(block)?);
-        bar.advance(block.len() as u64);
-    }
-    drop(bar);
+    batch.judge(request, computing.watcher)?;
     job.add_broken_rules(batch.evaluator.problem().rules(), &placements, &mut batch.judged);
     if placements.len() <= FEW_PLACEMENTS {
         job.look_closely_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
@@ -319,6 +310,20 @@ struct Batch {
 }
 
 impl Batch {
+    /// Scores all placements, a block at a time.
+    fn judge(&mut self, request: &ScoreRequest, watcher: &dyn Watcher) -> Result<(), RunError> {
+        let total = self.placements.len() as u64;
+        let bar = watcher.bar(total, Some("placements"));
+        for block in self.placements.chunks(BLOCK) {
+            if !watcher.goes_on() {
+                return Err(interrupted(request, self.judged.len() as u64, total));
+            }
+            self.judged.extend(self.evaluator.judged(block)?);
+            bar.advance(block.len() as u64);
+        }
+        Ok(())
+    }
+
     /// Note on what nobody looked at in placements that are too many for a close look.
     fn not_looked_closely(&self) -> Option<String> {
         let ends_at_hits = self.members().any(|(_, member)| member.problem().ends_at_hits());

@@ -49,6 +49,18 @@ pub struct SweepRequest {
     pub shared: SharedRequest,
 }
 
+impl SweepRequest {
+    /// First and last value.
+    fn range(&self) -> Result<[f64; 2], RunError> {
+        let Self { from, to, .. } = *self;
+        if !(from.is_finite() && to.is_finite()) || from == to {
+            let range = format!("--from {from} --to {to}");
+            return Err(RunError::Usage(format!("{range}: give two different numbers")));
+        }
+        Ok([from, to])
+    }
+}
+
 /// Rows of every placement.
 #[derive(Debug, Serialize)]
 pub struct SweepFound {
@@ -68,11 +80,7 @@ pub struct SweepFound {
 /// Files that cannot be read, a LiDAR or field that a placement does not have, a range of no length.
 pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepFound, RunError> {
     let _session = Session::begin();
-    let SweepRequest { from, to, .. } = *request;
-    if !(from.is_finite() && to.is_finite()) || from == to {
-        let range = format!("--from {from} --to {to}");
-        return Err(RunError::Usage(format!("{range}: give two different numbers")));
-    }
+    let [from, to] = request.range()?;
     let drawings = Drawings::new(&request.out, &request.figures);
     drawings.check()?;
     let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;

@@ -198,27 +198,9 @@ fn of_scenes(
     }
     let (settings, read) = (&settings, scenes.iter().map(|scene| &**scene.scene()));
     let mut recorded = recorded(request, paths, settings, read)?;
-    if let Some(file) = placements {
-        let (path, name) = file.to_str().map_or((file, None), |text| {
-            let (path, name) = file_and_name(text);
-            (Path::new(path), name)
-        });
-        recorded.inputs.push(Input::read(path)?);
-        if let Some(name) = name {
-            recorded.settings["placement"] = json!(name);
-        }
-    }
+    placements.map_or(Ok(()), |file| recorded.add_rigs(file))?;
     let (dir, mut known) = open_folder(folder, &recorded)?;
-    let session = StudySession {
-        dir: &dir,
-        recorded: &recorded,
-        bar: watcher.bar(0, Some("cases")),
-        watcher,
-        done: Cell::default(),
-        cases: Cell::default(),
-        is_named: Cell::new(false),
-        failed: RefCell::default(),
-    };
+    let session = StudySession::new(&dir, &recorded, watcher);
     let found = study(request.kind, scenes, settings, &mut known, &session);
     if let Some(error) = session.failed.take() {
         return Err(error);
@@ -235,6 +217,21 @@ const ROWS: u32 = 2;
 struct Recorded {
     settings: Value,
     inputs: Vec<Input>,
+}
+
+impl Recorded {
+    /// Adds a file of rigs, and the name behind it where it has one.
+    fn add_rigs(&mut self, file: &Path) -> Result<(), RunError> {
+        let (path, name) = file.to_str().map_or((file, None), |text| {
+            let (path, name) = file_and_name(text);
+            (Path::new(path), name)
+        });
+        self.inputs.push(Input::read(path)?);
+        if let Some(name) = name {
+            self.settings["placement"] = json!(name);
+        }
+        Ok(())
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -307,7 +304,24 @@ impl StudyObserver for StudySession<'_> {
     }
 }
 
-impl StudySession<'_> {
+impl<'a> StudySession<'a> {
+    fn new(
+        dir: &'a RunDir<StudyCheckpoint>,
+        recorded: &'a Recorded,
+        watcher: &'a dyn Watcher,
+    ) -> Self {
+        Self {
+            dir,
+            recorded,
+            bar: watcher.bar(0, Some("cases")),
+            watcher,
+            done: Cell::default(),
+            cases: Cell::default(),
+            is_named: Cell::new(false),
+            failed: RefCell::default(),
+        }
+    }
+
     /// Writes the table and its chart, with the cases there are.
     fn finish(&self, rows: &[Row], found: &Table) -> Result<(), RunError> {
         let Recorded { settings, inputs } = self.recorded;

@@ -221,7 +221,7 @@ fn a_bound_that_is_told_to_stop_is_one() {
     assert!(uppers[0] > whole.upper, "the first is cut short: {uppers:?}");
 }
 
-/// Two LiDARs on the roof of a vehicle on level ground, and what is required of them.
+/// Two LiDARs on the roof of a vehicle on level ground, with requirements.
 fn parked(require: &Value) -> Arc<Problem> {
     let scene = json!({ "sightline": 1, "name": "level", "coverage": "first-hit",
         "roi": { "min": [-8, -8, -0.5], "max": [8, 8, 2.5], "voxel": [0.5, 0.5, 0.5] },

@@ -18,7 +18,7 @@ impl Sight {
     /// The bound on a rule on overlap; `None` if it may be met, or where pairs of poses are too many to look at.
     ///
     /// Each LiDAR needs another one that it shares enough with. So a mount that must hold a LiDAR bounds every rig by the
-    /// largest overlap of its poses with those of other mounts. Where no mount must, the largest of all mounts does.
+    /// largest overlap of its poses with poses of other mounts. Where no mount must, the largest of all mounts does.
     pub(super) fn overlap_bound(
         &self,
         rule: &OverlapRule,

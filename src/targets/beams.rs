@@ -40,12 +40,12 @@ pub struct TargetSite {
     /// Light that must return for a beam to count; `None` counts every beam, but on targets that say otherwise.
     receiving: Option<Receiving>,
     /// Surface on which targets stand; `None` for level ground.
-    surface: Option<Arc<Surface>>,
+    surface: Option<Arc<SiteSurface>>,
 }
 
 /// Surface of a scene in a frame, on which targets stand.
 #[derive(Debug)]
-struct Surface {
+struct SiteSurface {
     ground: GroundBelow,
     wheels: WheelPlane,
     /// Number of the frame, on which free start angles depend.
@@ -152,7 +152,7 @@ impl TargetSite {
         let plan = Arc::new(BodyPlan::of(&Frame::new(own.cloned())));
         let ground = GroundBelow::of(surface, problem.body());
         let wheels = ground.wheels(&surface.geometry);
-        let surface_of = Surface { ground, wheels, frame: surface.frame, is_mirrored };
+        let surface_of = SiteSurface { ground, wheels, frame: surface.frame, is_mirrored };
         let (body, surface) = (surface.geometry.clone(), Some(Arc::new(surface_of)));
         Some(Self { body, plan, surface, ..Self::of(problem) })
     }
@@ -322,7 +322,9 @@ impl TargetSite {
         if !self.has_room(target, [x, side, at[2]]) {
             return None;
         }
-        let Some(Surface { ground, wheels, .. }) = self.surface.as_deref() else { return Some(at) };
+        let Some(SiteSurface { ground, wheels, .. }) = self.surface.as_deref() else {
+            return Some(at);
+        };
         ground.height(&self.body, wheels, target, [x, side]).map(|height| [x, y, height])
     }
 

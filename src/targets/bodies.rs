@@ -10,11 +10,11 @@ use crate::score::WorstFrame;
 use crate::vehicle::TargetRule;
 
 /// A target at a position of one site.
-pub(super) struct Place {
+pub(super) struct SitePlace {
     pub target: Arc<Target>,
     /// Metres in the ego frame.
     pub at: [f64; 3],
-    /// Number of the site among those of [`BodyPoses`].
+    /// Number of the site in [`BodyPoses`].
     pub site: usize,
 }
 

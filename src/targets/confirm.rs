@@ -120,7 +120,7 @@ impl<'a> InSites<'a> {
 
 /// Looks again at each rule on a target that asks for 100 % and has it, in each pose of the own bodies or in each scene.
 /// Bearings are then as close together as the target is wide at the farthest distance. Narrow things on the own body hide a
-/// target between the places of a search. The shares there, and the places missed, replace those of the search. Rules that
+/// target between the places of a search. Shares and missed places there replace the ones that the search found. Rules that
 /// ask for less are judged at the places of the search alone: else a rig met at 100 % of these could fail where one met at
 /// fewer does not.
 ///

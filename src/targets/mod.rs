@@ -14,8 +14,8 @@
 //! | `confirm` | places of a rule on targets, and a closer look at them |
 //! | `missing` | places of a rule that are not met, in words |
 //! | `places` | where in a scene a target can stand |
-//! | `reach` | rules on targets and ground that no rig on some poses meets, or that no place or cell counts for |
 //! | `plan` | the own body from above: places that it takes |
+//! | `reach` | rules on targets and ground that no rig on some poses meets, or that no place or cell counts for |
 //! | `relief` | ground of a scene that is not level |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |

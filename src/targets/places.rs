@@ -7,7 +7,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::beams::{LookingOut, PlacedTarget, TargetSite};
-use super::bodies::{BodyPoses, Place};
+use super::bodies::{BodyPoses, SitePlace};
 use super::card::{CARD_BEAMS, card_targets, position};
 use super::confirm::places_of;
 use super::rules::Rule;
@@ -127,7 +127,7 @@ pub struct Sight {
     /// Sensors and own bodies: a car all round stands beside the first.
     pub(super) bodies: BodyPoses,
     /// Group after group.
-    pub(super) places: Vec<Place>,
+    pub(super) places: Vec<SitePlace>,
     /// Places of the car all round; empty where a search does not look.
     car: Range<usize>,
     pub(super) rules: Vec<Rule>,
@@ -190,7 +190,7 @@ impl Sight {
         let mut group = |site: usize, target: &Arc<Target>, at: Vec<[f64; 3]>, beams: u32| {
             let begin = places.len();
             let free = at.into_iter().filter_map(|at| bodies.sites[site].standing(target, at));
-            places.extend(free.map(|at| Place { target: target.clone(), at, site }));
+            places.extend(free.map(|at| SitePlace { target: target.clone(), at, site }));
             enough.resize(places.len(), beams.min(u32::from(u8::MAX)) as u8);
             begin..places.len()
         };
@@ -262,7 +262,7 @@ impl Sight {
 
     /// The target at a place.
     pub(super) fn standing(&self, place: usize) -> PlacedTarget<'_> {
-        let Place { target, at, .. } = &self.places[place];
+        let SitePlace { target, at, .. } = &self.places[place];
         PlacedTarget { target, at: *at }
     }
 

@@ -102,9 +102,9 @@ pub fn zeros<T: Clone + Default>(len: usize, what: &'static str) -> Result<Vec<T
 
 /// Working memory of tasks, to be used again.
 #[derive(Default)]
-pub(crate) struct Pool<T>(Mutex<Vec<T>>);
+pub(crate) struct FreeList<T>(Mutex<Vec<T>>);
 
-impl<T: Default> Pool<T> {
+impl<T: Default> FreeList<T> {
     pub(crate) fn take(&self) -> T {
         self.0.lock().ok().and_then(|mut kept| kept.pop()).unwrap_or_default()
     }

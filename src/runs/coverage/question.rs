@@ -10,7 +10,7 @@ use sightline_files::json::counted;
 
 /// Notes on distances that were told, and the longest range of the LiDARs where distances go to it.
 #[derive(Default)]
-pub(super) struct Reached {
+pub(super) struct DistanceNotes {
     told: Vec<String>,
     /// Metres.
     pub range: Option<f32>,
@@ -20,7 +20,7 @@ pub(super) struct Reached {
 pub(super) fn with_distances(
     question: &TargetQuestion,
     (sensors, placements): (&Sensors, &[Placement]),
-    reached: &mut Reached,
+    reached: &mut DistanceNotes,
     watcher: &dyn Watcher,
 ) -> TargetQuestion {
     if !question.distances.is_empty() {

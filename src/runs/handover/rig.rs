@@ -5,6 +5,7 @@ use std::path::Path;
 use super::HandoverRequest;
 use super::mask::SelfHitMask;
 use super::run::{self, RunFound};
+use crate::bvh::Hit;
 use crate::csv::rounded;
 use crate::engine::BackendError;
 use crate::files::changed_input;
@@ -103,20 +104,17 @@ impl HandoverRig {
         let batch =
             SensorBatch::new(&problem, &placement.lidars, None).map_err(BackendError::from)?;
         let hits = evaluator.backend_mut().hits(&placement.lidars, 0)?;
-        let is_own = |k: usize| {
-            let hits = hits[batch.beams_of(k)].iter();
-            hits.map(|hit| hit.is_hit() && hit.prim >= own).collect()
-        };
-        let own = (0..placement.lidars.len()).map(is_own).collect();
+        let is_own = |hit: &Hit| hit.is_hit() && hit.prim >= own;
+        let of_lidar = |k: usize| hits[batch.beams_of(k)].iter().map(is_own).collect();
+        let own = (0..placement.lidars.len()).map(of_lidar).collect();
         let poses = batch.ego_from_sensors(0);
         let mounts = scene.vehicle().mount_names(&placement.lidars);
         let mounts = mounts.into_iter().map(|name| name.map(str::to_owned)).collect();
         let body = scene.body_in(request.frame as usize);
-        let file = file.to_owned();
         Ok(Self {
+            file: file.to_owned(),
             job,
             placement,
-            file,
             mounts,
             models,
             spins_freely,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::first_poses::{FirstPoses, Looked};
 use super::open_sets::{Candidates, Node, Open, ROUNDING};
 use super::pair_overlaps::PairBound;
-use super::required::Required;
+use super::required::BoundRequirements;
 use super::voxel_groups::Columns;
 use super::worths::Worths;
 use crate::search::error::SearchError;
@@ -131,7 +131,7 @@ impl Effort {
 /// set of sensors, added to that set's value, are therefore above every placement (Nemhauser, Wolsey,
 /// Fisher 1978). A union is below its sensors' sum less the overlaps along a tree (Hunter 1976); sets by their first pose
 /// count overlaps outside that pose, and are looked at exactly where this leaves them above the gap.
-/// Sets that no poses complete to a placement that meets the requirements are left out, see `Required`; overlap is not
+/// Sets that no poses complete to a placement that meets the requirements are left out, see `BoundRequirements`; overlap is not
 /// looked at. Where `found` misses a requirement the bound is not below it.
 /// The bound holds for other objectives only if they are such gains too, see
 /// `crate::score::Objective::is_information_gain`.
@@ -151,7 +151,7 @@ pub fn bound_gain(
     let (beside, typical) = (beside(search, found, &all), typical(search, &all));
     let (units, places) = (search.atlas.worth_units(&search.objective), search.places());
     let worths = Worths::new(search.atlas(), lidars, &units);
-    let required = Required::of(search.atlas());
+    let required = BoundRequirements::of(search.atlas());
     let is_met = required.as_ref().is_none_or(|required| required.meets(&found.poses));
     let asked = RefCell::new(go_on);
     let ask = || (asked.borrow_mut())([0, 1]);
@@ -163,7 +163,7 @@ pub fn bound_gain(
     else {
         return Ok(bound);
     };
-    let root_of = |pairs: &PairBound, required: Option<&Required>, nodes: u64| {
+    let root_of = |pairs: &PairBound, required: Option<&BoundRequirements>, nodes: u64| {
         by_pairs(pairs, (&places, required), Open::new(found.value), nodes, &ask)
     };
     let (pairs, chosen_by) =
@@ -249,11 +249,11 @@ fn beside(search: &mut GridSearch, found: &GridPlacement, all: &[u32]) -> f64 {
     (value + gains) * (1.0 + ROUNDING)
 }
 
-/// A bound from pairs alone: sets of sensors are split until their number is used up, or until `go_on` says no. Poses that
-/// what is required rules out beside one pose are left out of the sets with it.
+/// A bound from pairs alone: sets of sensors are split until their number is used up, or until `go_on` says no. Sets
+/// with a pose leave out poses that cannot meet the requirements beside it.
 fn by_pairs(
     pairs: &PairBound,
-    (places, required): (&Places, Option<&Required>),
+    (places, required): (&Places, Option<&BoundRequirements>),
     mut open: Open,
     most: u64,
     go_on: &dyn Fn() -> bool,

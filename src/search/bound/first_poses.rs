@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::open_sets::{Candidates, Node, Open};
-use super::required::Required;
+use super::required::BoundRequirements;
 use super::voxel_groups::Columns;
 use crate::search::grid_search::Places;
 
@@ -20,7 +20,7 @@ const WORDS_OF_PAIR: u64 = 1024;
 pub(super) struct FirstPoses<'a> {
     columns: &'a Columns,
     places: &'a Places,
-    required: Option<&'a Required<'a>>,
+    required: Option<&'a BoundRequirements<'a>>,
     /// Worth of an integer unit of the columns.
     unit: f64,
     /// Poses of the kind with the fewest, the largest worth first.
@@ -45,11 +45,11 @@ pub(super) struct Looked {
 }
 
 impl<'a> FirstPoses<'a> {
-    /// All sets of the poses of the columns that may meet what is required, within about `memory` bytes.
+    /// All sets of the poses of the columns that may meet the requirements, within about `memory` bytes.
     pub(crate) fn new(
         columns: &'a Columns,
         places: &'a Places,
-        required: Option<&'a Required<'a>>,
+        required: Option<&'a BoundRequirements<'a>>,
         unit: f64,
         memory: u64,
     ) -> Self {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::branch_and_bound::{Effort, GainBound, bound_gain};
-use super::required::Required;
+use super::required::BoundRequirements;
 use super::sample::{GridSample, LipschitzBound};
 use crate::json::spoken;
 use crate::search::atlases::Atlases;
@@ -124,7 +124,7 @@ fn gain(
     if search.hold_while(evaluator, &all, &mut |_| go_on([0, 1]))?.len() < all.len() {
         return late();
     }
-    let required = Required::of(search.atlas());
+    let required = BoundRequirements::of(search.atlas());
     if let Some(why) = required.and_then(|required| required.out_of_reach(&search.places())) {
         let frames = counted(evaluator.frame_count(), "frame");
         return Ok(Err(format!(
@@ -154,7 +154,7 @@ fn meeting(
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<GridPlacement, SearchError> {
     let meets = |search: &GridSearch, poses: &[u32]| {
-        Required::of(search.atlas()).is_none_or(|required| required.meets(poses))
+        BoundRequirements::of(search.atlas()).is_none_or(|required| required.meets(poses))
     };
     if meets(search, &top.poses) {
         return Ok(top);

@@ -21,7 +21,7 @@ struct Bounded {
     number: Number,
 }
 
-/// Number of a requirement among those of its kind.
+/// Kind of a requirement, and its number among others of this kind.
 #[derive(Clone, Copy)]
 enum Number {
     Area(usize),
@@ -34,12 +34,12 @@ enum Number {
 /// The best additions to the share of a set, added to that share, are above every placement with the set in it, as they are
 /// for a gain. Where they leave less than is required, no such placement meets the requirement. Blind zones have no such
 /// bound: whole placements alone are held against them. Overlap is left out, since an atlas has a sample of it.
-pub(super) struct Required<'a> {
+pub(super) struct BoundRequirements<'a> {
     atlas: &'a Atlases,
     bounded: Vec<Bounded>,
 }
 
-impl<'a> Required<'a> {
+impl<'a> BoundRequirements<'a> {
     /// Requirements other than overlap; `None` without any.
     pub(crate) fn of(atlas: &'a Atlases) -> Option<Self> {
         let areas = atlas.areas().enumerate().map(|(area, required)| Bounded {

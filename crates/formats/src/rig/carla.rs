@@ -157,7 +157,7 @@ fn doubt_attached(fields: &Fields, frames: &mut FrameTree) {
     }
 }
 
-/// Names of the LiDARs in a list of objects, and in those that hang on them.
+/// Names of the LiDARs in a list of objects, and in objects attached to them.
 fn lidars_in(list: &Value, names: &mut Vec<String>) {
     for object in list.as_array().into_iter().flatten() {
         let text = |key: &str| object.get(key).and_then(Value::as_str);

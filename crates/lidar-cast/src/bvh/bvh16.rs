@@ -39,7 +39,7 @@ pub(crate) struct Node16 {
 /// Up to `W` triangles side by side, to the end of a cache line: 896 bytes of sixteen, 448 of eight.
 #[repr(C, align(64))]
 #[derive(Debug, Clone)]
-pub(crate) struct Block<const W: usize> {
+pub(crate) struct TriangleBlock<const W: usize> {
     /// Corners by corner, axis and triangle; an unused slot is a point, which no ray hits.
     pub corners: [[[f32; W]; 3]; 3],
     /// Normals by axis and triangle.
@@ -51,7 +51,7 @@ pub(crate) struct Block<const W: usize> {
 }
 
 /// Block of the sixteen-wide tree.
-pub(crate) type Block16 = Block<WIDTH>;
+pub(crate) type Block16 = TriangleBlock<WIDTH>;
 
 struct Collapse<'a> {
     nodes: &'a [BvhNode],
@@ -117,7 +117,7 @@ impl Node16 {
     }
 }
 
-impl<const W: usize> Block<W> {
+impl<const W: usize> TriangleBlock<W> {
     pub(super) fn new(triangles: &[Triangle]) -> Self {
         let at = triangles[0].a;
         let point = Triangle { b: at, c: at, ..triangles[0] };

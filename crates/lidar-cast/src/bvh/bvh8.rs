@@ -2,7 +2,7 @@
 //!
 //! Boxes keep both sides, so that a ray reads the side that it enters by and the one that it leaves by without a comparison.
 
-use super::bvh16::{BLOCK, Block, TreeCuts};
+use super::bvh16::{BLOCK, TreeCuts, TriangleBlock};
 use super::{BvhNode, Triangle};
 
 /// Children of a node, and most triangles of a block.
@@ -37,7 +37,7 @@ pub(crate) struct Node8 {
 }
 
 /// Block of the eight-wide tree.
-pub(crate) type Block8 = Block<WIDTH>;
+pub(crate) type Block8 = TriangleBlock<WIDTH>;
 
 impl Bvh8 {
     /// Merges the binary tree's nodes where [`TreeCuts`] says. A subtree of at most eight triangles becomes a block.

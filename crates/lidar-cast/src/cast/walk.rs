@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::bvh::bvh16::Bvh16;
 use crate::bvh::{Bvh, Hit};
-use crate::memory::Pool;
+use crate::memory::FreeList;
 use crate::sensor::BeamTable;
 use crate::task::DevicePose;
 use angles::Eye;
@@ -51,12 +51,12 @@ pub(super) struct Walk {
     grid: Grid,
     instructions: Instructions,
     /// Working memory that no walk uses at the moment.
-    spare: Pool<WalkMemory>,
+    spare: FreeList<WalkMemory>,
 }
 
 impl Walk {
     pub(super) fn new(table: &BeamTable, instructions: Instructions) -> Option<Self> {
-        Some(Self { grid: Grid::new(table)?, instructions, spare: Pool::default() })
+        Some(Self { grid: Grid::new(table)?, instructions, spare: FreeList::default() })
     }
 
     /// True if angles can be computed for a part: its pose turns, and no number is too large.

@@ -20,7 +20,7 @@ use crate::bvh::Hit;
 use crate::cast::Caster;
 use crate::cover::{BitOrder, WalkScratch, cover_sensor};
 use crate::geom::Pose;
-use crate::memory::{self, Pool};
+use crate::memory::{self, FreeList};
 use crate::reduce::{EntropyIndex, take_sums};
 use crate::sensor::{MAX_LIDARS, Placement, SensorPose};
 use crate::task::{DevicePose, Frame, SensorBatch, StageTimes, Tally, Task};
@@ -45,9 +45,9 @@ pub struct CpuBackend {
     hits: Vec<Hit>,
     /// One a sensor model.
     casters: Vec<Caster>,
-    walks: Pool<WalkScratch>,
+    walks: FreeList<WalkScratch>,
     /// `[sensors × words]` in `order`, zero between tasks.
-    bitmaps: Pool<Vec<u64>>,
+    bitmaps: FreeList<Vec<u64>>,
 }
 
 struct SensorsInFrame<'a> {
@@ -67,7 +67,7 @@ impl CpuBackend {
         let order = BitOrder::rows(task.roi());
         let entropies = EntropyIndex::new(task.content(), &order);
         let times = StageTimes::default();
-        let (walks, bitmaps) = (Pool::default(), Pool::default());
+        let (walks, bitmaps) = (FreeList::default(), FreeList::default());
         let models = task.sensors().models();
         let casters = models.iter().map(|model| Caster::new(&model.table)).collect();
         let hits = Vec::new();

@@ -77,7 +77,8 @@ impl UrdfJoint {
         Ok(joint)
     }
 
-    /// Values of joints at rest, in radians or metres: that of the mimicked joint, else the one of the limits nearest to 0.
+    /// Values of joints at rest, in radians or metres: the mimicked joint's value, scaled and shifted, else the value nearest
+    /// to 0 within the limits.
     ///
     /// # Errors
     /// Number of a joint, and the fault in words: its name comes twice, it mimics no joint, or itself, or moves along no axis.

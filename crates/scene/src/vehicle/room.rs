@@ -143,8 +143,8 @@ impl Vehicle {
         Err(NoRoom { field, lidars: equipment.len(), mounts, rules })
     }
 
-    /// Rigs of few sensors, the cheapest first: that of [`Self::cheapest`]; with one more on a mount where pairs leave no room
-    /// for an odd one; one on each mount where none must hold any.
+    /// Rigs of few sensors: [`Self::cheapest`] first, then with one more on a mount where pairs leave no room for an odd one,
+    /// and with one on each mount where none must hold any.
     fn few(&self) -> Vec<Equipment> {
         let cheapest = self.cheapest();
         let mut few = vec![cheapest.clone()];

@@ -18,7 +18,7 @@ use super::{Instructions, LARGEST, TreeView, Walk};
 use crate::bvh::bvh16::{BLOCK, Bvh16};
 use crate::bvh::{Bvh, Hit, Ray};
 use crate::cast::bundle::descend;
-use crate::memory::Pool;
+use crate::memory::FreeList;
 use crate::sensor::BeamTable;
 use crate::task::{DevicePose, beam_direction, beam_origin};
 
@@ -50,7 +50,7 @@ pub struct FiringWalk {
     width: f32,
     instructions: Instructions,
     /// Working memory that no walk uses at the moment.
-    spare: Pool<SweepMemory>,
+    spare: FreeList<SweepMemory>,
 }
 
 impl FiringWalk {
@@ -59,7 +59,7 @@ impl FiringWalk {
         let beams = table.grid()?;
         let grid = Grid::of_firings(beams)?;
         let channels: Vec<usize> = grid.channels().collect();
-        let spare = Pool::default();
+        let spare = FreeList::default();
         let mut walk = Self {
             grid,
             channels,
