@@ -129,9 +129,15 @@ impl Job {
         self.psog(psog).with(|scene| scene.worth = Worth::OtherGrid)
     }
 
-    /// Takes geometry alone, without P-SOGs: no voxel holds information. For beams, hits and scans.
+    /// Takes geometry alone, without P-SOGs and requirements: no voxel holds information. For beams, hits and scans.
     #[must_use]
     pub fn geometry_alone(self) -> Self {
+        self.with(|scene| scene.worth = Worth::Unasked)
+    }
+
+    /// Takes geometry and requirements, without P-SOGs: no voxel holds information.
+    #[must_use]
+    pub(crate) fn without_psogs(self) -> Self {
         self.with(|scene| scene.worth = Worth::Nothing)
     }
 

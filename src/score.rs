@@ -7,15 +7,14 @@
 pub(crate) mod guard;
 mod objective;
 pub(crate) mod over_scenes;
+mod requirement;
 pub(crate) mod standing;
 mod worst_frame;
 
-use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Entropy, Tally};
 use crate::targets::{CAR_WEIGHT, RangeCard};
-use crate::vehicle::ANY_LOST;
 use objective::Tasks;
 
 pub use guard::Guard;
@@ -24,6 +23,10 @@ pub(crate) use objective::{NEAR_GAIN, NEAR_GAINS};
 pub use objective::{Objective, ObjectiveError};
 pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
+pub(crate) use requirement::{
+    HOLDS, SEEN, all_held_in_words, lidar_name, percent_down, percent_up,
+};
+pub use requirement::{Lost, RulePlaces, Seen};
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
 pub use worst_frame::WorstFrame;
@@ -136,143 +139,6 @@ fn map_of_counts<S: Serializer>(
     #[derive(Serialize)]
     struct Count(#[serde(serialize_with = "whole_if_whole")] f64);
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
-}
-
-/// Share of the copies that meet a requirement, in words.
-fn held_in_words(share: f64) -> String {
-    let paper = if share < HOLDS { "ON PAPER ONLY, " } else { "" };
-    format!("{paper}met by {} % of copies mounted within the tolerance", percent_down(share))
-}
-
-/// Share of the copies that meet all requirements, in words.
-pub(crate) fn all_held_in_words(share: f64) -> String {
-    format!("all requirements: {}", held_in_words(share))
-}
-
-/// Least share of copies within the mounting tolerance that must meet a requirement; below, it is met on paper only.
-pub(crate) const HOLDS: f64 = 0.95;
-
-/// The word for a share of voxels, places or ground.
-pub(crate) const SEEN: &str = "seen";
-
-/// A requirement: a share of something that must be seen, or be shared by LiDARs.
-///
-/// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact`, `worst_without` and
-/// `worst_frame` where they are known.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Seen {
-    /// Name on the vehicle.
-    pub name: String,
-    /// Share that is found, by the kind of requirement:
-    /// - area: share of its voxels that beams pass, a mean over frames
-    /// - target: share of its places at which enough beams meet it
-    /// - ground: share that is seen
-    /// - overlap: the largest at which pairs connect all LiDARs
-    pub share: f64,
-    /// The word for the share: `SEEN`, or `shared` of overlap.
-    pub done: &'static str,
-    /// Share that is required.
-    pub least: f64,
-    /// Words on the places, ground or LiDARs that an unmet requirement lacks. For a met one on targets: the places
-    /// still missed, where a placement is looked at closely.
-    pub missing: Option<String>,
-    /// Share of copies within the mounting tolerance that still meet it; `None` where not looked at.
-    pub holds_in: Option<f64>,
-    /// The intact rig, of a requirement that must hold whichever one LiDAR is lost: `share` is then the least one.
-    pub lost: Option<Lost>,
-    /// Frame in which bodies that move leave least of the ground or of a target; `None` where it is the same in all.
-    pub worst_frame: Option<WorstFrame>,
-}
-
-/// A requirement that must hold whichever one LiDAR is lost: the share of the intact rig, and the worst loss.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lost {
-    /// Share with every LiDAR.
-    pub intact: f64,
-    /// LiDAR whose loss leaves least; `None` where every loss leaves as much, or of a rig without LiDARs.
-    pub worst: Option<usize>,
-    /// Mount of that LiDAR, where it has a name.
-    pub mount: Option<String>,
-}
-
-/// A LiDAR of a placement by its number, and by its mount where that has a name: `LiDAR 8 (bumper)`.
-pub(crate) fn lidar_name(lidar: usize, mount: Option<&str>) -> String {
-    match mount {
-        Some(mount) => format!("LiDAR {lidar} ({mount})"),
-        None => format!("LiDAR {lidar}"),
-    }
-}
-
-impl Seen {
-    /// True if enough is seen.
-    pub(crate) fn is_met(&self) -> bool {
-        self.share >= self.least
-    }
-
-    /// Its name, followed by [`ANY_LOST`] where it must hold whichever one LiDAR is lost and its name does not say so.
-    pub(crate) fn title(&self) -> String {
-        let suffix = self.lost.as_ref().filter(|_| !self.name.contains(" lost"));
-        let suffix = suffix.map_or("", |_| ANY_LOST);
-        format!("{}{suffix}", self.name)
-    }
-
-    /// A requirement of 90 %, for tests.
-    #[cfg(test)]
-    pub(crate) fn of(name: &str, share: f64) -> Self {
-        Self { name: name.to_owned(), share, done: SEEN, least: 0.9, ..Self::default() }
-    }
-}
-
-impl Serialize for Seen {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Self { name, share, least, missing, holds_in, lost, worst_frame, .. } = self;
-        let mut object = serializer.serialize_map(None)?;
-        object.serialize_entry("name", name)?;
-        object.serialize_entry("required", least)?;
-        object.serialize_entry("found", share)?;
-        object.serialize_entry("met", &self.is_met())?;
-        missing.iter().try_for_each(|of| object.serialize_entry("missing", of))?;
-        holds_in.iter().try_for_each(|of| object.serialize_entry("holds_in", of))?;
-        if let Some(Lost { intact, worst, .. }) = lost {
-            object.serialize_entry("intact", intact)?;
-            object.serialize_entry("worst_without", worst)?;
-        }
-        worst_frame.iter().try_for_each(|of| object.serialize_entry("worst_frame", of))?;
-        object.end()
-    }
-}
-
-/// A share in per cent, rounded down to tenths: one that is less than a requirement never reads as met.
-pub(crate) fn percent_down(share: f64) -> f64 {
-    (1e3 * share + 1e-9).floor() / 10.0
-}
-
-/// A share in per cent, rounded up to tenths: a requirement that a share misses never reads as that share.
-pub(crate) fn percent_up(share: f64) -> f64 {
-    // A plus 0 is no minus 0.
-    (1e3 * share - 1e-9).ceil() / 10.0 + 0.0
-}
-
-impl std::fmt::Display for Seen {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { share, done, least, missing, holds_in, lost, worst_frame, .. } = self;
-        let not = if self.is_met() { "" } else { "NOT MET: " };
-        write!(f, "{not}{}: {:.1} % {done}", self.title(), percent_down(*share))?;
-        lost.iter()
-            .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
-        worst_frame.iter().try_for_each(|worst| f.write_str(&worst.beside(*share)))?;
-        write!(f, ", {:.1} % required", percent_up(*least))?;
-        let mut lacks = missing.iter().filter(|_| !self.is_met());
-        lacks.try_for_each(|missing| write!(f, ", {missing}"))?;
-        if let Some(Lost { worst: Some(lidar), mount, .. }) = lost {
-            write!(f, "; worst without {}", lidar_name(*lidar, mount.as_deref()))?;
-        }
-        if !self.is_met() {
-            return Ok(());
-        }
-        holds_in.iter().try_for_each(|holds| write!(f, ", {}", held_in_words(*holds)))?;
-        missing.iter().try_for_each(|missing| write!(f, "; {missing}"))
-    }
 }
 
 /// Shares of the areas of a content.

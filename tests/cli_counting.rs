@@ -110,6 +110,13 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
     parked(dir.path(), CAR, &car(40.0, "scene"));
     let told = fails(&dir, &SCORE);
     assert!(told.contains("box.json: require[1]: no place of `car` is free"), "{told}");
+    // Beams and other targets are looked at whether or not the scene can judge the requirement.
+    for command in
+        ["cast road.json p.json", "study targets road.json p.json --target car --distances 8"]
+    {
+        let command = format!("{command} --backend cpu");
+        ok(&dir, &command.split(' ').collect::<Vec<_>>());
+    }
     // This scene is level, and its rule has the share of the study there.
     parked(dir.path(), CAR, &car(8.0, "scene"));
     let bearings: Vec<String> =

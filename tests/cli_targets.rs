@@ -185,6 +185,31 @@ fn in_a_scene_things_hide_a_target_and_take_its_place() {
 }
 
 #[test]
+fn a_body_that_moves_takes_places_where_it_stands_in_each_frame() {
+    let dir = TempDir::new().unwrap();
+    vehicle(dir.path(), json!([]));
+    street(dir.path());
+    let path = dir.path().join("cart.json");
+    let mut cart: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let bar =
+        json!({ "class": "vehicle", "box": { "min": [-0.2, 0.4, 0.2], "max": [0.2, 0.6, 0.6] } });
+    let at = |x: f64| json!({ "x": x, "y": 0 });
+    cart["bodies"] = json!([{ "parts": [bar], "poses": [at(-5.0), at(-15.0)] }]);
+    write(&dir, "cart.json", &cart);
+    let asked = "study targets street.json rigs.json --backend cpu --target car --distances 5,15 --bearings 180 \
+                 --frames 2";
+    let found = ok(&dir, asked);
+    let rows = rows(&found, "one", "car");
+    assert_eq!(rows.len(), 4);
+    for row in rows {
+        // The bar touches the side of the car, not its middle.
+        let is_taken = (row["frame"] == 0) == (row["distance"] == 5.0);
+        assert_eq!(row["overlaps"] == true, is_taken, "{row}");
+        assert!(row["beams"].is_number(), "{row}");
+    }
+}
+
+#[test]
 fn every_score_carries_its_card_and_names_what_is_blind() {
     let dir = TempDir::new().unwrap();
     vehicle(dir.path(), json!([]));

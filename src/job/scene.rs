@@ -40,8 +40,10 @@ pub(super) enum Worth {
     OwnGrid,
     /// Voxels of a P-SOG on another grid.
     OtherGrid,
-    /// No voxel: geometry alone.
+    /// No voxel: geometry and requirements.
     Nothing,
+    /// No voxel and no requirement, which the scene may be unable to judge: geometry alone.
+    Unasked,
 }
 
 /// Frames that beams are cast into.
@@ -163,7 +165,12 @@ impl JobScene {
 
     /// Makes the problem of the scene; no other code does.
     fn posed(&self) -> Result<Problem, JobError> {
-        let (scene, frames, sensors) = (&*self.scene, self.frame_numbers(), self.models()?);
+        let (mut scene, frames, sensors) = (&*self.scene, self.frame_numbers(), self.models()?);
+        let unasked;
+        if self.worth == Worth::Unasked && !scene.vehicle().require_order.is_empty() {
+            unasked = scene.clone().without_requirements();
+            scene = &unasked;
+        }
         let problem = match self.worth {
             Worth::OwnGrid => {
                 let psog = self.psog(|_| true)?;
@@ -173,7 +180,7 @@ impl JobScene {
             Worth::OtherGrid => {
                 Problem::on_grid_of(&*self.psog(|_| true)?, scene, sensors, &frames)
             }
-            Worth::Nothing => {
+            Worth::Nothing | Worth::Unasked => {
                 let (grid, classes) = (scene.roi().grid()?, scene.classes().to_vec());
                 let empty = Psog::new(grid, 1, classes, Vec::new(), Vec::new())?;
                 Problem::on_grid_of(&empty, scene, sensors, &frames)

@@ -11,7 +11,7 @@ use super::seat::Seat;
 use super::suite::{Member, Suite};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
 use crate::problem::{Problem, Tally};
-use crate::score::{Guard, Lost, Objective, Scores, Seen, totals};
+use crate::score::{Guard, Objective, Scores, Seen, totals};
 use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Constraints, Placement, UnknownSensor};
 
@@ -57,22 +57,12 @@ fn met(sight: &Sight, placement: &Placement, idle: &[usize]) -> Result<Met, Unkn
     let mut all = SightBeams::default();
     each.iter().for_each(|beams| all.add(beams));
     let each: Vec<&SightBeams> = each.iter().collect();
-    let rules = sight.rules_met(&each);
+    let mut seen = sight.rules_met(&each);
     let needed = idle.iter().copied().filter(|lidar| sight.needs(&each, *lidar)).collect();
-    let seen = rules.iter().map(|met| Seen {
-        name: met.name.to_owned(),
-        share: met.share,
-        done: met.done,
-        least: met.least,
-        missing: met.missing.clone(),
-        lost: met.intact.map(|intact| {
-            let mount = met.without.and_then(|lidar| sight.mount_of(placement, lidar));
-            Lost { intact, worst: met.without, mount }
-        }),
-        worst_frame: met.worst_frame,
-        ..Seen::default()
-    });
-    Ok(Met { car_missing: sight.car_missing(&all), seen: seen.collect(), needed })
+    for lost in seen.iter_mut().filter_map(|seen| seen.lost.as_mut()) {
+        lost.mount = lost.worst.and_then(|lidar| sight.mount_of(placement, lidar));
+    }
+    Ok(Met { car_missing: sight.car_missing(&all), seen, needed })
 }
 
 fn scores_of(judged: Vec<Judged>) -> Vec<Scores> {

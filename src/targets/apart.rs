@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::places::{Sight, SightBeams};
 use super::reach::{MountPoses, OutOfReach};
+use super::sight::{Sight, SightBeams};
 use crate::score::percent_up;
 use crate::vehicle::OverlapRule;
 

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::card::{BeamFinder, SLACK};
-use super::places::GroundBelow;
+use super::ground::GroundBelow;
 use super::plan::BodyPlan;
 use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
@@ -147,9 +147,8 @@ impl TargetSite {
     /// where none does. A mirror image has mirrored sensors, and is asked for the vehicle's own LiDARs and places.
     pub(super) fn in_scene(problem: &Problem, is_mirrored: bool) -> Option<Self> {
         let surface = problem.surface()?;
-        let (instances, own) = (surface.geometry.instances(), problem.overlap_required().own);
-        let own = instances.iter().filter(|instance| instance.first_prim as usize >= own);
-        let plan = Arc::new(BodyPlan::of(&Frame::new(own.cloned())));
+        let own = BodyPlan::in_frame(&surface.geometry, problem.overlap_required().own);
+        let plan = Arc::new(BodyPlan::of(&own));
         let ground = GroundBelow::of(surface, problem.body());
         let wheels = ground.wheels(&surface.geometry);
         let surface_of = SiteSurface { ground, wheels, frame: surface.frame, is_mirrored };
@@ -317,15 +316,15 @@ impl TargetSite {
     /// Where a target stands that is to stand at a position of level ground: beside the own body, in a scene on free ground;
     /// `None` where there is no room.
     pub(super) fn standing(&self, target: &Target, at: [f64; 3]) -> Option<[f64; 3]> {
-        let [x, y, _] = at;
+        let [x, y, z] = at;
         let side = if self.is_mirrored() { -y } else { y };
-        if !self.has_room(target, [x, side, at[2]]) {
-            return None;
-        }
-        let Some(SiteSurface { ground, wheels, .. }) = self.surface.as_deref() else {
-            return Some(at);
+        let height = match self.surface.as_deref() {
+            Some(SiteSurface { ground, wheels, .. }) => {
+                ground.height(&self.body, wheels, target, [x, side])?
+            }
+            None => z,
         };
-        ground.height(&self.body, wheels, target, [x, side]).map(|height| [x, y, height])
+        self.has_room(target, [x, side, height]).then_some([x, y, height])
     }
 
     /// True if a target at a position stands beside the own body or above it.

@@ -8,46 +8,78 @@ use super::card::position;
 use super::missing::Missing;
 use crate::maths;
 use crate::problem::Problem;
-use crate::score::Seen;
+use crate::score::{RulePlaces, Seen};
 use crate::vehicle::{Placement, SensorPose, TargetRule, UnknownSensor};
 
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
 const RULE_DEGREES: f64 = 7.5;
 const RULE_METRES: f64 = 2.5;
-/// Degrees between bearings of a closer look at least.
+/// Degrees between bearings of a closer look at least, and metres between its distances at least.
 const LEAST_DEGREES: f64 = 1.0;
+const LEAST_METRES: f64 = 0.5;
 
 /// Places of a rule: bearings and distances spread evenly with both ends among them, as few as are at most 7.5° and
 /// 2.5 m apart. The middle bearing is one of them; all round the last bearing is the first.
 pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
-    spread(rule, 1)
+    spread(rule, [1, 1])
 }
 
-/// Like [`places_of`], with bearings closer together by a whole factor.
-fn spread(rule: &TargetRule, closer: usize) -> Vec<[f64; 3]> {
+/// Number of the places of a rule.
+pub(super) fn place_count(rule: &TargetRule) -> usize {
+    let [bearings, distances] = numbers(rule, [1, 1]);
+    bearings.count * distances.count
+}
+
+/// Numbers spread evenly: the first, the last or for a whole turn the one after the last, parts between, and how many.
+struct Spread {
+    from: f64,
+    to: f64,
+    parts: usize,
+    count: usize,
+}
+
+impl Spread {
+    fn each(&self) -> impl Iterator<Item = f64> + use<> {
+        let Self { from, to, parts, count } = *self;
+        (0..count).map(move |k| from + (to - from) * k as f64 / parts as f64)
+    }
+}
+
+/// Bearings and distances of a rule, closer together by whole factors.
+fn numbers(rule: &TargetRule, closer: [usize; 2]) -> [Spread; 2] {
     let [from, to] = rule.bearings;
     let is_round = to - from >= 360.0;
     // Even, so that a sector ahead or behind looks straight ahead or behind.
-    let turns = closer * (2 * ((to - from) / (2.0 * RULE_DEGREES)).ceil() as usize).max(1);
-    let count = if to > from { turns + usize::from(!is_round) } else { 1 };
-    let bearings = (0..count).map(|k| from + (to - from) * k as f64 / turns as f64);
-    let steps = (((rule.within - rule.from) / RULE_METRES).ceil() as usize).max(1);
-    let distances = |k: usize| rule.from + (rule.within - rule.from) * k as f64 / steps as f64;
-    let count = steps + usize::from(rule.within > rule.from);
-    bearings.flat_map(|b| (0..count).map(move |k| position(distances(k), b))).collect()
+    let parts = closer[0] * (2 * ((to - from) / (2.0 * RULE_DEGREES)).ceil() as usize).max(1);
+    let count = if to > from { parts + usize::from(!is_round) } else { 1 };
+    let bearings = Spread { from, to, parts, count };
+    let [from, to] = [rule.from, rule.within];
+    let parts = closer[1] * (((to - from) / RULE_METRES).ceil() as usize).max(1);
+    let count = if to > from { parts + 1 } else { 1 };
+    [bearings, Spread { from, to, parts, count }]
 }
 
-/// Factor by which bearings of a rule come closer together until the target at the farthest distance is as wide as they are
-/// apart, or they are 1° apart.
-fn factor(rule: &TargetRule) -> usize {
+/// Like [`places_of`], with bearings and distances closer together by whole factors.
+fn spread(rule: &TargetRule, closer: [usize; 2]) -> Vec<[f64; 3]> {
+    let [bearings, distances] = numbers(rule, closer);
+    let at = |bearing: f64| distances.each().map(move |metres| position(metres, bearing));
+    bearings.each().flat_map(at).collect()
+}
+
+/// Factors by which bearings and distances of a rule come closer together. Bearings: until the target at the farthest
+/// distance is as wide as they are apart, or they are 1° apart. Distances: until the target is as deep, or 0.5 m.
+fn factors(rule: &TargetRule) -> [usize; 2] {
     let width = rule.target.size[0].min(rule.target.size[1]);
     let angle = maths::atan2(width, rule.within).to_degrees().max(LEAST_DEGREES);
-    (RULE_DEGREES / angle).ceil().max(1.0) as usize
+    [RULE_DEGREES / angle, RULE_METRES / width.max(LEAST_METRES)]
+        .map(|factor| factor.ceil().max(1.0) as usize)
 }
 
 /// Beams of each LiDAR at close places of a rule.
 struct CloseLook<'a> {
     rule: &'a TargetRule,
+    /// Places with room for the target or without.
+    asked: usize,
     places: Vec<[f64; 3]>,
     /// `[lidars][places]`.
     beams: Vec<Vec<u32>>,
@@ -60,12 +92,14 @@ impl<'a> CloseLook<'a> {
         lidars: &[SensorPose],
     ) -> Result<Self, UnknownSensor> {
         let target = &*rule.target;
-        let places = spread(rule, factor(rule)).into_iter();
-        let places: Vec<_> = places.filter_map(|at| site.standing(target, at)).collect();
+        let all = spread(rule, factors(rule));
+        let asked = all.len();
+        let free = all.into_iter().filter_map(|at| site.standing(target, at));
+        let places: Vec<_> = free.collect();
         let standing: Vec<_> = places.iter().map(|&at| PlacedTarget { target, at }).collect();
         let beams = lidars.par_iter().map(|lidar| site.beams(lidar, &standing, rule.beams));
         let beams = beams.collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { rule, places, beams })
+        Ok(Self { rule, asked, places, beams })
     }
 
     /// Whether the target is met at each place, without a LiDAR.
@@ -108,19 +142,24 @@ impl<'a> InSites<'a> {
         together(self.1, self.0.iter().map(|(_, look)| look.share(lost)))
     }
 
-    /// Replaces share, missing places and worst frame of a requirement.
+    /// Replaces share, places, missing ones and worst frame of a requirement.
     fn tell(&self, lost: Option<usize>, seen: &mut Seen) {
         let shares: Vec<f64> = self.0.iter().map(|(_, look)| look.share(lost)).collect();
         let worst = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]));
         let Some(worst) = worst else { return };
         (seen.share, seen.missing) = (self.share(lost), self.0[worst].1.missing(lost));
         seen.worst_frame = worst_frame(self.1, self.0.iter().map(|(frame, _)| *frame).zip(shares));
+        let looks = || self.0.iter().map(|(_, look)| look);
+        let judged = looks().map(|look| look.places.len()).sum();
+        let asked: usize = looks().map(|look| look.asked).sum();
+        let on_scene = self.1.on_scene;
+        seen.places = Some(RulePlaces { judged, left_out: asked - judged, on_scene });
     }
 }
 
 /// Looks again at each rule on a target that asks for 100 % and has it, in each pose of the own bodies or in each scene.
-/// Bearings are then as close together as the target is wide at the farthest distance. Narrow things on the own body hide a
-/// target between the places of a search. Shares and missed places there replace the ones that the search found. Rules that
+/// Bearings are then as close together as the target is wide at the farthest distance, and distances as it is deep. Narrow
+/// things on the own body and gaps between rings of beams hide a target between the places of a search. Shares and missed places there replace the ones that the search found. Rules that
 /// ask for less are judged at the places of the search alone: else a rig met at 100 % of these could fail where one met at
 /// fewer does not.
 ///
@@ -210,10 +249,11 @@ mod tests {
         let [free, hidden] = [wall(-90.0), mast].map(|body| site(&beams, 100.0, &body));
         let lidar = SensorPose::at(0.0, 0.0, 2.0);
         let places = places_of(&rule(false));
-        assert_eq!((places.len(), spread(&rule(false), 4).len()), (48 * 17, 192 * 17));
+        assert_eq!((places.len(), place_count(&rule(false))), (48 * 17, 48 * 17));
+        assert_eq!(spread(&rule(false), [4, 2]).len(), 192 * 33);
         assert!(places.iter().all(|at| {
             let near = |other: &[f64; 3]| (0..3).all(|k| (at[k] - other[k]).abs() < 1e-9);
-            spread(&rule(false), 4).iter().any(near)
+            spread(&rule(false), [4, 2]).iter().any(near)
         }));
         // At its own places the rule is met.
         let car = rule(false).target;
@@ -240,7 +280,8 @@ mod tests {
             let mut told = [Seen::of("car", 1.0)];
             confirm_rules(&bodies, &[rule(false)], (&[lidar], &[]), &mut told).unwrap();
             let worst_frame = Some(WorstFrame { frame: 7, share: seen.share });
-            assert_eq!(told[0], Seen { worst_frame, ..seen.clone() });
+            let places = seen.places.map(|of| RulePlaces { judged: 2 * of.judged, ..of });
+            assert_eq!(told[0], Seen { worst_frame, places, ..seen.clone() });
         }
         // A share after the worst loss that was lower before is one of the closer look, too.
         let lost = Lost { intact: 1.0, worst: Some(1), mount: Some("roof".to_owned()) };
@@ -248,5 +289,23 @@ mod tests {
         let bodies = BodyPoses::of(hidden, []);
         confirm_rules(&bodies, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
         assert_eq!(seen[0], both);
+    }
+
+    #[test]
+    fn a_gap_between_two_rings_takes_the_hundred_per_cent() {
+        // Rings that meet a tyre at 10 m and at 12.5 m, and pass below or above one between.
+        let elevations = [10.0, 12.5].map(|metres| -maths::atan2(1.9, metres));
+        let site = site(&directions(&elevations, 3600), 100.0, &wall(-90.0));
+        let tyre = Arc::new(Target::named("tyre").unwrap());
+        let rule = TargetRule { target: tyre, within: 12.5, beams: 1, ..rule(false) };
+        let lidar = SensorPose::at(0.0, 0.0, 2.0);
+        let target = &*rule.target;
+        let standing: Vec<_> =
+            places_of(&rule).into_iter().map(|at| PlacedTarget { target, at }).collect();
+        assert!(site.met(&[lidar], &standing, 1).unwrap().iter().all(|is_met| *is_met));
+        let seen = confirmed(&site, rule.clone(), &[lidar]);
+        assert!(seen.share < 0.9, "{seen:?}");
+        let missing = seen.missing.unwrap();
+        assert!(missing.starts_with("missing at 11.25 m: all "), "{missing}");
     }
 }

@@ -44,7 +44,8 @@ impl Missing {
                 continue;
             }
             each.last_mut().into_iter().for_each(|(_, is_missing)| *is_missing = true);
-            let distance = maths::hypot(x, y);
+            // Rounding must not turn one distance into two.
+            let distance = (1e6 * maths::hypot(x, y)).round() / 1e6;
             let [near, far] = distances.unwrap_or([distance; 2]);
             distances = Some([near.min(distance), far.max(distance)]);
         }
@@ -94,10 +95,9 @@ pub(crate) fn missed_places(
     Ok(Missing::new(rule, worst).map(|missing| missing.to_string()))
 }
 
-/// A number with a decimal where it has one.
-fn tenths(value: f64) -> String {
-    let text = fixed(value, 1);
-    text.strip_suffix(".0").unwrap_or(&text).to_owned()
+/// A number with up to `decimals` decimals, as many as it has.
+fn trimmed(value: f64, decimals: usize) -> String {
+    fixed(value, decimals).trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// A bearing in degrees from -180 to 180, as tables have it; a rule may count from 0 to 360.
@@ -110,18 +110,19 @@ fn within_half_turn(bearing: f64) -> f64 {
     }
 }
 
-/// `2 to 5`, or `2` where both are written the same.
-fn range([from, to]: [f64; 2], unit: &str) -> String {
-    let [from, to] = [from, to].map(|value| format!("{}{unit}", tenths(value)));
+/// `2° to 5°`, or `2°` where both are written the same.
+fn range(bearings: [f64; 2]) -> String {
+    let [from, to] = bearings.map(|bearing| format!("{}°", trimmed(bearing, 1)));
     if from == to { from } else { format!("{from} to {to}") }
 }
 
 impl std::fmt::Display for Missing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let at = range(self.distances, "");
+        let [near, far] = self.distances.map(|metres| trimmed(metres, 2));
+        let at = if near == far { near } else { format!("{near} to {far}") };
         let all = self.bearings.len();
         let between = |first: usize, count: usize| {
-            range([first, first + count - 1].map(|k| within_half_turn(self.bearings[k % all])), "°")
+            range([first, first + count - 1].map(|k| within_half_turn(self.bearings[k % all])))
         };
         let count = self.is_missing.iter().filter(|is_missing| **is_missing).count();
         if all == 1 {

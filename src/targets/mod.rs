@@ -12,12 +12,13 @@
 //! | `bodies` | the own bodies in every pose that they take, and scenes, for rules |
 //! | `card` | the range card, and blind sectors |
 //! | `confirm` | places of a rule on targets, and a closer look at them |
+//! | `ground` | ground of a scene below a place, and whether a target has room there |
 //! | `missing` | places of a rule that are not met, in words |
-//! | `places` | where in a scene a target can stand |
 //! | `plan` | the own body from above: places that it takes |
 //! | `reach` | rules on targets and ground that no rig on some poses meets, or that no place or cell counts for |
 //! | `relief` | ground of a scene that is not level |
 //! | `rules` | rules on targets, near ground and overlap, and how far they are met |
+//! | `sight` | beams of LiDARs at the places of rules and of a car all round |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
 mod apart;
@@ -25,23 +26,24 @@ mod beams;
 mod bodies;
 mod card;
 mod confirm;
+mod ground;
 mod missing;
-mod places;
 mod plan;
 mod reach;
 mod relief;
 mod rules;
+mod sight;
 mod table;
 
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub(crate) use bodies::BodyPoses;
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
 pub(crate) use confirm::confirm;
+pub use ground::GroundBelow;
 pub(crate) use missing::missed_places;
-pub use places::{CAR_WEIGHT, GroundBelow, Sight, SightBeams};
 pub(crate) use reach::{MountPoses, OutOfReach, check_counting};
 pub(crate) use relief::Relief;
-pub use rules::RuleMet;
+pub use sight::{CAR_WEIGHT, Sight, SightBeams};
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
 
 #[cfg(test)]

@@ -68,6 +68,12 @@ impl BodyPlan {
         Self { triangles, bounds }
     }
 
+    /// Own bodies of a scene's frame; their triangles have the numbers from `own` on.
+    pub(super) fn in_frame(geometry: &Frame, own: usize) -> Frame {
+        let instances = geometry.instances().iter();
+        Frame::new(instances.filter(|instance| instance.first_prim as usize >= own).cloned())
+    }
+
     /// True if a target at a position stands in the body: its box in plan meets a triangle that reaches above its bottom.
     pub(super) fn holds(&self, target: &Target, [x, y, z]: [f64; 3]) -> bool {
         let corner = |at: [f64; 3]| DVec2::new(x + at[0], y + at[1]);

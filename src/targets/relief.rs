@@ -1,7 +1,7 @@
 //! Ground of a scene that is not as level as targets of requirements and range cards take it to be.
 
 use super::card::{SECTOR_RANGE, card_targets, position};
-use super::places::GroundBelow;
+use super::ground::GroundBelow;
 use crate::problem::{Problem, spread};
 
 /// Metres by which ground may lie above or below z = 0.

@@ -4,11 +4,12 @@ use std::ops::Range;
 
 use super::beams::LookingOut;
 use super::bodies::{mean, together, worst_frame};
+use super::confirm::place_count;
 use super::missing::Missing;
-use super::places::{Sight, SightBeams};
+use super::sight::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
-use crate::score::{SEEN, WorstFrame};
+use crate::score::{Lost, RulePlaces, SEEN, Seen, WorstFrame};
 use crate::vehicle::{GroundAsked, GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
@@ -58,6 +59,14 @@ impl Rule {
         }
     }
 
+    /// Places of a target, over its sites.
+    fn places(&self) -> Option<RulePlaces> {
+        let Self::Target(rule, sites) = self else { return None };
+        let judged: usize = sites.iter().map(Range::len).sum();
+        let left_out = (sites.len() * place_count(rule)).saturating_sub(judged);
+        Some(RulePlaces { judged, left_out, on_scene: rule.on_scene })
+    }
+
     pub(super) fn without_any_one(&self) -> bool {
         match self {
             Self::Target(rule, _) => rule.without_any_one,
@@ -72,32 +81,6 @@ struct Looked<'a> {
     each: &'a [&'a SightBeams],
     /// Overlap of pairs in each scene; empty where no rule asks for it.
     overlaps: Vec<Shares>,
-}
-
-/// A rule, and the share of its places or ground that is met.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RuleMet<'a> {
-    /// Name of the rule.
-    pub name: &'a str,
-    /// Share that is required.
-    pub least: f64,
-    /// Target: share of its places at which enough beams meet it, in the worst pose of the own bodies, or on the surface
-    /// of scenes a mean.
-    /// Other rules: share of the ground that is seen, or the largest overlap at which pairs connect all LiDARs, each a
-    /// mean over scenes. For a rule that must hold without any one LiDAR, the least share over the LiDARs left out.
-    pub share: f64,
-    /// The word for it: `seen` or `shared`.
-    pub done: &'static str,
-    /// LiDAR whose loss leaves least, of a rule that must hold without any one; `None` where every loss of several leaves as
-    /// much.
-    pub without: Option<usize>,
-    /// Share with every LiDAR, of a rule that must hold without any one.
-    pub intact: Option<f64>,
-    /// Missing places or ground, in words; `None` where the rule is met.
-    pub missing: Option<String>,
-    /// Frame in which bodies that move leave least: of the ground, in the scene with the least where they move, or of a
-    /// target, the first frame of that pose.
-    pub worst_frame: Option<WorstFrame>,
 }
 
 impl Sight {
@@ -384,21 +367,39 @@ impl Sight {
         self.rules.iter().map(|rule| matches!(rule, Rule::Target(..))).collect()
     }
 
-    /// Every rule with its share, for the beams of each LiDAR.
-    pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<RuleMet<'_>> {
+    /// Every rule with its share, for the beams of each LiDAR; mounts have no names.
+    ///
+    /// The share of a target is the share of its places at which enough beams meet it, in the worst pose of the own bodies,
+    /// or on the surface of scenes a mean. Other rules: the share of the ground that is seen, or the largest overlap at which
+    /// pairs connect all LiDARs, each a mean over scenes. For a rule that must hold without any one LiDAR it is the least
+    /// share over the LiDARs left out.
+    pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<Seen> {
         let looked = self.looked(each);
         let mut all = Vec::new();
         for rule in &self.rules {
-            let (share, without) = self.least(&looked, rule);
-            let (name, least) = (rule.name(), rule.least());
-            let done = rule.done();
+            let (share, worst) = self.least(&looked, rule);
+            let least = rule.least();
             let missing =
-                (share < least).then(|| self.missing_in_words(&looked, without, rule)).flatten();
-            let intact = rule.without_any_one().then(|| self.met_share(&looked, None, rule));
-            let worst_frame = self.worst_frame(&looked, without, rule);
-            let without = without.filter(|_| self.has_worst(&looked, share, rule));
-            let met = RuleMet { name, least, share, done, without, intact, missing, worst_frame };
-            all.push(met);
+                (share < least).then(|| self.missing_in_words(&looked, worst, rule)).flatten();
+            let worst_frame = self.worst_frame(&looked, worst, rule);
+            let lost = rule.without_any_one().then(|| {
+                let intact = self.met_share(&looked, None, rule);
+                let worst = worst.filter(|_| self.has_worst(&looked, share, rule));
+                Lost { intact, worst, mount: None }
+            });
+            let (name, done, places) = (rule.name().to_owned(), rule.done(), rule.places());
+            let holds_in = None;
+            all.push(Seen {
+                name,
+                share,
+                done,
+                least,
+                missing,
+                holds_in,
+                lost,
+                worst_frame,
+                places,
+            });
         }
         all
     }

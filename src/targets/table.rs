@@ -4,10 +4,11 @@ use serde::Serialize;
 
 use super::beams::{PlacedTarget, TargetSite};
 use super::card::{position, runs};
-use super::places::GroundBelow;
+use super::ground::GroundBelow;
+use super::plan::BodyPlan;
 use crate::engine::{Backend, BackendError};
 use crate::maths;
-use crate::problem::{Problem, SensorBatch};
+use crate::problem::{Frame, Problem, SensorBatch};
 use crate::scene::Target;
 use crate::vehicle::{Placement, SensorPose, Sensors, UnknownSensor};
 
@@ -95,6 +96,8 @@ struct InFrame<'a> {
     number: Option<usize>,
     /// By place; `None` where there is no free ground.
     standing: Vec<Option<PlacedTarget<'a>>>,
+    /// By place: true where the target overlaps the own bodies as they stand in the frame.
+    overlaps: Vec<bool>,
     beams: Vec<Vec<u32>>,
 }
 
@@ -158,8 +161,10 @@ impl TargetQuestion {
     ) -> Result<TargetTable, UnknownSensor> {
         let there = self.on_level();
         let standing = there.iter().copied().map(Some).collect();
+        let overlaps = there.iter().map(|PlacedTarget { target, at }| !site.has_room(target, *at));
+        let overlaps = overlaps.collect();
         let beams = site.beams_by_lidar(&placement.lidars, &there)?;
-        Ok(self.table(site, placement, &[InFrame { number: None, standing, beams }]))
+        Ok(self.table(placement, &[InFrame { number: None, standing, overlaps, beams }]))
     }
 
     /// The table of a placement in a scene: in each of some frames each target stands alone on the ground below its
@@ -176,40 +181,51 @@ impl TargetQuestion {
     ) -> Result<TargetTable, BackendError> {
         let batch = SensorBatch::new(problem, &placement.lidars, None)?;
         let mut frames = Vec::new();
+        let own = problem.overlap_required().own;
+        let mut plan: Option<(Frame, BodyPlan)> = None;
         for frame in 0..problem.frame_count() {
             let hits = engine.hits(&placement.lidars, frame)?;
             let hits: Vec<_> = (0..batch.len()).map(|k| &hits[batch.beams_of(k)]).collect();
             let geometry = problem.geometry(frame);
             let geometry = geometry.map(|geometry| (geometry, ground.wheels(geometry)));
-            let standing = self.places().map(|(target, bearing, distance)| {
-                let [x, y, _] = position(distance, bearing);
-                let (geometry, wheels) = geometry.as_ref()?;
-                let at = [x, y, ground.height(geometry, wheels, target, [x, y])?];
-                Some(PlacedTarget { target, at })
-            });
-            let standing: Vec<Option<PlacedTarget<'_>>> = standing.collect();
+            let bodies = geometry.as_ref().map(|(geometry, _)| BodyPlan::in_frame(geometry, own));
+            let bodies = bodies.unwrap_or_default();
+            // Bodies that stand as in the frame before have its plan.
+            let known = plan.take().filter(|(known, _)| *known == bodies);
+            let (_, plan) = &*plan.insert(known.unwrap_or_else(|| {
+                let plan = BodyPlan::of(&bodies);
+                (bodies, plan)
+            }));
+            let stand = |(target, bearing, distance)| {
+                let level = position(distance, bearing);
+                let height = geometry.as_ref().and_then(|(geometry, wheels)| {
+                    ground.height(geometry, wheels, target, [level[0], level[1]])
+                });
+                let at = height.map(|height| [level[0], level[1], height]);
+                let overlaps = plan.holds(target, at.unwrap_or(level));
+                (at.map(|at| PlacedTarget { target, at }), overlaps)
+            };
+            let (standing, overlaps): (Vec<_>, Vec<_>) = self.places().map(stand).unzip();
             let there: Vec<PlacedTarget<'_>> = standing.iter().flatten().copied().collect();
             let poses = batch.ego_from_sensors(frame);
             let beams = site.beams_in_scene(&placement.lidars, &poses, &hits, &there)?;
-            frames.push(InFrame { number: Some(problem.number_of(frame)), standing, beams });
+            let number = Some(problem.number_of(frame));
+            frames.push(InFrame { number, standing, overlaps, beams });
         }
-        Ok(self.table(site, placement, &frames))
+        Ok(self.table(placement, &frames))
     }
 
-    fn table(
-        &self,
-        site: &TargetSite,
-        placement: &Placement,
-        frames: &[InFrame<'_>],
-    ) -> TargetTable {
+    fn table(&self, placement: &Placement, frames: &[InFrame<'_>]) -> TargetTable {
         let mut table = TargetTable::default();
         let mut by_frame: Vec<_> = frames.iter().map(|of| of.beams.iter()).collect();
         let mut detected = Vec::new();
         for (place, (target, bearing, distance)) in self.places().enumerate() {
             // Frames in which the target can stand, and in which enough beams meet it.
             let [mut stands, mut met] = [0, 0];
-            let overlaps = !site.has_room(target, position(distance, bearing));
-            for (InFrame { number, standing, .. }, beams) in frames.iter().zip(&mut by_frame) {
+            for (InFrame { number, standing, overlaps, .. }, beams) in
+                frames.iter().zip(&mut by_frame)
+            {
+                let overlaps = overlaps[place];
                 let by_lidar = standing[place].and_then(|_| beams.next());
                 let beams = by_lidar.map(|by_lidar| by_lidar.iter().sum::<u32>());
                 let counts = beams.filter(|_| !overlaps);

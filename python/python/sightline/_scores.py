@@ -179,8 +179,9 @@ class Scores(Mapping[str, Column]):
         """A dict by requirement of the vehicle; empty where it has none.
 
         ``required`` is a share, ``found`` and ``met`` are ``[N]``. For up to 64 placements there are also ``holds_in`` and
-        ``intact`` ``[N]``, ``NaN`` where not known, and lists of ``missing``, words, ``worst_without``, a number of a
-        LiDAR, and ``worst_frame``, ``frame`` and ``share`` where bodies move; ``None`` where there is none.
+        ``intact`` ``[N]``, ``NaN`` where not known. Lists have ``None`` where there is none: ``missing``, words;
+        ``worst_without``, a number of a LiDAR; ``worst_frame``, ``frame`` and ``share`` where bodies move; ``places`` of a
+        target, ``judged`` and ``left_out``.
         """
         found = {name: self[f"seen.{name}"] for name in self.least}
         asked: dict[str, dict[str, Any]] = {
@@ -191,7 +192,7 @@ class Scores(Mapping[str, Column]):
             told = [next((rule for rule in rules if rule["name"] == name), {}) for rules in self.required]
             for key in ("holds_in", "intact"):
                 row[key] = np.array([rule.get(key, np.nan) for rule in told], dtype=np.float64)
-            for key in ("missing", "worst_without", "worst_frame"):
+            for key in ("missing", "worst_without", "worst_frame", "places"):
                 row[key] = [rule.get(key) for rule in told]
         return asked
 

@@ -78,9 +78,7 @@ impl HandoverRig {
         };
         let Handed { mut placement, text, scene, about, warnings, of_run } =
             Handed::new(request, text, scenes, computing)?;
-        let job = Job::new(scene.without_requirements())
-            .geometry_alone()
-            .one_frame(request.frame as usize);
+        let job = Job::new(scene).geometry_alone().one_frame(request.frame as usize);
         let job = job.engine(computing.engine.clone());
         let mut loaded = Loaded { job, times: LoadTimes::default() };
         let mut evaluator = loaded.evaluator(computing)?;
@@ -301,7 +299,7 @@ fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> 
     if scene.vehicle().require_order.is_empty() {
         return warnings;
     }
-    let job = Job::new(scene.clone()).geometry_alone().engine(computing.engine.clone());
+    let job = Job::new(scene.clone()).without_psogs().engine(computing.engine.clone());
     match job.score(std::slice::from_ref(&placement)) {
         Ok(judged) => {
             let scores = judged.iter().map(|judged| &judged.scores);

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::job::Tolerance;
 use crate::runs::RunError;
 use crate::runs::inputs::{PLACEMENTS, RESULT, best_of, file_and_name, result_of};
-use crate::score::{BLIND_SECTOR, Lost, SEEN, Seen, WorstFrame};
+use crate::score::{BLIND_SECTOR, Lost, RulePlaces, SEEN, Seen, WorstFrame};
 
 /// Most placements of a front that an error names.
 const MOST_NAMED: usize = 24;
@@ -136,6 +136,7 @@ fn seen(of: &Value) -> Seen {
         holds_in: number("holds_in"),
         lost: number("intact").map(|intact| Lost { intact, worst, mount: None }),
         worst_frame: WorstFrame::deserialize(&of["worst_frame"]).ok(),
+        places: RulePlaces::deserialize(&of["places"]).ok(),
     }
 }
 

@@ -23,7 +23,7 @@ mod variables;
 mod vehicle_file;
 
 pub use self::rules::{
-    ANY_LOST, FARTHEST_GROUND, GroundAsked, GroundRule, OverlapRule, Side, TargetRule,
+    ANY_LOST, FARTHEST_GROUND, GroundAsked, GroundRule, ON_SCENE, OverlapRule, Side, TargetRule,
 };
 pub use constraints::{Constraints, OtherModel, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};

@@ -14,6 +14,8 @@ pub const FARTHEST_GROUND: f64 = 10.0;
 
 /// End of the name of a rule that must hold whichever one LiDAR is lost.
 pub const ANY_LOST: &str = ", any one LiDAR lost";
+/// Words on a target that stands on the ground of scenes.
+pub const ON_SCENE: &str = ", on the ground of the scene";
 
 /// Name of a rule that gives itself none.
 fn default_name(rule: String, without_any_one: bool) -> String {
@@ -249,7 +251,7 @@ impl TargetRule {
             beams => format!(", {beams} beams"),
         };
         let around = around(required.bearing);
-        let ground = if on_scene { ", on the ground of the scene" } else { "" };
+        let ground = if on_scene { ON_SCENE } else { "" };
         let returning = if required.response { RETURNING } else { "" };
         let default = format!("{} {range} m{around}{needed}{returning}{ground}", target.name);
         let name = required.named(at, default_name(default, required.without_any_one))?;
