@@ -143,6 +143,12 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     let args = "optimize street.json --fewest --max-seconds 0.01 --backend cpu --out late";
     let (_, [_, told]) = ran(&dir, args);
     assert!(told.contains("rigs of more than 1 sensor were not tried"), "{told}");
+    let found = fs::read_to_string(dir.path().join("late/result.json")).unwrap();
+    let verdict = serde_json::from_str::<Value>(&found).unwrap()["verdict"].clone();
+    assert!(
+        verdict.as_str().unwrap().contains(" Not tried: rigs of more than 1 sensor."),
+        "{verdict}"
+    );
     // No more sensors are tried than the budget pays for.
     let args = "optimize street.json --fewest --budget 2 --backend cpu --evaluations 16 --out poor";
     let (_, [_, told]) = ran(&dir, args);

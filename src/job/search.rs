@@ -228,7 +228,9 @@ impl JobRun<'_> {
         let equipment = equipment.map(|equipment| self.vehicle.constraints(equipment));
         self.suite =
             equipment.map_or_else(|| self.suite.clone(), |of| self.suite.with_equipment(&of));
+        let untried = state.fewest.as_ref().map(Fewest::untried);
         (self.state, self.run) = (state, Some(run));
+        outcome.untried = stopped.and(untried);
         outcome.stopped = stopped.unwrap_or(outcome.stopped);
         self.done(outcome, observer).map(Some)
     }
@@ -244,7 +246,11 @@ impl JobRun<'_> {
 
     /// The result, or `None` where the search begins anew with one sensor more: the fewest are wanted, the placements found do
     /// not meet the requirements, and the search has come to its own end.
-    fn met_or_last(&mut self, outcome: Outcome, observer: &mut dyn Observer) -> Option<Outcome> {
+    fn met_or_last(
+        &mut self,
+        mut outcome: Outcome,
+        observer: &mut dyn Observer,
+    ) -> Option<Outcome> {
         let Some(fewest) = &self.state.fewest else { return Some(outcome) };
         let allowed = fewest.limits.sensors;
         let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
@@ -253,8 +259,9 @@ impl JobRun<'_> {
             return Some(outcome);
         }
         if is_over {
-            let words = format!("rigs of more than {} were not tried", counted(allowed, "sensor"));
-            observer.on(&Event::Note(&words));
+            let untried = fewest.untried();
+            observer.on(&Event::Note(&format!("{untried} were not tried")));
+            outcome.untried = Some(untried);
             return Some(outcome);
         }
         let words = format!(

@@ -93,10 +93,12 @@ fn fewer_in_words(best: &Scored, baselines: &[Scored], settings: &Value) -> Opti
         return None;
     }
     let firm = |of: &&Scored| of.is_honest() && of.scores.holds_on_paper().is_none();
-    let mut priced =
-        baselines.iter().filter(firm).filter_map(|of| Some((of, of.price?, best.price?)));
-    if let Some((of, price, ours)) = priced.find(|(_, price, ours)| price < ours) {
-        let [price, ours] = [price, ours].map(|price| rounded(price, 2));
+    let priced = baselines.iter().filter(firm).filter_map(|of| Some((of, of.price?, best.price?)));
+    let cheaper = priced.filter(|(_, price, ours)| price < ours);
+    if let Some((of, price, ours)) = cheaper.min_by(|(_, a, _), (_, b, _)| a.total_cmp(b)) {
+        // Rounded up: the budget pays for the rig. Floating point leaves less than a millionth.
+        let price = rounded((100.0 * price - 1e-6).ceil() / 100.0, 2);
+        let ours = rounded(ours, 2);
         return Some(format!(
             "`{}` meets all requirements for {price} in place of {ours}; `--budget {price}` looks for the best rig at that \
              price.",
@@ -193,6 +195,12 @@ mod tests {
         let words = "`by-hand` meets all requirements for 800 in place of 900; `--budget 800` looks for the best rig at that \
                      price.";
         assert_eq!(told(rig("by-hand", 1.0, 800.0)).as_deref(), Some(words));
+        // The cheapest counts, and a budget in cents pays for it.
+        let two = [rig("dear", 1.0, 850.0), rig("cheap", 1.0, 0.1 + 0.2), rig("odd", 1.0, 799.991)];
+        for (baselines, price) in [(&two[..], "0.3"), (&two[2..], "800")] {
+            let words = fewer_in_words(&best, baselines, &chosen).unwrap();
+            assert!(words.contains(&format!("`--budget {price}` looks for")), "{words}");
+        }
         let mut on_paper = rig("by-hand", 1.0, 800.0);
         on_paper.scores.requirements_hold_in = Some(0.8);
         assert_eq!(told(on_paper), None);

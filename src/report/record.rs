@@ -102,6 +102,9 @@ pub struct RunRecord {
     pub confirmed_frames: usize,
     /// Why the search ended: a name, and after a colon its meaning.
     pub stopped: String,
+    /// Rigs that `--fewest` did not try for want of time, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub untried: Option<String>,
     /// Instances of the CMA-ES that ended before it, and why, in words.
     pub ended: Vec<String>,
     /// Layouts of `--inject` that were not used.
@@ -279,6 +282,7 @@ impl RunRecord {
             frames: run.suite.frame_count(),
             confirmed_frames: outcome.confirmed_frames,
             stopped,
+            untried: outcome.untried,
             ended: outcome.ended,
             left_out: outcome.left_out,
             equipment: run.equipment,

@@ -25,7 +25,10 @@ use sightline_files::json::counted;
 pub(crate) fn run_verdict(run: &RunRecord) -> String {
     let near = run.near_field.as_ref().map(|near| unseen_in_words(&near.near)).unwrap_or_default();
     let of_run = OfRun { price: price_in_words(&run.settings), near };
-    verdict_at(&of_run, run.best.as_ref(), &run.baselines, &run.objective)
+    let verdict = verdict_at(&of_run, run.best.as_ref(), &run.baselines, &run.objective);
+    let Some(untried) = &run.untried else { return verdict };
+    let (sentences, list) = verdict.split_at(verdict.find('\n').unwrap_or(verdict.len()));
+    format!("{sentences} Not tried: {untried}.{list}")
 }
 
 /// Parts of a verdict that only a run has; either may be empty.

@@ -239,6 +239,8 @@ pub struct Outcome {
     pub active_bounds: Vec<String>,
     /// Why it ended.
     pub stopped: Stopped,
+    /// Rigs that `--fewest` did not try for want of time, in words.
+    pub untried: Option<String>,
     /// `cpu` or `gpu`.
     pub backend: String,
     /// Device as reported.

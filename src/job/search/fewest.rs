@@ -40,6 +40,11 @@ impl Fewest {
         Self { limits, held: None, searched: Vec::new() }
     }
 
+    /// Rigs of more sensors than the choice under way allows, in words.
+    pub(super) fn untried(&self) -> String {
+        format!("rigs of more than {}", counted(self.limits.sensors, "sensor"))
+    }
+
     /// True for sensors whose placements were searched, in whatever order.
     pub(super) fn was_searched(&self, equipment: &Equipment) -> bool {
         let sorted = |equipment: &Equipment| {

@@ -107,6 +107,7 @@ impl Run {
             ended: self.ended_in_words(),
             left_out: self.left_out(),
             stopped: self.stopped(watch),
+            untried: None,
             backend: engine.map_or_else(String::new, |engine| engine.name().to_owned()),
             adapter: engine.map_or_else(String::new, |engine| engine.adapter().to_owned()),
             backend_changes,
