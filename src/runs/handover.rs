@@ -347,9 +347,13 @@ fn text<'a>(
 /// A sentence or a command in which absolute paths are names alone: whoever gets the folder has other folders.
 fn without_folders(words: &str) -> String {
     let named = |word: &str| {
-        let path = Path::new(word);
-        let name = path.file_name().filter(|_| path.is_absolute());
-        name.map_or_else(|| word.to_owned(), |name| name.to_string_lossy().into_owned())
+        // An option's value, and paths in brackets or quotes.
+        let (before, path) = word.split_at(word.find('/').unwrap_or(0));
+        let begins = before.is_empty() || before.ends_with(['=', '(', '[', '`', '"', ',']);
+        let (before, path) = if begins { (before, path) } else { ("", word) };
+        let name = Path::new(path).file_name().filter(|_| Path::new(path).is_absolute());
+        let name = name.map_or_else(|| path.into(), |name| name.to_string_lossy());
+        format!("{before}{name}")
     };
     // Paths with spaces stand between quotes.
     let part = |(k, part): (usize, &str)| match k % 2 == 1 && Path::new(part).is_absolute() {
@@ -368,6 +372,9 @@ mod tests {
     fn paths_of_this_machine_are_names_alone() {
         let command = "sightline optimize '/a b/c d.json' --vehicle /e/van.json --seed 1 out/run";
         let words = "sightline optimize 'c d.json' --vehicle van.json --seed 1 out/run";
+        assert_eq!(without_folders(command), words);
+        let command = "sightline score --vehicle=/e/van.json (see `/e/f.json` or /g)";
+        let words = "sightline score --vehicle=van.json (see `f.json` or g)";
         assert_eq!(without_folders(command), words);
         let note = "/e/van.json: beams a/b, 3 / 4 of the vehicle's; see /e/f/wheel.obj.";
         let words = "van.json: beams a/b, 3 / 4 of the vehicle's; see wheel.obj.";

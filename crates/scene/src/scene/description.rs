@@ -31,6 +31,7 @@ described! {
         /// Sensors, mounts and body, or the name of a vehicle file.
         pub vehicle: Option<VehicleSource>,
         /// `first-hit` or `through`.
+        #[cfg_attr(feature = "schema", schemars(extend("enum" = ["first-hit", "through", ()])))]
         pub coverage: Option<String>,
         /// Class names; the position is the class id.
         pub classes: Option<Vec<String>>,
@@ -96,6 +97,7 @@ described! {
         /// Name, a note.
         pub name: Option<String>,
         /// `car`, `van`, `truck`, `bus`, `trailer`, `construction`, `motorcycle`, `bicycle`, `pedestrian`, `animal` or `other`.
+        #[cfg_attr(feature = "schema", schemars(extend("enum" = ["car", "van", "truck", "bus", "trailer", "construction", "motorcycle", "bicycle", "pedestrian", "animal", "other", ()])))]
         pub kind: Option<String>,
         /// Share of light, 0 to 1, that all of it reflects.
         pub reflectance: Option<f64>,
@@ -262,6 +264,7 @@ described! {
         /// URDF file.
         pub file: String,
         /// `visual` or `collision`.
+        #[cfg_attr(feature = "schema", schemars(extend("enum" = ["visual", "collision", ()])))]
         pub geometry: Option<String>,
         /// Folder of the packages that the file names.
         pub packages: Option<String>,

@@ -117,6 +117,7 @@ described! {
         /// Metres within which echoes are one.
         pub pulse: Option<f64>,
         /// `strongest`, `last` or `dual`.
+        #[cfg_attr(feature = "schema", schemars(extend("enum" = ["strongest", "last", "dual", ()])))]
         pub echoes: Option<String>,
         /// Least distance, metres.
         pub min_range: Option<f64>,
@@ -208,6 +209,7 @@ described! {
         /// Metres around the body in which ground must be seen; `scene` of a target that stands on the surface of each scene.
         pub ground: Option<GroundDescription>,
         /// `ahead`, `behind`, `left` or `right`.
+        #[cfg_attr(feature = "schema", schemars(extend("enum" = ["ahead", "behind", "left", "right", ()])))]
         pub blind_zone: Option<String>,
         /// Most metres that the blind zone reaches.
         pub depth: Option<f64>,
@@ -273,6 +275,7 @@ pub(crate) struct VehicleDescription<B, M> {
 pub(crate) enum PhaseDescription {
     Angle(f64),
     Range([f64; 2]),
+    #[cfg_attr(feature = "schema", schemars(extend("enum" = ["free"])))]
     Word(String),
 }
 
@@ -281,6 +284,7 @@ pub(crate) enum PhaseDescription {
 #[serde(untagged, expecting = "expected metres from the own body, or \"scene\" of a target")]
 pub(crate) enum GroundDescription {
     Within(f64),
+    #[cfg_attr(feature = "schema", schemars(extend("enum" = ["scene"])))]
     Word(String),
 }
 
