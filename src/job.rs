@@ -420,10 +420,9 @@ impl Job {
         for Judged { scores, by_scene, .. } in judged.iter_mut() {
             for scene in by_scene {
                 for (seen, of) in scene.scores.required.iter_mut().zip(&scores.required) {
-                    seen.missing.clone_from(&of.missing);
-                    if rules.iter().any(|rule| rule.name == seen.name) {
-                        (seen.share, seen.worst_frame) = (of.share, of.worst_frame);
-                        seen.lost.clone_from(&of.lost);
+                    // On level ground every scene is the same; elsewhere each has its own share.
+                    if rules.iter().any(|rule| rule.name == seen.name && !rule.on_scene) {
+                        seen.clone_from(of);
                     }
                 }
             }

@@ -110,6 +110,7 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
     parked(dir.path(), CAR, &car(40.0, "scene"));
     let told = fails(&dir, &SCORE);
     assert!(told.contains("box.json: require[1]: no place of `car` is free"), "{told}");
+    assert!(told.contains(": there is no ground below any of its 48 places; change"), "{told}");
     // Beams and other targets are looked at whether or not the scene can judge the requirement.
     for command in
         ["cast road.json p.json", "study targets road.json p.json --target car --distances 8"]

@@ -228,35 +228,70 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
     assert!(told.contains("targets of the range card stand on level ground, "), "{told}");
 }
 
-#[test]
-fn a_target_on_the_ground_of_a_scene_is_looked_at_there_by_every_command() {
-    let dir = TempDir::new().unwrap();
-    // The nose points 0.05 rad down: 30 m ahead the ground rises 1.5 m, and few beams meet the car on it.
+/// Scenes on a road that the nose points to by an angle, with a rig `a` in `p.json`. Its vehicle must meet a car on level
+/// ground, one on the ground of the scene, and the given rules.
+fn on_slopes(dir: &Path, scenes: [(&str, f64); 2], more: &[Value]) {
     let car = |name: &str| {
         json!({ "name": name, "target": "car", "from": 30, "within": 30, "bearing": [0, 0],
         "beams": 30, "share": 1 })
     };
     let mut slope = car("slope");
     slope["ground"] = json!("scene");
+    let require: Vec<Value> =
+        [car("flat"), slope].into_iter().chain(more.iter().cloned()).collect();
     let cart = json!({ "sightline": 1, "name": "cart",
         "body": [{ "class": "vehicle", "box": { "min": [-1, -0.5, 0.3], "max": [1, 0.5, 1.2] } }],
         "sensors": [{ "name": "m", "price": 3, "phase": 0,
             "lidar": { "channels": 21, "fov": [-10, 0], "azimuth_steps": 720, "range": 100 } }],
         "mounts": [{ "name": "roof", "min": [0, 0, 1.8], "max": [0, 0, 1.8], "count": [0, 1], "sensors": ["m"] }],
-        "require": [car("flat"), slope] });
-    fs::write(dir.path().join("cart.json"), cart.to_string()).unwrap();
-    for name in ["hill", "again"] {
+        "require": require });
+    write(dir, "cart.json", &cart);
+    for (name, pitch) in scenes {
         let scene = json!({ "sightline": 1, "name": name, "vehicle": "cart.json", "coverage": "first-hit",
             "roi": { "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] },
             "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } }],
-            "ego": { "poses": [{ "x": 0, "y": 0, "z": 0, "pitch": 0.05 }, { "x": 2, "y": 0, "z": 0, "pitch": 0.05 }] },
+            "ego": { "poses": [{ "x": 0, "y": 0, "z": 0, "pitch": pitch }, { "x": 2, "y": 0, "z": 0, "pitch": pitch }] },
             "actors": [{ "name": "crate", "kind": "car",
                 "parts": [{ "class": "vehicle", "box": { "min": [-1, -1, 0], "max": [1, 1, 2] } }],
                 "poses": [{ "x": 8, "y": 4 }, { "x": 10, "y": 4 }] }] });
-        fs::write(dir.path().join(format!("{name}.json")), scene.to_string()).unwrap();
+        write(dir, &format!("{name}.json"), &scene);
     }
     let rigs = json!({ "placements": [{ "name": "a", "lidars": [{ "x": 0, "y": 0, "z": 1.8, "sensor": "m" }] }] });
-    fs::write(dir.path().join("p.json"), rigs.to_string()).unwrap();
+    write(dir, "p.json", &rigs);
+}
+
+#[test]
+fn each_scene_has_its_own_share_of_a_requirement_and_all_have_the_mean() {
+    let dir = TempDir::new().unwrap();
+    let rules = [
+        json!({ "ground": 10, "share": 0.01, "without_any_one": true }),
+        json!({ "ground": 8, "share": 0.9 }),
+    ];
+    on_slopes(dir.path(), [("hill", 0.05), ("plain", 0.0)], &rules);
+    let found = |scores: &Value| -> Vec<f64> {
+        let rules = scores["requirements"].as_array().unwrap();
+        rules.iter().map(|rule| rule["found"].as_f64().unwrap()).collect()
+    };
+    let (_, [both, _]) = ran(&dir, "score hill.json plain.json p.json --backend cpu --format json");
+    let both: Value = serde_json::from_str(&both).unwrap();
+    let each = ["hill", "plain"].map(|name| {
+        let (_, [alone, _]) =
+            ran(&dir, &format!("score {name}.json p.json --backend cpu --format json"));
+        found(&serde_json::from_str::<Value>(&alone).unwrap()["scores"][0])
+    });
+    assert_eq!([0, 1].map(|k| found(&both["scenes"][k]["scores"][0])), each);
+    assert_eq!((each[0][1], each[1][1]), (0.0, 1.0), "the car on the slope");
+    assert!(each[0][3] != each[1][3], "{each:?}");
+    for (rule, mean) in found(&both["mean"][0]).into_iter().enumerate() {
+        assert!((mean - (each[0][rule] + each[1][rule]) / 2.0).abs() < 1e-12, "{rule}");
+    }
+}
+
+#[test]
+fn a_target_on_the_ground_of_a_scene_is_looked_at_there_by_every_command() {
+    let dir = TempDir::new().unwrap();
+    // The nose points 0.05 rad down: 30 m ahead the ground rises 1.5 m, and few beams meet the car on it.
+    on_slopes(dir.path(), [("hill", 0.05), ("again", 0.05)], &[]);
     let optimize =
         |more: &str| format!("optimize hill.json --evaluations 4 --force --out o {more}");
     let [missed, none] = [

@@ -19,7 +19,7 @@ impl Job {
                 continue;
             };
             let (name, rules) = (scene.scene().name(), problem.target_rules());
-            let of = match rules.is_empty() || rules.iter().any(|rule| !rule.on_scene) {
+            let of = match rules.iter().any(|rule| !rule.on_scene) {
                 true => "requirements and range card",
                 false => "the range card",
             };

@@ -46,12 +46,18 @@ struct Met {
     /// Share of beams on a car that are missing, if a search looks.
     car_missing: Option<f64>,
     seen: Vec<Seen>,
+    /// `[scenes][rules]`; empty where there is one scene.
+    by_scene: Vec<Vec<Seen>>,
     /// LiDARs, among those looked at, that a rule needs in case another one is lost.
     needed: Vec<usize>,
 }
 
 /// Looks at a placement, and whether a rule needs some of its LiDARs that gain little.
-fn met(sight: &Sight, placement: &Placement, idle: &[usize]) -> Result<Met, UnknownSensor> {
+fn met(
+    sight: &Sight,
+    (placement, scenes): (&Placement, usize),
+    idle: &[usize],
+) -> Result<Met, UnknownSensor> {
     let each = placement.lidars.iter().map(|lidar| sight.beams(lidar));
     let each = each.collect::<Result<Vec<_>, _>>()?;
     let mut all = SightBeams::default();
@@ -62,7 +68,9 @@ fn met(sight: &Sight, placement: &Placement, idle: &[usize]) -> Result<Met, Unkn
     for lost in seen.iter_mut().filter_map(|seen| seen.lost.as_mut()) {
         lost.mount = lost.worst.and_then(|lidar| sight.mount_of(placement, lidar));
     }
-    Ok(Met { car_missing: sight.car_missing(&all), seen, needed })
+    let several = if scenes > 1 { scenes } else { 0 };
+    let by_scene = sight.in_each_scene(&each, &seen, several);
+    Ok(Met { car_missing: sight.car_missing(&all), seen, by_scene, needed })
 }
 
 fn scores_of(judged: Vec<Judged>) -> Vec<Scores> {
@@ -338,7 +346,7 @@ impl Evaluator {
             let mut idle: Vec<usize> = guards.filter_map(Guard::redundant_lidar).collect();
             idle.sort_unstable();
             idle.dedup();
-            sight.map(|sight| met(sight, placement, &idle)).transpose()
+            sight.map(|sight| met(sight, (placement, by_member.len()), &idle)).transpose()
         };
         let met = placements.par_iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
         let judged = |index: usize| {
@@ -356,13 +364,13 @@ impl Evaluator {
             let mut by_scene =
                 if scenes.len() > 1 { scenes.iter().map(of_scene).collect() } else { vec![] };
             let mut scores = Scores::over_scenes(&scenes);
-            if let Some(Met { car_missing, seen, needed }) = &met[index] {
+            if let Some(Met { car_missing, seen, by_scene: in_scenes, needed }) = &met[index] {
                 let is_idle = |guard: &Guard| {
                     guard.redundant_lidar().is_none_or(|lidar| !needed.contains(&lidar))
                 };
                 scores.car_missing = *car_missing;
                 let own = by_scene.iter_mut().map(|of: &mut SceneScores| &mut of.scores);
-                own.chain([&mut scores]).for_each(|of| {
+                own.zip(in_scenes).chain([(&mut scores, seen)]).for_each(|(of, seen)| {
                     of.guards.retain(is_idle);
                     of.required.extend(seen.iter().cloned());
                     self.problem().in_file_order(&mut of.required);

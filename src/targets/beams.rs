@@ -327,6 +327,13 @@ impl TargetSite {
         self.has_room(target, [x, side, height]).then_some([x, y, height])
     }
 
+    /// True if there is ground below a position, free or not; on level ground there always is.
+    pub(super) fn has_ground(&self, [x, y, _]: [f64; 3]) -> bool {
+        let side = if self.is_mirrored() { -y } else { y };
+        let Some(SiteSurface { ground, wheels, .. }) = self.surface.as_deref() else { return true };
+        ground.below(&self.body, wheels, [x, side]).0.is_some()
+    }
+
     /// True if a target at a position stands beside the own body or above it.
     pub fn has_room(&self, target: &Target, at: [f64; 3]) -> bool {
         !self.plan.holds(target, at)

@@ -66,9 +66,6 @@ impl GroundBelow {
     /// `None` where there is none within 30 m of the wheel plane, and 0.3 m more a metre from the origin. Also `None`
     /// where another surface is between the lowest and the highest point of the target, or the place is inside a closed
     /// thing.
-    ///
-    /// Where there are several grounds (a bridge over a road) the one nearest to the wheel plane counts. Grounds less
-    /// than a metre above each other are one, and the lowest of them counts.
     pub(super) fn height(
         &self,
         geometry: &Frame,
@@ -76,19 +73,34 @@ impl GroundBelow {
         target: &Target,
         [x, y]: [f64; 2],
     ) -> Option<f64> {
-        let (plane, reach) = (wheels.at([x, y]), (REACH + STEEPEST * maths::hypot(x, y)).ceil());
-        let from = DVec3::new(x, y, plane + reach);
-        let down = self.surfaces(geometry, from, [0.0, 0.0, -1.0], 2.0 * reach);
-        let heights = |of_ground: bool| {
-            let of_kind = down.iter().filter(move |(_, is_ground)| *is_ground == of_ground);
-            of_kind.map(|(metres, _)| from.z - metres)
-        };
-        let ground = nearest(&heights(true).collect::<Vec<_>>(), plane)?;
+        let (ground, others) = self.below(geometry, wheels, [x, y]);
+        let ground = ground?;
         let [low, high] = target.corners.map(|corner| ground + corner[2]);
-        let above: Vec<f64> = heights(false).filter(|&z| z >= low).collect();
+        let above: Vec<f64> = others.into_iter().filter(|&z| z >= low).collect();
         let is_free = above.iter().all(|&z| z > high)
             && (above.len() % 2 == 0 || !self.is_closed(geometry, [x, y, 0.5 * (low + high)]));
         is_free.then_some(ground)
+    }
+
+    /// Height of the ground under a point, free or not, and heights of the other surfaces under and over it.
+    ///
+    /// Where there are several grounds (a bridge over a road) the one nearest to the wheel plane counts. Grounds less
+    /// than a metre above each other are one, and the lowest of them counts.
+    pub(super) fn below(
+        &self,
+        geometry: &Frame,
+        wheels: &WheelPlane,
+        [x, y]: [f64; 2],
+    ) -> (Option<f64>, Vec<f64>) {
+        let (plane, reach) = (wheels.at([x, y]), (REACH + STEEPEST * maths::hypot(x, y)).ceil());
+        let from = DVec3::new(x, y, plane + reach);
+        let down = self.surfaces(geometry, from, [0.0, 0.0, -1.0], 2.0 * reach);
+        let (grounds, others): (Vec<_>, Vec<_>) =
+            down.into_iter().partition(|(_, is_ground)| *is_ground);
+        let [grounds, others] = [grounds, others].map(|found| -> Vec<f64> {
+            found.into_iter().map(|(metres, _)| from.z - metres).collect()
+        });
+        (nearest(&grounds, plane), others)
     }
 
     /// Surfaces along a line: metres from its start, and whether each is ground.

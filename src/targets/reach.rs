@@ -174,6 +174,18 @@ fn too_few_seats(name: &str, seats: usize, fewest: usize) -> OutOfReach {
     OutOfReach { words, beams: None, share: 0.0, is_measured: false }
 }
 
+/// Words on places of which none is free ground, of which some are bare of ground.
+fn not_free(places: usize, bare: usize) -> String {
+    let taken = "a thing or the own body stands at";
+    match bare {
+        0 => format!("{taken} each of its {places} places"),
+        _ if bare == places => format!("there is no ground below any of its {places} places"),
+        _ => format!(
+            "there is no ground below {bare} of its {places} places, and {taken} the others"
+        ),
+    }
+}
+
 /// Checks that every rule of a vehicle on targets and on the ground has something that counts, in the vehicle's problem.
 ///
 /// # Errors
@@ -193,7 +205,13 @@ pub(crate) fn check_counting(problem: &Problem, vehicle: &Vehicle) -> Result<(),
         if !sites.any(is_free) {
             let (index, name) = (index(require.len() + number), rule.name.clone());
             return Err(match rule.on_scene {
-                true => ProblemError::NoPlaceInScene { index, name },
+                true => {
+                    let sites = || bodies.iter().flat_map(|bodies| bodies.each(rule));
+                    let is_bare = |at: &&[f64; 3]| sites().all(|(site, _)| !site.has_ground(**at));
+                    let bare = places.iter().filter(is_bare).count();
+                    let why = not_free(places.len(), bare);
+                    ProblemError::NoPlaceInScene { index, name, why }
+                }
                 false => ProblemError::NoPlace { index, name },
             });
         }

@@ -10,7 +10,7 @@ use super::sight::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
 use crate::score::{Lost, RulePlaces, SEEN, Seen, WorstFrame};
-use crate::vehicle::{GroundAsked, GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
+use crate::vehicle::{GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
 const MARGIN: f64 = 0.01;
@@ -180,16 +180,62 @@ impl Sight {
         of_scene.collect()
     }
 
-    /// Share of a rule that is met; scenes without the ground that it asks for count as not seen.
-    fn met_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> f64 {
+    /// Shares of a rule that are met: of a target in each pose of the bodies or each scene with a place for it, of the others
+    /// in each scene. Scenes without the ground that it asks for count as not seen.
+    fn each_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> Vec<f64> {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
-            Rule::Target(rule, sites) => together(rule, self.by_site(&all(), sites).into_iter()),
-            Rule::Ground(_, number) => self.ground_share(&all(), *number),
+            Rule::Target(_, sites) => self.by_site(&all(), sites),
+            Rule::Ground(_, number) => {
+                let share = |(scene, bits): (&RequiredGround, &[u64])| {
+                    scene.share(*number, bits).share.unwrap_or(0.0)
+                };
+                self.ground_of(&all()).map(share).collect()
+            }
             Rule::Overlap(_) => {
-                mean(looked.overlaps.iter().map(|shares| connected_without(shares, lost)))
+                looked.overlaps.iter().map(|shares| connected_without(shares, lost)).collect()
             }
         }
+    }
+
+    /// Share of a rule that is met, from [`Self::each_share`].
+    fn met_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> f64 {
+        let each = self.each_share(looked, lost, rule).into_iter();
+        match rule {
+            Rule::Target(rule, _) => together(rule, each),
+            Rule::Ground(..) | Rule::Overlap(_) => mean(each),
+        }
+    }
+
+    /// Every rule as [`Self::rules_met`] has it, with the share of each scene in place of the mean: `[scenes][rules]`, by
+    /// the same worst loss. Targets on level ground, and in a scene without a place for them, stay as they are.
+    pub(crate) fn in_each_scene(
+        &self,
+        each: &[&SightBeams],
+        met: &[Seen],
+        scenes: usize,
+    ) -> Vec<Vec<Seen>> {
+        let (looked, mut by_scene) = (self.looked(each), vec![met.to_vec(); scenes]);
+        for (number, (rule, met)) in self.rules.iter().zip(met).enumerate() {
+            let worst = met.lost.as_ref().map(|lost| lost.worst.unwrap_or(0));
+            let shares = self.each_share(&looked, worst, rule);
+            let intact = self.each_share(&looked, None, rule);
+            for (scene, of_scene) in by_scene.iter_mut().enumerate() {
+                let position = match rule {
+                    Rule::Target(rule, sites) if rule.on_scene => {
+                        let site = self.bodies.numbers(rule).nth(scene);
+                        sites.iter().position(|of| Some(self.places[of.start].site) == site)
+                    }
+                    Rule::Target(..) => None,
+                    Rule::Ground(..) | Rule::Overlap(_) => Some(scene),
+                };
+                let Some(position) = position else { continue };
+                let seen = &mut of_scene[number];
+                (seen.share, seen.missing, seen.places) = (shares[position], None, None);
+                seen.lost.iter_mut().for_each(|lost| lost.intact = intact[position]);
+            }
+        }
+        by_scene
     }
 
     /// Like [`Self::met_share`], rising with every beam or cell.
@@ -243,54 +289,6 @@ impl Sight {
             if *is_wanted { self.least(&looked, rule).0 } else { 1.0 }
         };
         rules().map(share).collect()
-    }
-
-    /// Number, name and least share of each rule that [`Self::share_at_most`] bounds: on targets, and on ground within a
-    /// distance. Lanes of a blind zone end where several cells are seen, so that a LiDAR may add more to it beside others.
-    pub(crate) fn bounded_rules(&self) -> impl Iterator<Item = (usize, &str, f64)> {
-        let rules = self.rules.iter().enumerate().filter(|(_, rule)| match rule {
-            Rule::Target(_, sites) => sites.iter().any(|places| !places.is_empty()),
-            Rule::Ground(rule, _) => matches!(rule.asked, GroundAsked::Within(_)),
-            Rule::Overlap(_) => false,
-        });
-        rules.map(|(number, rule)| (number, rule.name(), rule.least()))
-    }
-
-    /// Upper bound on the share of a rule among [`Self::bounded_rules`], by the sum of the beams of all LiDARs. Each LiDAR
-    /// adds less to it the more there are.
-    ///
-    /// # Panics
-    /// There is no such rule.
-    pub(crate) fn share_at_most(&self, rule: usize, all: &SightBeams) -> f64 {
-        match &self.rules[rule] {
-            // A loss leaves less than all see.
-            // The mean over poses of the bodies is not below the worst of them.
-            Rule::Target(_, sites) => mean(sites.iter().map(|places| {
-                if places.is_empty() { 1.0 } else { self.soft(all, places.clone()) }
-            })),
-            Rule::Ground(_, number) => self.ground_share(all, *number),
-            Rule::Overlap(_) => 1.0,
-        }
-    }
-
-    /// True if there are rules other than those on overlap.
-    pub(crate) fn has_rules_but_overlap(&self) -> bool {
-        self.rules.iter().any(|rule| !matches!(rule, Rule::Overlap(_)))
-    }
-
-    /// True if there are rules on overlap.
-    pub(crate) fn requires_overlap(&self) -> bool {
-        self.rules.iter().any(|rule| matches!(rule, Rule::Overlap(_)))
-    }
-
-    /// True if all rules other than those on overlap are met up to a rounding error, by the beams of each LiDAR.
-    pub(crate) fn is_met_but_overlap(&self, each: &[&SightBeams], rounding: f64) -> bool {
-        let is_wanted = |rule: &Rule| !matches!(rule, Rule::Overlap(_));
-        let wanted: Vec<bool> = self.rules.iter().map(is_wanted).collect();
-        let shares = self.shares(each, &wanted).into_iter().zip(&self.rules);
-        shares
-            .zip(wanted)
-            .all(|((share, rule), wanted)| !wanted || share + rounding >= rule.least())
     }
 
     /// For each place of a target the LiDARs, those with most beams on it first, and of equal ones the first.

@@ -40,10 +40,10 @@ pub enum ProblemError {
     NoPlace { index: usize, name: String },
     /// A target must be met on the surface of a scene, where no place is free ground.
     #[error(
-        "require[{index}]: no place of `{name}` is free ground of the scene beside the own body; change `within` or \
+        "require[{index}]: no place of `{name}` is free ground of the scene beside the own body: {why}; change `within` or \
          `bearing`, or leave `ground` out for level ground"
     )]
-    NoPlaceInScene { index: usize, name: String },
+    NoPlaceInScene { index: usize, name: String, why: String },
     /// A target must be met on the surface of a scene, and there is none.
     #[error(
         "require[{index}].ground: `{name}` stands on the ground of a scene, and there is none; give the command a scene, \
