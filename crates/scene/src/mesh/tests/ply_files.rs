@@ -30,6 +30,7 @@ fn ply_faults_are_told_before_memory_is_spent() {
     let longer = ascii_ply("3", &(body.replace('7', "2") + "3 0 1 2 50\n"));
     let of_nothing = with("element face", "element none 9\nelement face");
     let twice = with("element face", "element vertex 1\nproperty int x\nelement face");
+    let float = with("list uchar", "list float");
     let plural = with("element vertex", "element vertices");
     let cases = [
         (ascii_ply("4000000000", body), "element vertex", "4000000000 announced"),
@@ -54,6 +55,17 @@ fn ply_faults_are_told_before_memory_is_spent() {
         (with("ascii", "ASCII"), "header line 2", "write ascii, binary"),
         (plural, "face 0", "there are 0; name the element of points `vertex`"),
         (with("double x", "double X"), "element vertex", "name them so, in small letters"),
+        (inner("7 50", "2 300"), "face 1", "\"300\" is no uchar, a whole number from 0 to 255"),
+        (inner("7 50", "2 -1"), "face 1", "(property label, line 15)"),
+        (inner("0 1 7", "0 1 1.5"), "face 1", "\"1.5\" is no int"),
+        (inner("0 1 7", "0 1 4e9"), "face 1", "from -2147483648 to 2147483647"),
+        (inner("3 0 1 7", "-3 0 1 2"), "face 1", "\"-3\" is no uchar"),
+        (inner("3 0 1 7", "2.5 0 1 2"), "face 1", "\"2.5\" is no uchar"),
+        (inner("3 0 1 7", "300 0 1 2"), "face 1", "\"300\" is no uchar"),
+        (float.replace("3 0 1 7", "2.5 0 1 2"), "face 1", "a list of 2.5 numbers; write a whole"),
+        (float.replace("3 0 1 7", "-3 0 1 2"), "face 1", "a list of -3 numbers; write a whole"),
+        (inner("1 1 0", "1 1 x").replace("double z", "short z"), "vertex 2", "line 13)"),
+        (inner("1 1 0", "1 1 40000").replace("double z", "short z"), "vertex 2", "no short"),
         ("ply\nformat ascii 1.0\n".to_owned(), "header", ""),
         (String::new(), "header", ""),
     ];
