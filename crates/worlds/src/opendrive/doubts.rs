@@ -8,7 +8,7 @@ use std::mem::discriminant;
 use roxmltree::{Document, Node};
 use xodr::Warning;
 
-use super::document::number_or_0 as number;
+use super::document::{number_or_0 as number, shown};
 use crate::world::WorldError;
 use lidar_cast::maths;
 use sightline_files::Note;
@@ -85,7 +85,11 @@ fn late(node: Node) -> Option<String> {
     let road = node.ancestors().find(|node| node.has_tag_name("road"))?;
     (first > GAP).then(|| {
         let id: String = road.attribute("id").unwrap_or("without an id").chars().take(40).collect();
-        format!("road {id:?}: the first <{record}> begins at {key} = {first}; the map does not say what holds before it")
+        let lane = node.attribute("id").filter(|_| node.has_tag_name("lane"));
+        let lane = lane.map(|lane| format!(", lane {}", shown(lane))).unwrap_or_default();
+        format!(
+            "road {id:?}{lane}: the first <{record}> begins at {key} = {first}; the map does not say what holds before it"
+        )
     })
 }
 
@@ -217,7 +221,10 @@ mod tests {
         let widths =
             |s: f64| of(&format!("<lane id='1'><width sOffset='9'/><width sOffset='{s}'/></lane>"));
         assert_eq!(widths(0.0), "");
-        assert!(widths(3.0).contains("the first <width> begins at sOffset = 3; the map"));
+        assert!(
+            widths(3.0)
+                .contains("road \"7\", lane 1: the first <width> begins at sOffset = 3; the map")
+        );
     }
 
     #[test]
