@@ -58,9 +58,11 @@ pub(super) fn is_road(class: &str) -> bool {
     Ground::of(class) == Some(Ground::Road)
 }
 
-/// The road of the first scans that have one, and its frame. `ego_from_sensor` turns points upright.
+/// The road of the first scan that has enough of one, else of the scan that has most of it, and the scan's frame.
+/// `ego_from_sensor` turns points upright.
 pub(super) fn road(sequence: &dyn LabelledSequence) -> Checked<Option<(u32, NearRoad)>> {
     let classes = sequence.classes();
+    let mut most: Option<(u32, NearRoad)> = None;
     for frame in sequence.frames().into_iter().take(MOST_SCANS) {
         let upright = Pose { translation: DVec3::ZERO, ..sequence.ego_from_sensor(frame)? };
         let LabelledScan { points, labels } = sequence.read(frame)?;
@@ -70,11 +72,17 @@ pub(super) fn road(sequence: &dyn LabelledSequence) -> Checked<Option<(u32, Near
                 is_road(&classes[usize::from(label.class?)]) && maths::hypot(at.x, at.y) <= NEAR;
             is_near.then_some(0.0 - at.z)
         });
-        if let Some(road) = NearRoad::of(near.collect()) {
-            return Ok(Some((frame, road)));
+        let road = NearRoad::of(near.collect());
+        if let Some(road) =
+            road.filter(|road| most.is_none_or(|(_, most)| most.points < road.points))
+        {
+            most = Some((frame, road));
+            if road.is_sure() {
+                break;
+            }
         }
     }
-    Ok(None)
+    Ok(most)
 }
 
 /// Doubts about a sequence: a road that lies off the ground, a vehicle that is not upright, poses that move it

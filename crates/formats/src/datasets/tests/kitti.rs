@@ -229,6 +229,28 @@ fn the_labelled_road_tells_the_height() {
     assert!(none.contains("no labelled road within 10 m"), "{none}");
 }
 
+/// Nine points of a road are too few, and say so; a later scan with enough of it counts.
+#[test]
+fn a_road_of_few_points_is_told_with_their_number() {
+    let folder = sequence();
+    let road = |count: u8| -> Vec<([f32; 3], u32)> {
+        (0..count).map(|k| ([f32::from(k) - 4.0, 2.0, -0.8], 40)).collect()
+    };
+    write_scan(folder.path(), "000000", &road(3));
+    write_scan(folder.path(), "000002", &road(9));
+    let few = KittiSequence::open_at(folder.path(), None).unwrap();
+    assert_eq!(few.ego_from_sensor(0).unwrap().translation.z, 1.73);
+    let said = few.notes()[0].text();
+    assert!(
+        said.contains("at most 9 points in a scan, in frame 2, too few to tell how high"),
+        "{said}"
+    );
+    write_scan(folder.path(), "000002", &road(10));
+    let sure = KittiSequence::open_at(folder.path(), None).unwrap();
+    assert!((sure.ego_from_sensor(0).unwrap().translation.z - 0.8).abs() < 1e-6);
+    assert!(sure.notes()[0].text().contains("road of frame 2 lies 0.80 m below"));
+}
+
 fn sequence_notes() -> String {
     let folder = sequence();
     KittiSequence::open_at(folder.path(), None).unwrap().notes()[0].to_string()
