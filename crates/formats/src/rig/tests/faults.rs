@@ -154,6 +154,14 @@ fn each_fault_is_a_sentence() {
             "<launch><node exec='static_transform_publisher' args='--x 1 --pich 0.1 --frame-id a'/></launch>",
             &["<node>[0]: `--pich`", "--pitch"],
         ),
+        (
+            "<launch><node exec='static_transform_publisher' args='-z 2 --yaw 1 --frame-id a --child-frame-id b'/></launch>",
+            &["<node>[0]: `-z`", "--z"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--z 2 7 --frame-id a --child-frame-id b'/></launch>",
+            &["<node>[0]: `7`", "--x, --y, --z"],
+        ),
         ("<launch><include/></launch>", &["<include>: `file` is missing"]),
         (
             "<launch><node exec='static_transform_publisher' args='--z 1 --z 2 --frame-id a'/></launch>",
