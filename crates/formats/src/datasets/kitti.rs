@@ -121,7 +121,15 @@ impl KittiSequence {
             )));
             return Ok(());
         };
-        if (road.depth - KITTI_LIDAR_HEIGHT).abs() > SAME_HEIGHT {
+        if road.depth <= 0.0 {
+            self.ego_from_lidar = above_ground(road.depth)?;
+            self.notes.push(Note::doubt(format!(
+                "{}: the labelled road of frame {frame} lies {:.2} m above the LiDAR; does z point up in the scans? \
+                 --lidar-height gives the LiDAR's height.",
+                self.folder.display(),
+                0.0 - road.depth
+            )));
+        } else if (road.depth - KITTI_LIDAR_HEIGHT).abs() > SAME_HEIGHT {
             self.ego_from_lidar = above_ground(road.depth)?;
             self.notes.push(Note::fact(format!(
                 "{}: the labelled road of frame {frame} lies {:.2} m below the LiDAR, not {KITTI_LIDAR_HEIGHT} m as on \

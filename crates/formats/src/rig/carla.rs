@@ -52,15 +52,19 @@ const PASSED_OVER: [&str; 12] = [
     "role_name", ATTACHED,
 ];
 
-/// The format of a text with CARLA's words: a document with `objects` is the bridge's.
+/// The format of a text with CARLA's words: a document with `objects` is the bridge's, a list of sensors an agent's. Others
+/// are told by the bridge's `spawn_point`.
 pub(super) fn format_of(source: &RigSource) -> RigFormat {
-    let document = json::parse(&source.text, &source.file);
-    let has_objects = |UniqueKeys(document): UniqueKeys| document.get("objects").is_some();
-    // A text that is no JSON is told by its reader.
-    match document.map_or_else(|_| source.text.contains("\"objects\""), has_objects) {
-        true => RigFormat::CarlaObjects,
-        false => RigFormat::Carla,
-    }
+    let has = |key: &str| source.text.contains(&format!("\"{key}\""));
+    let is_objects = match json::parse(&source.text, &source.file) {
+        Ok(UniqueKeys(document)) if document.get("objects").is_some() => true,
+        Ok(UniqueKeys(Value::Array(_))) => false,
+        Ok(UniqueKeys(document)) if document.get("sensors").is_some() => false,
+        Ok(_) => has(SPAWN_POINT),
+        // A text that is no JSON is told by its reader.
+        Err(_) => has("objects") || has(SPAWN_POINT),
+    };
+    if is_objects { RigFormat::CarlaObjects } else { RigFormat::Carla }
 }
 
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {

@@ -1,6 +1,7 @@
 //! Doubts about a map: reference lines that are most likely not meant as they stand, and warnings of the OpenDRIVE library.
 //!
-//! Lines have gaps between geometries, or headings in degrees; records begin behind the start of their road or section. Warnings become errors or notes, or are passed over.
+//! Lines have gaps between geometries, or headings in degrees; curves are not as long as they say; records begin behind the
+//! start of their road or section; roads are steep, tilted, or step up; objects are turned by degrees. Warnings become errors or notes, or are passed over.
 
 use std::collections::BTreeMap;
 use std::mem::discriminant;
@@ -21,9 +22,12 @@ const WHOLE: f64 = 2.0;
 /// A doubt of each kind, for the first place that it holds for.
 pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
     let roads = || xml.descendants().filter(|node| node.has_tag_name("planView"));
-    let late = xml.descendants().find_map(late);
-    [roads().find_map(gap), roads().find_map(in_degrees), late]
+    let lines = [roads().find_map(gap), roads().find_map(in_degrees), roads().find_map(stretched)];
+    let records =
+        [late, steep, tilted, step, turned].map(|doubt| xml.descendants().find_map(doubt));
+    lines
         .into_iter()
+        .chain(records)
         .flatten()
         .map(|words| Note::doubt(format!("{file}: {words}")))
         .collect()
@@ -77,6 +81,7 @@ fn late(node: Node) -> Option<String> {
     let (record, key) = match node.tag_name().name() {
         "planView" => ("geometry", "s"),
         "elevationProfile" => ("elevation", "s"),
+        "lanes" => ("laneSection", "s"),
         "lane" => ("width", "sOffset"),
         _ => return None,
     };
@@ -93,6 +98,113 @@ fn late(node: Node) -> Option<String> {
     })
 }
 
+/// Largest share by which a curve may be longer or shorter than its `length`.
+const STRETCH: f64 = 0.1;
+/// Pieces in which a curve is measured.
+const PIECES: u32 = 200;
+
+/// A polynomial whose curve is not as long as its geometry: most likely its parameter runs over another range.
+fn stretched(plan: Node) -> Option<String> {
+    geometries(plan).find_map(|geometry| {
+        let shape = geometry.first_element_child().filter(|n| n.has_tag_name("paramPoly3"))?;
+        let length = number(geometry, "length");
+        let by_length =
+            shape.attribute("pRange").is_some_and(|range| range.trim().eq_ignore_ascii_case("arcLength"));
+        let most = if by_length { length } else { 1.0 };
+        let at = |p: f64| {
+            [["aU", "bU", "cU", "dU"], ["aV", "bV", "cV", "dV"]].map(|keys| {
+                let [a, b, c, d] = keys.map(|key| number(shape, key));
+                a + p * (b + p * (c + p * d))
+            })
+        };
+        let place = |k: u32| at(most * f64::from(k) / f64::from(PIECES));
+        let pieces = (0..PIECES).map(|k| {
+            let ([x, y], [u, v]) = (place(k), place(k + 1));
+            maths::hypot(u - x, v - y)
+        });
+        let found: f64 = pieces.sum();
+        (length > GAP && (found - length).abs() > STRETCH * length).then(|| {
+            let range = if by_length { "arcLength" } else { "normalized" };
+            format!(
+                "{}: the <paramPoly3> at s = {} is {found:.2} m long and its `length` is {length} m; is its `pRange`, read as \
+                 {range}, right?",
+                road(plan),
+                number(geometry, "s")
+            )
+        })
+    })
+}
+
+/// Metres a metre from which on a road is steeper than streets are: the steepest rise by 0.38.
+const STEEPEST: f64 = 0.6;
+/// Radians from which on a road is tilted more than banked tracks are, 0.86.
+const MOST_TILT: f64 = 1.0;
+/// Metres of height that rounding leaves between two elevations.
+const STEP: f64 = 0.2;
+
+/// Records of a profile by their place: where each begins and ends, and its cubic.
+fn cubics(profile: Node, record: &'static str) -> Vec<([f64; 2], [f64; 4])> {
+    let length = profile.parent_element().map_or(0.0, |road| number(road, "length"));
+    let records = profile.children().filter(|child| child.has_tag_name(record));
+    let terms = |node: Node| (number(node, "s"), ["a", "b", "c", "d"].map(|key| number(node, key)));
+    let mut all: Vec<(f64, [f64; 4])> = records.map(terms).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let ends: Vec<f64> = all.iter().skip(1).map(|next| next.0).chain([length]).collect();
+    all.into_iter().zip(ends).map(|((from, terms), to)| ([from, to.min(length)], terms)).collect()
+}
+
+/// An elevation that rises or falls more than a street: a slope in percent, most likely.
+fn steep(profile: Node) -> Option<String> {
+    let profile = Some(profile).filter(|node| node.has_tag_name("elevationProfile"))?;
+    cubics(profile, "elevation").into_iter().find_map(|([from, to], [_, b, c, d])| {
+        let slope = |x: f64| b + x * (2.0 * c + x * 3.0 * d);
+        let most = [0.0, to - from].map(slope).into_iter().max_by(|p, q| p.abs().total_cmp(&q.abs()))?;
+        // Programs end a road by a stretch of a centimetre, whose polynomial is any.
+        (to - from > GAP && most.abs() > STEEPEST).then(|| {
+            format!(
+                "{}: the <elevation> at s = {from} rises by {most:.2} m a metre; percent? `b` is metres of height a metre",
+                road(profile)
+            )
+        })
+    })
+}
+
+/// A tilt that is most likely one in degrees.
+fn tilted(profile: Node) -> Option<String> {
+    let profile = Some(profile).filter(|node| node.has_tag_name("lateralProfile"))?;
+    ["superelevation", "crossfall"].into_iter().find_map(|record| {
+        cubics(profile, record).into_iter().find_map(|([from, to], [a, b, c, d])| {
+            let tilt = |x: f64| a + x * (b + x * (c + x * d));
+            let most = [0.0, to - from].map(tilt).into_iter().max_by(|p, q| p.abs().total_cmp(&q.abs()))?;
+            (to - from > GAP && most.abs() > MOST_TILT).then(|| {
+                format!(
+                    "{}: the <{record}> at s = {from} tilts the road by {most:.3} rad; degrees? {most:.3}° are {:.4} rad",
+                    road(profile),
+                    most.to_radians()
+                )
+            })
+        })
+    })
+}
+
+/// An elevation that does not begin where the one before it ends.
+fn step(profile: Node) -> Option<String> {
+    let profile = Some(profile).filter(|node| node.has_tag_name("elevationProfile"))?;
+    cubics(profile, "elevation").windows(2).find_map(|pair| {
+        let ([from, to], [a, b, c, d]) = pair[0];
+        let ([start, end], [next, ..]) = pair[1];
+        let x = to - from;
+        let up = next - (a + x * (b + x * (c + x * d)));
+        // A record behind the end of the road holds nowhere.
+        (x > GAP && end - start > GAP && up.abs() > STEP).then(|| {
+            format!(
+                "{}: the <elevation> at s = {to} begins {up:.2} m above the end of the one before it; the road has that step",
+                road(profile)
+            )
+        })
+    })
+}
+
 /// A heading that is most likely one in degrees: a whole number. Maps of CARLA add up turns, so more than one is none.
 fn in_degrees(plan: Node) -> Option<String> {
     let is_whole = |hdg: &f64| hdg.abs() >= WHOLE && hdg.fract() == 0.0;
@@ -101,6 +213,26 @@ fn in_degrees(plan: Node) -> Option<String> {
         "{}: `hdg` is {heading} rad; degrees? {heading}° are {:.4} rad",
         road(plan),
         heading.to_radians()
+    ))
+}
+
+/// An angle of an object or a signal that is most likely one in degrees.
+fn turned(node: Node) -> Option<String> {
+    let keys = match node.tag_name().name() {
+        "object" => ["hdg", "pitch", "roll"],
+        "signal" => ["hOffset", "pitch", "roll"],
+        _ => return None,
+    };
+    let is_whole = |angle: f64| angle.abs() >= WHOLE && angle.fract() == 0.0;
+    let key = keys.into_iter().find(|key| is_whole(number(node, key)))?;
+    let angle = number(node, key);
+    let of_road = node.ancestors().find(|n| n.has_tag_name("road"))?;
+    Some(format!(
+        "road {:?}: `{key}` of the <{}> {} is {angle} rad; degrees? {angle}° are {:.4} rad",
+        shown(of_road.attribute("id").unwrap_or("without an id")),
+        node.tag_name().name(),
+        shown(node.attribute("id").unwrap_or("without an id")),
+        angle.to_radians()
     ))
 }
 
@@ -227,11 +359,96 @@ mod tests {
         );
     }
 
+    /// Doubts about a road of 100 m with this content.
+    fn of_road(inner: &str) -> String {
+        let text = format!("<OpenDRIVE><road id='7' length='100'>{inner}</road></OpenDRIVE>");
+        let notes = doubts(&Document::parse(&text).unwrap(), "m");
+        notes.iter().map(Note::text).collect::<Vec<_>>().join("\n")
+    }
+
+    fn records(record: &str, rows: &[[f64; 3]]) -> String {
+        let row = |[s, a, b]: &[f64; 3]| format!("<{record} s='{s}' a='{a}' b='{b}' c='0' d='0'/>");
+        rows.iter().map(row).collect()
+    }
+
+    #[test]
+    fn slopes_tilts_and_steps_that_no_road_has_are_doubted() {
+        let heights = |rows: &[[f64; 3]]| {
+            of_road(&format!("<elevationProfile>{}</elevationProfile>", records("elevation", rows)))
+        };
+        // 50 m at 0.38, then level; the record behind the end of the road is none of it.
+        assert_eq!(heights(&[[50.0, 19.0, 0.0], [0.0, 0.0, 0.38], [100.0, 0.0, 9.0]]), "");
+        let steep = heights(&[[0.0, 0.0, -4.0]]);
+        assert!(
+            steep.contains(
+                "road \"7\": the <elevation> at s = 0 rises by -4.00 m a metre; percent?"
+            ),
+            "{steep}"
+        );
+        let step = heights(&[[0.0, 0.0, 0.02], [50.0, 6.0, 0.0]]);
+        assert!(step.contains("the <elevation> at s = 50 begins 5.00 m above the end"), "{step}");
+        let tilt = |record: &str, a: f64| {
+            of_road(&format!(
+                "<lateralProfile>{}</lateralProfile>",
+                records(record, &[[0.0, a, 0.0]])
+            ))
+        };
+        assert_eq!(tilt("superelevation", -0.86), "");
+        let tilted = tilt("superelevation", 4.0);
+        assert!(tilted.contains("the <superelevation> at s = 0 tilts the road by 4.000 rad; degrees? 4.000° are 0.0698"), "{tilted}");
+        assert!(tilt("crossfall", -2.0).contains("the <crossfall> at s = 0 tilts"));
+        assert!(
+            of_road("<lanes><laneSection s='30'/></lanes>")
+                .contains("the first <laneSection> begins at s = 30;")
+        );
+    }
+
+    #[test]
+    fn curves_that_are_not_as_long_as_they_say_are_doubted() {
+        let curve = |range: &str, u: f64| {
+            of_road(&format!(
+                "<planView><geometry s='0' x='0' y='0' hdg='0' length='100'><paramPoly3 aU='0' bU='{u}' cU='0' dU='0' aV='0' \
+                 bV='0' cV='0' dV='0' {range}/></geometry></planView>"
+            ))
+        };
+        assert_eq!(
+            [
+                curve("pRange='arcLength'", 1.0),
+                curve("pRange='normalized'", 100.0),
+                curve("", 100.0)
+            ],
+            ["", "", ""]
+        );
+        let long = curve("pRange='arcLength'", 100.0);
+        assert!(
+            long.contains(
+                "is 10000.00 m long and its `length` is 100 m; is its `pRange`, read as arcLength"
+            ),
+            "{long}"
+        );
+        assert!(curve("", 1.0).contains(
+            "is 1.00 m long and its `length` is 100 m; is its `pRange`, read as normalized"
+        ));
+    }
+
     #[test]
     fn headings_in_degrees_are_doubted() {
         assert!(
             told(&line(0.0, 0.0, 90.0)).ends_with("`hdg` is 90 rad; degrees? 90° are 1.5708 rad")
         );
         assert_eq!(told(&line(0.0, 0.0, 9.42)), "");
+        let objects =
+            |angle: f64| of_road(&format!("<objects><object id='3' hdg='{angle}'/></objects>"));
+        assert_eq!([objects(1.0), objects(2.5)], ["", ""]);
+        let turned = objects(90.0);
+        assert!(
+            turned.ends_with("`hdg` of the <object> 3 is 90 rad; degrees? 90° are 1.5708 rad"),
+            "{turned}"
+        );
+        let board = of_road("<signals><signal id='8' hOffset='-180'/></signals>");
+        assert!(
+            board.contains("`hOffset` of the <signal> 8 is -180 rad; degrees? -180° are -3.1416"),
+            "{board}"
+        );
     }
 }

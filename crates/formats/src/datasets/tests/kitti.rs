@@ -224,6 +224,13 @@ fn the_labelled_road_tells_the_height() {
     std::fs::write(low.path().join("ego_from_lidar.txt"), "1 0 0 1 0 1 0 0 0 0 1 2\n").unwrap();
     let written = open(low.path(), None);
     assert!(height(&written) == 2.0 && written.notes()[0].is_doubt());
+    let above = with_road(-1.73);
+    let above = open(above.path(), None);
+    let [note] = above.notes() else { panic!("one note") };
+    assert!(
+        note.is_doubt() && note.text().contains("lies 1.73 m above the LiDAR; does z point up"),
+        "{note}"
+    );
     // No road at all.
     let none = sequence_notes();
     assert!(none.contains("no labelled road within 10 m"), "{none}");

@@ -108,7 +108,7 @@ fn each_fault_is_a_sentence() {
         (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
         (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),
     ];
-    let written: [(&str, &[&str]); 28] = [
+    let written: [(&str, &[&str]); 30] = [
         (
             "<robot xmlns:s='urn:sightline'><gazebo reference='a'><sensor name='b' type='ray' \
              s:phase='soon'/></gazebo></robot>",
