@@ -9,6 +9,7 @@ use std::mem::discriminant;
 use roxmltree::{Document, Node};
 use xodr::Warning;
 
+use super::curves::{begin, end, is_by_length, length_of};
 use super::document::{number_or_0 as number, shown};
 use crate::world::WorldError;
 use lidar_cast::maths;
@@ -22,7 +23,7 @@ const WHOLE: f64 = 2.0;
 /// A doubt of each kind, for the first place that it holds for.
 pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
     let roads = || xml.descendants().filter(|node| node.has_tag_name("planView"));
-    let lines = [roads().find_map(gap), roads().find_map(in_degrees), roads().find_map(stretched)];
+    let lines = [gap, uneven, in_degrees, stretched].map(|doubt| roads().find_map(doubt));
     let records =
         [late, steep, tilted, step, turned].map(|doubt| xml.descendants().find_map(doubt));
     lines
@@ -42,34 +43,35 @@ fn road(plan: Node) -> String {
     format!("road {:?}", id.chars().take(40).collect::<String>())
 }
 
-/// Where a line or an arc ends; other shapes are not followed here.
-fn end(geometry: Node) -> Option<[f64; 2]> {
-    let [x, y, heading, length] = ["x", "y", "hdg", "length"].map(|name| number(geometry, name));
-    let shape = geometry.first_element_child()?;
-    let curvature = match shape.tag_name().name() {
-        "line" => 0.0,
-        "arc" => number(shape, "curvature"),
-        _ => return None,
-    };
-    // Chord of the arc: its length, and half of its turn.
-    let half = 0.5 * curvature * length;
-    let chord = if half.abs() < 1e-9 { length } else { length * maths::sin(half) / half };
-    let way = heading + half;
-    Some([x + chord * maths::cos(way), y + chord * maths::sin(way)])
-}
-
 /// A geometry that does not begin where the one before it ends.
 fn gap(plan: Node) -> Option<String> {
     let mut all: Vec<Node> = geometries(plan).collect();
     all.sort_by(|a, b| number(*a, "s").total_cmp(&number(*b, "s")));
     all.windows(2).find_map(|pair| {
-        let [x, y] = end(pair[0])?;
-        let by = maths::hypot(number(pair[1], "x") - x, number(pair[1], "y") - y);
+        let ([x, y], [u, v]) = (end(pair[0])?, begin(pair[1]));
+        let by = maths::hypot(u - x, v - y);
         let s = number(pair[1], "s");
         (by > GAP).then(|| {
             format!(
                 "{}: the <geometry> at s = {s} begins {by:.2} m from the end of the one before it; the road is taken \
                  with that gap",
+                road(plan)
+            )
+        })
+    })
+}
+
+/// A geometry that is not as long as the way to the next one's `s`.
+fn uneven(plan: Node) -> Option<String> {
+    let mut all: Vec<[f64; 2]> =
+        geometries(plan).map(|node| ["s", "length"].map(|name| number(node, name))).collect();
+    all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    all.windows(2).find_map(|pair| {
+        let ([s, length], next) = (pair[0], pair[1][0]);
+        ((s + length - next).abs() > GAP).then(|| {
+            format!(
+                "{}: the <geometry> at s = {s} is {length} m long, and the next one begins at s = {next}; which of the two is \
+                 right?",
                 road(plan)
             )
         })
@@ -100,31 +102,14 @@ fn late(node: Node) -> Option<String> {
 
 /// Largest share by which a curve may be longer or shorter than its `length`.
 const STRETCH: f64 = 0.1;
-/// Pieces in which a curve is measured.
-const PIECES: u32 = 200;
-
 /// A polynomial whose curve is not as long as its geometry: most likely its parameter runs over another range.
 fn stretched(plan: Node) -> Option<String> {
     geometries(plan).find_map(|geometry| {
         let shape = geometry.first_element_child().filter(|n| n.has_tag_name("paramPoly3"))?;
         let length = number(geometry, "length");
-        let by_length =
-            shape.attribute("pRange").is_some_and(|range| range.trim().eq_ignore_ascii_case("arcLength"));
-        let most = if by_length { length } else { 1.0 };
-        let at = |p: f64| {
-            [["aU", "bU", "cU", "dU"], ["aV", "bV", "cV", "dV"]].map(|keys| {
-                let [a, b, c, d] = keys.map(|key| number(shape, key));
-                a + p * (b + p * (c + p * d))
-            })
-        };
-        let place = |k: u32| at(most * f64::from(k) / f64::from(PIECES));
-        let pieces = (0..PIECES).map(|k| {
-            let ([x, y], [u, v]) = (place(k), place(k + 1));
-            maths::hypot(u - x, v - y)
-        });
-        let found: f64 = pieces.sum();
+        let found = length_of(shape, length);
         (length > GAP && (found - length).abs() > STRETCH * length).then(|| {
-            let range = if by_length { "arcLength" } else { "normalized" };
+            let range = if is_by_length(shape) { "arcLength" } else { "normalized" };
             format!(
                 "{}: the <paramPoly3> at s = {} is {found:.2} m long and its `length` is {length} m; is its `pRange`, read as \
                  {range}, right?",
@@ -318,6 +303,11 @@ mod tests {
     fn gaps_are_told_whatever_the_order() {
         assert_eq!(told(&(line(50.0, 50.0, 0.0) + &line(0.0, 0.0, 0.0))), "");
         let gap = told(&(line(0.0, 0.0, 0.0) + &line(50.0, 80.0, 0.0)));
+        let uneven = told(&(line(0.0, 0.0, 0.0) + &line(60.0, 50.0, 0.0)));
+        assert_eq!(
+            uneven,
+            "m: road \"7\": the <geometry> at s = 0 is 50 m long, and the next one begins at s = 60; which of the two is right?"
+        );
         assert_eq!(
             gap,
             "m: road \"7\": the <geometry> at s = 50 begins 30.00 m from the end of the one before it; the road is \
@@ -334,6 +324,31 @@ mod tests {
         };
         assert_eq!(told(&format!("{arc}{}", next(20.0))), "");
         assert!(told(&format!("{arc}{}", next(21.0))).contains("begins 1.00 m"));
+    }
+
+    /// A spiral of 100 m that turns by 1 rad: its series in the angle gives 90.4524 m along and 31.0268 m across.
+    #[test]
+    fn gaps_behind_curves_are_told() {
+        let follows = |shape: &str, [x, y]: [f64; 2], next: &str| {
+            told(&format!(
+                "<geometry s='0' x='7' y='0' hdg='0' length='100'>{shape}</geometry>\
+                 <geometry s='100' x='{}' y='{y}' hdg='0.5' length='5'>{next}</geometry>",
+                7.0 + x
+            ))
+        };
+        let line = "<line/>";
+        let spiral = "<spiral curvStart='0' curvEnd='0.02'/>";
+        let cubics = "<paramPoly3 aU='0' bU='100' cU='0' dU='0' aV='0' bV='0' cV='8' dV='-3'/>";
+        // v = 0.75 u up to u = 80: a triangle of 3, 4 and 5.
+        let slope = "<poly3 a='0' b='0.75' c='0' d='0'/>";
+        let ends = [(spiral, [90.4524, 31.0268]), (cubics, [100.0, 5.0]), (slope, [80.0, 60.0])];
+        for (shape, [x, y]) in ends {
+            assert_eq!(follows(shape, [x, y], line), "", "{shape}");
+            let gap = follows(shape, [x, 0.0 - y], line);
+            assert!(gap.contains(&format!("begins {:.2} m from the end", 2.0 * y)), "{gap}");
+        }
+        let beside = "<paramPoly3 aU='0' bU='5' cU='0' dU='0' aV='3' bV='0' cV='0' dV='0'/>";
+        assert!(follows(line, [100.0, 0.0], beside).contains("begins 3.00 m from the end"));
     }
 
     #[test]

@@ -142,6 +142,11 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Checked<SensorPattern> {
         in_degrees(&title_at, titles[column]).map(|()| column)
     };
     let elevation = find("elevation")?;
+    if let Some(time) = column(&titles, "time") {
+        let wanted = "a column of channels; a pattern with times has the titles `Time,Azimuth,Zenith`, and its zenith angle is 90° \
+                      less the elevation";
+        return Err(bad(&title_at, quoted(titles[time]), wanted));
+    }
     // A title that is not known may be one of offsets.
     let has_offsets = column(&titles, "azimuth").is_some();
     let strange = unknown(&titles, &HESAI_TITLES);

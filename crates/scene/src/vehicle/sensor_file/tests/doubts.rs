@@ -33,6 +33,8 @@ fn radians_in_place_of_degrees() {
         let livox = read(few).unwrap();
         assert!(doubts(&livox)[0].contains("radians?"), "{livox:?}");
     }
+    let timed = message("Time,Azimuth,Elevation\n0,1,10\n0.1,2,20\n");
+    assert!(timed.contains("line 1: \"Time\" is not a column of channels; a pattern"), "{timed}");
     let title = message("Channel,Elevation(rad),Azimuth\n1,0.1,0\n");
     assert!(title.contains("is not a column of degrees"), "{title}");
 }
