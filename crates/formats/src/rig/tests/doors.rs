@@ -202,6 +202,17 @@ fn sensors_behind_moving_joints_of_sdf_are_told() {
         let notes = told(version, "revolute", begins);
         let is_told = |text: &str| text.contains("at 0, not at its <initial_position> of 0.5");
         assert!(notes.iter().any(|note| note.is_doubt() && is_told(note.text())), "{notes:?}");
+        for (lower, upper, said) in [
+            (0.5, 1.0, Some("at 0, below the <lower> end of its <limit>, 0.5")),
+            (-1.0, -0.5, Some("at 0, above the <upper> end of its <limit>, -0.5")),
+            (-1.0, 1.0, None),
+        ] {
+            let limit = format!("<limit><lower>{lower}</lower><upper>{upper}</upper></limit>");
+            let notes = told(version, "revolute", &format!("<axis>{limit}</axis>"));
+            let doubt = notes.iter().find(|note| note.is_doubt());
+            assert_eq!(doubt.is_some(), said.is_some(), "{notes:?}");
+            assert!(doubt.is_none_or(|note| note.text().contains(said.unwrap())), "{notes:?}");
+        }
     }
 }
 
