@@ -30,6 +30,7 @@ fn ply_faults_are_told_before_memory_is_spent() {
     let longer = ascii_ply("3", &(body.replace('7', "2") + "3 0 1 2 50\n"));
     let of_nothing = with("element face", "element none 9\nelement face");
     let twice = with("element face", "element vertex 1\nproperty int x\nelement face");
+    let labels = with("uchar label", "float label");
     let float = with("list uchar", "list float");
     let plural = with("element vertex", "element vertices");
     let cases = [
@@ -40,8 +41,10 @@ fn ply_faults_are_told_before_memory_is_spent() {
         (not_a_number, "vertex 2", "NaN"),
         (inner("1 1 0", "1 x 0"), "vertex 2", "\"x\" is not a number"),
         (inner("0 1 7", "0 -1 2"), "face 1", "refers to vertex -1, there are 3"),
-        (inner("7 50", "2 50.5"), "face 1", "label 50.5, which is not a whole number"),
-        (inner("7 50", "2 nan"), "face 1", "label NaN, which is not a whole number"),
+        (labels.replace("7 50", "2 50.5"), "face 1", "label 50.5, which is not a whole number"),
+        (labels.replace("7 50", "2 nan"), "face 1", "label NaN, which is not a whole number"),
+        (inner("7 50", "2 50.5"), "face 1", "\"50.5\" is no uchar"),
+        (inner("7 50", "2 nan"), "face 1", "\"nan\" is no uchar"),
         (inner("7 50", "2 50 1"), "face 1", "more values"),
         (inner("7 50", "2"), "face 1", "fewer values"),
         (longer, "file", "behind its last element"),
