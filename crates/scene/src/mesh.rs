@@ -397,6 +397,8 @@ pub(crate) struct RobotShapes {
     pub missing: Vec<String>,
     /// Joints that cannot stand at 0, with the values at which they stand, in words.
     pub moved: Vec<String>,
+    /// Elements that bring another file, which are not read.
+    pub includes: usize,
 }
 
 /// A URDF, and which of its shapes are meant.

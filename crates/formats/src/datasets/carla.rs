@@ -88,6 +88,16 @@ impl CarlaSequence {
             (None, Some(road)) => road.depth,
             (None, None) => return Err(sequence.no_ground()),
         };
+        if let (None, Some(NearRoad { points, depth, .. })) =
+            (lidar_height, road.filter(|road| !road.is_sure()))
+        {
+            sequence.notes.push(Note::doubt(format!(
+                "{}: the road within {} m of the LiDAR has at most {points} points in a scan, which put it {depth:.2} m above \
+                 the ground; --lidar-height gives its height.",
+                folder.display(),
+                ground::NEAR
+            )));
+        }
         sequence.ego_from_sensor = above_ground(height)?;
         sequence.notes.extend(ground::doubts(&sequence, Some("--lidar-height"))?);
         Ok(sequence)
@@ -162,11 +172,14 @@ impl CarlaSequence {
         Ok(of(self.tags))
     }
 
-    /// Roads near the LiDAR by either version's tags, in the first scan that has one of them.
+    /// Roads near the LiDAR by either version's tags, in the first scan that has enough of one, else in the scan that has most.
     fn roads(&self) -> Checked<[Option<NearRoad>; 2]> {
         if self.frames.is_empty() {
             return Err(no_scans(&self.folder));
         }
+        let mut found = [None; 2];
+        let points =
+            |roads: &[Option<NearRoad>; 2]| roads.iter().flatten().map(|road| road.points).max();
         for (path, _) in self.frames.values().take(MOST_SCANS) {
             let records = frames::read_points(path)?;
             let roads = [CarlaTags::Until0913, CarlaTags::Since0914].map(|tags| {
@@ -182,11 +195,14 @@ impl CarlaSequence {
                 NearRoad::of(near.map(|record| 0.0 - f64::from(record.xyz[2])).collect())
                     .filter(|_| known)
             });
-            if roads.iter().any(Option::is_some) {
-                return Ok(roads);
+            if points(&roads) > points(&found) {
+                found = roads;
+                if roads.iter().flatten().any(NearRoad::is_sure) {
+                    break;
+                }
             }
         }
-        Ok([None; 2])
+        Ok(found)
     }
 
     /// The points of a scan with the name and meaning of their tags.

@@ -58,9 +58,11 @@ pub(super) fn is_road(class: &str) -> bool {
     Ground::of(class) == Some(Ground::Road)
 }
 
-/// The road of the first scans that have one, and its frame. `ego_from_sensor` turns points upright.
+/// The road of the first scan that has enough of one, else of the scan that has most of it, and the scan's frame.
+/// `ego_from_sensor` turns points upright.
 pub(super) fn road(sequence: &dyn LabelledSequence) -> Checked<Option<(u32, NearRoad)>> {
     let classes = sequence.classes();
+    let mut most: Option<(u32, NearRoad)> = None;
     for frame in sequence.frames().into_iter().take(MOST_SCANS) {
         let upright = Pose { translation: DVec3::ZERO, ..sequence.ego_from_sensor(frame)? };
         let LabelledScan { points, labels } = sequence.read(frame)?;
@@ -70,11 +72,17 @@ pub(super) fn road(sequence: &dyn LabelledSequence) -> Checked<Option<(u32, Near
                 is_road(&classes[usize::from(label.class?)]) && maths::hypot(at.x, at.y) <= NEAR;
             is_near.then_some(0.0 - at.z)
         });
-        if let Some(road) = NearRoad::of(near.collect()) {
-            return Ok(Some((frame, road)));
+        let road = NearRoad::of(near.collect());
+        if let Some(road) =
+            road.filter(|road| most.is_none_or(|(_, most)| most.points < road.points))
+        {
+            most = Some((frame, road));
+            if road.is_sure() {
+                break;
+            }
         }
     }
-    Ok(None)
+    Ok(most)
 }
 
 /// Doubts about a sequence: a road that lies off the ground, a vehicle that is not upright, poses that move it
@@ -108,7 +116,7 @@ pub(super) fn doubts(sequence: &dyn LabelledSequence, option: Option<&str>) -> C
             frames[k]
         )));
     } else {
-        notes.extend(sideways(&name, &egos));
+        notes.extend(sideways(&name, &egos).or_else(|| upwards(&name, &egos)));
     }
     notes.extend(leaps(&name, &frames, &egos));
     Ok(notes)
@@ -152,6 +160,26 @@ fn sideways(name: &str, egos: &[Pose]) -> Option<Note> {
         angles.len()
     );
     (angles.len() >= 5 && (45.0..=135.0).contains(&angle)).then(|| Note::doubt(text))
+}
+
+/// A doubt where the median way of a vehicle climbs or falls steeper than any street: poses of a camera whose z axis looks
+/// ahead, most likely, with a `Tr` that is that of poses of the LiDAR.
+fn upwards(name: &str, egos: &[Pose]) -> Option<Note> {
+    const STEP: f64 = 0.3;
+    const STEEPEST: f64 = 45.0;
+    let mut angles: Vec<f64> = egos
+        .windows(2)
+        .map(|pair| (pair[0].rotation.z_axis, pair[1].translation - pair[0].translation))
+        .filter(|(_, way)| way.length() > STEP)
+        .map(|(up, way)| (90.0 - up.angle_between(way).to_degrees()).abs())
+        .collect();
+    let angle = median(&mut angles)?;
+    let text = format!(
+        "{name}: the vehicle moves {angle:.0} degrees up or down over {} steps; check the axes of the poses, and the \
+         transform from the LiDAR to them.",
+        angles.len()
+    );
+    (angles.len() >= 2 && angle > STEEPEST).then(|| Note::doubt(text))
 }
 
 /// Heights of plates are whole multiples of this, metres.
@@ -320,6 +348,23 @@ mod tests {
         // Every tenth frame of a drive is no leap, nor is one gap.
         assert_eq!(leaps("drive", &[0, 10, 20], &egos), None);
         assert_eq!(leaps("drive", &[0, 1, 2, 3], &[at(0.0), at(1.0), at(2.0), at(400.0)]), None);
+    }
+
+    #[test]
+    fn vehicles_that_climb_are_doubted() {
+        let at = |x: f64, z: f64| Pose { translation: DVec3::new(x, 0.0, z), ..Pose::IDENTITY };
+        let way = |x: f64, z: f64| -> Vec<Pose> {
+            (0..3).map(|k| at(x * f64::from(k), z * f64::from(k))).collect()
+        };
+        let said = upwards("drive", &way(0.1, 1.0)).unwrap();
+        assert!(
+            said.is_doubt() && said.text().contains("moves 84 degrees up or down over 2"),
+            "{said}"
+        );
+        assert_eq!(upwards("drive", &way(1.0, 0.4)), None);
+        // A vehicle at rest, and one step of noise.
+        assert_eq!(upwards("drive", &way(0.0, 0.1)), None);
+        assert_eq!(upwards("drive", &[at(0.0, 0.0), at(0.0, 1.0)]), None);
     }
 
     /// Every cell lies in one block, and no block holds another cell.

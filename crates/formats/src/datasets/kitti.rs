@@ -6,6 +6,7 @@ use glam::{DMat3, DVec3};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 
+use super::ground::NearRoad;
 use super::import::HEIGHT_LIMIT;
 use super::sequence::{
     check_count, entries, no_frame, read_points, read_text, read_units, two_scans,
@@ -104,16 +105,31 @@ impl KittiSequence {
 
     /// Takes the road's depth below the LiDAR where it contradicts KITTI's height.
     fn take_height_of_road(&mut self) -> Checked<()> {
-        let Some((frame, road)) = ground::road(self)?.filter(|(_, road)| road.is_sure()) else {
+        let found = ground::road(self)?;
+        let Some((frame, road)) = found.filter(|(_, road)| road.is_sure()) else {
+            let why = match found {
+                Some((frame, NearRoad { points, .. })) => format!(
+                    "the labelled road within {} m has at most {points} points in a scan, in frame {frame}, too few to tell",
+                    ground::NEAR
+                ),
+                None => format!("no labelled road within {} m tells", ground::NEAR),
+            };
             self.notes.push(Note::fact(format!(
-                "{}: no labelled road within {} m tells how high the LiDAR stands; {KITTI_LIDAR_HEIGHT} m are taken, as \
-                 for KITTI's car. --lidar-height gives another height.",
-                self.folder.display(),
-                ground::NEAR
+                "{}: {why} how high the LiDAR stands; {KITTI_LIDAR_HEIGHT} m are taken, as for KITTI's car. --lidar-height \
+                 gives another height.",
+                self.folder.display()
             )));
             return Ok(());
         };
-        if (road.depth - KITTI_LIDAR_HEIGHT).abs() > SAME_HEIGHT {
+        if road.depth <= 0.0 {
+            self.ego_from_lidar = above_ground(road.depth)?;
+            self.notes.push(Note::doubt(format!(
+                "{}: the labelled road of frame {frame} lies {:.2} m above the LiDAR; does z point up in the scans? \
+                 --lidar-height gives the LiDAR's height.",
+                self.folder.display(),
+                0.0 - road.depth
+            )));
+        } else if (road.depth - KITTI_LIDAR_HEIGHT).abs() > SAME_HEIGHT {
             self.ego_from_lidar = above_ground(road.depth)?;
             self.notes.push(Note::fact(format!(
                 "{}: the labelled road of frame {frame} lies {:.2} m below the LiDAR, not {KITTI_LIDAR_HEIGHT} m as on \

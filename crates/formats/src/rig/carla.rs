@@ -11,7 +11,8 @@ use sightline_scene::vehicle::{SensorPose, of_degrees};
 use super::frames::{FrameContent, FrameTree, RigFrame};
 use super::yaml::{Fields, PHASE, wrong};
 use super::{
-    BASE_LINK, Checked, Fan, FormatError, Models, Mounting, Rig, RigLidar, RigSource, beams, yaml,
+    BASE_LINK, Checked, Fan, FormatError, Models, Mounting, Rig, RigFormat, RigLidar, RigSource,
+    beams, yaml,
 };
 use crate::error::listed;
 
@@ -51,6 +52,21 @@ const PASSED_OVER: [&str; 12] = [
     "role_name", ATTACHED,
 ];
 
+/// The format of a text with CARLA's words: a document with `objects` is the bridge's, a list of sensors an agent's. Others
+/// are told by the bridge's `spawn_point`.
+pub(super) fn format_of(source: &RigSource) -> RigFormat {
+    let has = |key: &str| source.text.contains(&format!("\"{key}\""));
+    let is_objects = match json::parse(&source.text, &source.file) {
+        Ok(UniqueKeys(document)) if document.get("objects").is_some() => true,
+        Ok(UniqueKeys(Value::Array(_))) => false,
+        Ok(UniqueKeys(document)) if document.get("sensors").is_some() => false,
+        Ok(_) => has(SPAWN_POINT),
+        // A text that is no JSON is told by its reader.
+        Err(_) => has("objects") || has(SPAWN_POINT),
+    };
+    if is_objects { RigFormat::CarlaObjects } else { RigFormat::Carla }
+}
+
 pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     let UniqueKeys(document) = json::parse(&source.text, &source.file)?;
     read_list(&document, &Location::top(&source.file), frames)
@@ -65,7 +81,7 @@ pub(super) fn read_list(document: &Value, top: &Location, frames: &mut FrameTree
     let list = list.as_array().ok_or_else(|| wrong(&at, list, "a list of sensors"))?;
     for (index, sensor) in list.iter().enumerate() {
         let fields = Fields::of_carla(sensor, at.item(index))?;
-        doubt_attached(&fields, frames);
+        doubt_attached(&fields, &INNER, frames);
         let holds = holds(&fields, frames)?;
         if holds == FrameContent::Other {
             leave_out(frames, &fields)?;
@@ -140,14 +156,18 @@ fn leave_out(frames: &mut FrameTree, fields: &Fields) -> Checked<()> {
     Ok(())
 }
 
-/// A doubt about LiDARs that hang on an entry, at any depth: their poses count from it, and are not read.
-fn doubt_attached(fields: &Fields, frames: &mut FrameTree) {
-    let mut names = Vec::new();
-    if fields.has(ATTACHED) {
-        fields.value(ATTACHED).iter().for_each(|list| lidars_in(list, &mut names));
-    }
-    if !names.is_empty() {
-        let (count, at) = (counted(names.len(), "LiDAR"), fields.at.key(ATTACHED));
+/// Keys of lists whose objects hang on a sensor.
+const INNER: [&str; 2] = ["sensors", ATTACHED];
+
+/// A doubt about LiDARs that hang on an entry under one of `keys`, at any depth: their poses count from it, and are not read.
+fn doubt_attached(fields: &Fields, keys: &[&str], frames: &mut FrameTree) {
+    for key in keys.iter().filter(|key| fields.has(key)) {
+        let mut names = Vec::new();
+        fields.value(key).iter().for_each(|list| lidars_in(list, &mut names));
+        if names.is_empty() {
+            continue;
+        }
+        let (count, at) = (counted(names.len(), "LiDAR"), fields.at.key(key));
         frames.notes.push(Note::doubt(format!(
             "{at}: {count} left out, as nothing there is read: {}; write each beside the other sensors, with its pose on \
              the vehicle",
@@ -164,7 +184,7 @@ fn lidars_in(list: &Value, names: &mut Vec<String>) {
         if let Some(kind) = text("type").filter(|kind| kind.starts_with(ANY_LIDAR)) {
             names.push(text("id").unwrap_or(kind).to_owned());
         }
-        let inner = ["sensors", ATTACHED].into_iter().filter_map(|key| object.get(key));
+        let inner = INNER.into_iter().filter_map(|key| object.get(key));
         inner.for_each(|inner| lidars_in(inner, names));
     }
 }
@@ -229,7 +249,7 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checke
     let top = Fields::of_carla(&document, Location::top(&source.file))?;
     let mut vehicle = None;
     for object in items(&top, "objects")? {
-        doubt_attached(&object, frames);
+        doubt_attached(&object, &[ATTACHED], frames);
         if !object.has("sensors") {
             if object.text("type").is_ok_and(|kind| kind.starts_with(ANY_LIDAR)) {
                 frames.notes.push(Note::doubt(format!(
@@ -244,7 +264,7 @@ pub(super) fn read_objects(source: &RigSource, frames: &mut FrameTree) -> Checke
         let kind = object.text("type").unwrap_or_default();
         let is_walker = kind.starts_with("walker.");
         for sensor in items(&object, "sensors")? {
-            doubt_attached(&sensor, frames);
+            doubt_attached(&sensor, &INNER, frames);
             let holds = holds(&sensor, frames)?;
             if holds == FrameContent::Other {
                 leave_out(frames, &sensor)?;

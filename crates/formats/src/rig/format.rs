@@ -125,13 +125,11 @@ pub(super) fn format_of(source: &RigSource) -> Checked<RigFormat> {
         refuse_own_kinds(text, &source.file, "a rig of another program")?;
     }
     // From the rarest word to the commonest.
-    let words = [
-        ("\"spawn_point\"", RigFormat::CarlaObjects),
-        ("\"lidars\"", RigFormat::Json),
-        ("sensor.lidar.", RigFormat::Carla),
-    ];
-    if let Some((_, format)) = words.into_iter().find(|(word, _)| text.contains(word)) {
-        return Ok(format);
+    let words = ["\"spawn_point\"", "\"lidars\"", "sensor.lidar."];
+    match words.into_iter().find(|word| text.contains(word)) {
+        Some("\"lidars\"") => return Ok(RigFormat::Json),
+        Some(_) => return Ok(carla::format_of(source)),
+        None => {}
     }
     // A text with keys is YAML, and its fault says more than the list of formats.
     let is_yaml =

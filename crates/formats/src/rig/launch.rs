@@ -243,7 +243,7 @@ fn publisher(words: Vec<String>, at: Location) -> Checked<RigFrame> {
                 if given.insert(*flag, value.as_str()).is_some() {
                     return Err(wrong(&at, flag, "each flag once"));
                 }
-            } else if word.starts_with("--") {
+            } else {
                 return Err(wrong(&at, word, UNKNOWN_FLAG));
             }
         }

@@ -104,12 +104,17 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
 fn moving(node: Node) -> Option<MovingJoint> {
     let name = node.attribute("name").unwrap_or_default();
     let kind = node.attribute("type").filter(|kind| *kind != "fixed")?;
-    let begin = yaml::child(node, "axis").and_then(|axis| yaml::child(axis, "initial_position"));
+    let axis = yaml::child(node, "axis");
+    let begin = axis.and_then(|axis| yaml::child(axis, "initial_position"));
     let begin = begin.map(yaml::text).filter(|text| text.trim().parse() != Ok(0.0));
-    let at = begin.map_or_else(
-        || AT_ZERO.to_owned(),
-        |begin| format!("0, not at its <initial_position> of {}", begin.trim()),
-    );
+    let limit = axis.and_then(|axis| yaml::child(axis, "limit"));
+    let end = |key: &str| yaml::text(yaml::child(limit?, key)?).trim().parse::<f64>().ok();
+    let at = match (begin, end("lower").filter(|v| *v > 0.0), end("upper").filter(|v| *v < 0.0)) {
+        (Some(begin), ..) => format!("0, not at its <initial_position> of {}", begin.trim()),
+        (None, Some(lower), _) => format!("0, below the <lower> end of its <limit>, {lower}"),
+        (None, None, Some(upper)) => format!("0, above the <upper> end of its <limit>, {upper}"),
+        (None, None, None) => AT_ZERO.to_owned(),
+    };
     Some(MovingJoint { joint: format!("`{name}` ({kind})"), at })
 }
 

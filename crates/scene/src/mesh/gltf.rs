@@ -260,8 +260,15 @@ impl Data {
             .slice(&values.view(), values.offset(), size, size, sparse.count())
             .ok_or_else(past)?;
         let (count, parts) = (accessor.count(), accessor.dimensions().multiplicity());
+        let mut before = None;
         for (place, item) in places.chunks_exact(wide).zip(values.chunks_exact(size)) {
             let place = number(place, kind_of_index) as usize;
+            if let Some(before) = before.replace(place).filter(|before| *before >= place) {
+                return Err(format!(
+                    "uses {name}, whose sparse index {place} follows {before}; glTF sorts them, each once, so export it \
+                     again"
+                ));
+            }
             if place >= count {
                 return Err(format!(
                     "uses {name}, whose sparse index {place} is past its {count} items"

@@ -49,7 +49,7 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
     // Faces may come before their vertices, and a polygon is cut by where its corners are.
     for (line, text) in (Lines { rest: bytes, line: 0 }) {
         let mut words = words(&text);
-        if words.next() == Some(b"v") {
+        if words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"v")) {
             let fault = |problem| MeshFault::new(format!("line {line}"), problem);
             reader.mesh.vertices.push(position(words).map_err(fault)?);
         }
@@ -90,7 +90,8 @@ impl<'a> Iterator for Lines<'a> {
         let line = self.line;
         let named = |text: &[u8]| {
             let first = words(text).next().unwrap_or_default();
-            text.trim_ascii_start().starts_with(b"#") || NAMED.contains(&first)
+            text.trim_ascii_start().starts_with(b"#")
+                || NAMED.iter().any(|name| name.eq_ignore_ascii_case(first))
         };
         if text.trim_ascii_end().ends_with(b"\\") && !named(&text) {
             while let Some(head) = text.trim_ascii_end().strip_suffix(b"\\") {
@@ -144,13 +145,20 @@ struct ObjReader {
     unknown: BTreeMap<String, (usize, usize)>,
     /// First name that is no UTF-8, as it was read.
     odd_name: Option<String>,
+    /// First known keyword in capitals, with its line.
+    capital: Option<(String, usize)>,
 }
 
 impl ObjReader {
     fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), String> {
         let mut words = words(text);
         let Some(keyword) = words.next() else { return Ok(()) };
-        match keyword {
+        let is_capital = keyword.iter().any(u8::is_ascii_uppercase);
+        let small = match is_capital {
+            true => Cow::Owned(keyword.to_ascii_lowercase()),
+            false => Cow::Borrowed(keyword),
+        };
+        match &small[..] {
             b"v" => self.so_far += 1,
             // `fo` is the word for a face in old files.
             b"f" | b"fo" => self.face(words)?,
@@ -163,23 +171,27 @@ impl ObjReader {
                 self.name = Some(known).filter(|name| !name.is_empty());
                 self.material = None;
             }
-            _ => {
-                let keyword = decode(keyword);
+            small => {
+                let small = decode(small);
                 if let Some((_, problem)) =
-                    REFUSED.iter().find(|(known, _)| known.contains(&&*keyword))
+                    REFUSED.iter().find(|(known, _)| known.contains(&&*small))
                 {
-                    return Err(format!("`{keyword}` {problem}"));
+                    return Err(format!("`{small}` {problem}"));
                 }
-                if keyword.contains(FIXED_SPACE) {
+                if small.contains(FIXED_SPACE) {
                     return Err(HAS_FIXED.to_owned());
                 }
-                if !PASSED.contains(&&*keyword) {
-                    let short: String = keyword.chars().take(20).collect();
+                if !PASSED.contains(&&*small) {
+                    let short: String = decode(keyword).chars().take(20).collect();
                     if self.unknown.len() <= MOST_TOLD || self.unknown.contains_key(&short) {
                         self.unknown.entry(short).or_insert((line, 0)).1 += 1;
                     }
+                    return Ok(());
                 }
             }
+        }
+        if is_capital {
+            self.capital.get_or_insert_with(|| (decode(keyword).into_owned(), line));
         }
         Ok(())
     }
@@ -223,6 +235,12 @@ impl ObjReader {
             self.mesh.notes.push(Note::doubt(format!(
                 "statements that OBJ does not know are passed over: {}{more}",
                 told.join(", ")
+            )));
+        }
+        if let Some((word, line)) = self.capital {
+            self.mesh.notes.push(Note::fact(format!(
+                "keywords in capitals are read like small ones, {word:?} first (line {line}); write them small for other \
+                 programs"
             )));
         }
         if let Some(name) = self.odd_name {

@@ -35,6 +35,32 @@ impl PlyScalar {
     fn size(self) -> usize {
         SCALARS[self as usize].2
     }
+
+    /// Smallest and largest integer of the type; `None` for floating-point numbers.
+    fn limits(self) -> Option<[f64; 2]> {
+        let bits = 8 * self.size() as i32;
+        match self {
+            Self::I8 | Self::I16 | Self::I32 => {
+                let half = 2_f64.powi(bits - 1);
+                Some([-half, half - 1.0])
+            }
+            Self::U8 | Self::U16 | Self::U32 => Some([0.0, 2_f64.powi(bits) - 1.0]),
+            Self::F32 | Self::F64 => None,
+        }
+    }
+
+    /// Refuses a number of a text that the declared type cannot hold: a label of 300 would be 44 in a binary file.
+    fn check(self, value: f64, word: &str) -> Result<(), String> {
+        match self.limits() {
+            Some([low, high]) if value.fract() != 0.0 || !(low..=high).contains(&value) => {
+                let kind = SCALARS[self as usize].1[0];
+                Err(format!(
+                    "{word:?} is no {kind}, a whole number from {low} to {high}; declare another type in the header"
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// A property: a number, or a list of numbers behind their count.
@@ -161,7 +187,7 @@ impl PlyHeader {
             }
         }
         let form = form.ok_or_else(|| MeshFault::new("header", "names no format"))?;
-        let body = PlyBody { form, rest: &bytes[at..], words: b"" };
+        let body = PlyBody { form, rest: &bytes[at..], words: b"", line };
         Self { elements }.checked(body)
     }
 
@@ -203,6 +229,8 @@ pub(super) struct PlyBody<'a> {
     rest: &'a [u8],
     /// Rest of the present line of text.
     words: &'a [u8],
+    /// Number of the present line of text, from 1 at the start of the file.
+    line: usize,
 }
 
 impl<'a> PlyBody<'a> {
@@ -223,19 +251,32 @@ impl<'a> PlyBody<'a> {
                     .iter()
                     .position(|b| matches!(b, b'\n' | b'\r'))
                     .unwrap_or(self.rest.len());
+                let wide = if self.rest[end..].starts_with(b"\r\n") { 2 } else { 1 };
                 self.words = self.rest[..end].trim_ascii();
-                self.rest = &self.rest[(end + 1).min(self.rest.len())..];
+                self.rest = &self.rest[(end + wide).min(self.rest.len())..];
+                self.line += 1;
             }
         }
         for (i, property) in element.properties.iter().enumerate() {
-            read(self, i, property)
-                .map_err(|problem| format!("{problem} (property {})", property.name))?;
+            read(self, i, property).map_err(|problem| {
+                let line = self.place();
+                format!("{problem} (property {}{line})", property.name)
+            })?;
         }
         match self.word() {
-            Ok(word) if self.form == Form::Ascii => {
-                Err(format!("has more values than its element has properties, {word:?} first"))
-            }
+            Ok(word) if self.form == Form::Ascii => Err(format!(
+                "has more values than its element has properties, {word:?} first{}",
+                self.place()
+            )),
             _ => Ok(()),
+        }
+    }
+
+    /// The present line of a text, as a message ends with it.
+    fn place(&self) -> String {
+        match self.form {
+            Form::Ascii => format!(", line {}", self.line),
+            _ => String::new(),
         }
     }
 
@@ -291,9 +332,10 @@ impl<'a> PlyBody<'a> {
     pub(super) fn number(&mut self, kind: PlyScalar) -> Result<f64, String> {
         if self.form == Form::Ascii {
             let word = self.word()?;
-            return word
+            let value = word
                 .parse()
-                .map_err(|_| format!("{word:?} is not a number such as 1.5 or -2e3"));
+                .map_err(|_| format!("{word:?} is not a number such as 1.5 or -2e3"))?;
+            return kind.check(value, word).map(|()| value);
         }
         let mut bytes = [0; 8];
         let size = kind.size();
@@ -316,11 +358,16 @@ impl<'a> PlyBody<'a> {
     /// The count of a list, for which there are bytes enough.
     pub(super) fn count(&mut self, kind: PlyScalar) -> Result<usize, String> {
         let count = self.number(kind)?;
+        if count.fract() != 0.0 || count < 0.0 {
+            return Err(format!(
+                "has a list of {count} numbers; write a whole number of 0 or more"
+            ));
+        }
         let (left, mend) = match self.form {
             Form::Ascii => (self.words.len(), "; write each row on a line of its own"),
             _ => (self.rest.len(), ""),
         };
-        if count.fract() == 0.0 && (0.0..=left as f64).contains(&count) {
+        if count <= left as f64 {
             return Ok(count as usize);
         }
         Err(format!("has a list of {count} numbers, and {left} bytes follow{mend}"))

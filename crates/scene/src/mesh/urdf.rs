@@ -147,7 +147,8 @@ impl RobotFile<'_> {
             );
             return Err(fault("file", problem));
         }
-        Ok(RobotShapes { parts, origins: self.angles(robot), missing, moved })
+        let includes = robot.descendants().filter(|node| node.has_tag_name("include")).count();
+        Ok(RobotShapes { parts, origins: self.angles(robot), missing, moved, includes })
     }
 
     /// Roll, pitch and yaw of every origin that counts, with its joint or link.
@@ -234,10 +235,17 @@ impl RobotFile<'_> {
         };
         let (package, rest) = in_package.split_once('/').unwrap_or((in_package, ""));
         let folder = self.package(package).ok_or_else(|| {
-            let problem = format!(
-                "{name:?}: no folder `{package}` is beside the file, and none with a package.xml above it; give \
-                 `\"packages\"`, the folder that holds `{package}`"
-            );
+            let problem = match self.packages {
+                Some(packages) => format!(
+                    "{name:?}: `\"packages\"`, {}, holds no folder `{package}`; give the folder that does, or copy the \
+                     package there",
+                    packages.display()
+                ),
+                None => format!(
+                    "{name:?}: no folder `{package}` is beside the file, and none with a package.xml above it; give \
+                     `\"packages\"`, the folder that holds `{package}`"
+                ),
+            };
             fault(of, problem)
         })?;
         stays_inside(&folder, rest).map_err(refused)

@@ -313,13 +313,20 @@ impl<'a> Builder<'a> {
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let (packages, without) = (packages.as_deref(), &urdf.without[..]);
         let robot = RobotFile { file: &file, packages, tag, without };
-        let RobotShapes { parts, origins, missing, moved } = robot.parts(at)?;
+        let RobotShapes { parts, origins, missing, moved, includes } = robot.parts(at)?;
         // Origins of one file share one mistake.
         let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
             vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
         });
         self.notes.extend(in_degrees.take(3).map(Note::doubt));
         self.note_missing(at, &file, tag, &missing);
+        if includes > 0 {
+            self.notes.push(Note::doubt(format!(
+                "{at}: {}: <include> is not read, {includes} in all; shapes in it are missing, so merge the files and name \
+                 that one",
+                file.display()
+            )));
+        }
         if let [first, others @ ..] = &moved[..] {
             let more = match others.len() {
                 0 => String::new(),

@@ -1,6 +1,7 @@
 //! Doubts about a map: reference lines that are most likely not meant as they stand, and warnings of the OpenDRIVE library.
 //!
-//! Lines have gaps between geometries, or headings in degrees; records begin behind the start of their road or section. Warnings become errors or notes, or are passed over.
+//! Lines have gaps between geometries, or headings in degrees; curves are not as long as they say; records begin behind the
+//! start of their road or section; roads are steep, tilted, or step up; objects are turned by degrees. Warnings become errors or notes, or are passed over.
 
 use std::collections::BTreeMap;
 use std::mem::discriminant;
@@ -8,7 +9,8 @@ use std::mem::discriminant;
 use roxmltree::{Document, Node};
 use xodr::Warning;
 
-use super::document::number_or_0 as number;
+use super::curves::{begin, end, is_by_length, length_of};
+use super::document::{number_or_0 as number, shown};
 use crate::world::WorldError;
 use lidar_cast::maths;
 use sightline_files::Note;
@@ -21,9 +23,12 @@ const WHOLE: f64 = 2.0;
 /// A doubt of each kind, for the first place that it holds for.
 pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
     let roads = || xml.descendants().filter(|node| node.has_tag_name("planView"));
-    let late = xml.descendants().find_map(late);
-    [roads().find_map(gap), roads().find_map(in_degrees), late]
+    let lines = [gap, uneven, in_degrees, stretched].map(|doubt| roads().find_map(doubt));
+    let records =
+        [late, steep, tilted, step, turned].map(|doubt| xml.descendants().find_map(doubt));
+    lines
         .into_iter()
+        .chain(records)
         .flatten()
         .map(|words| Note::doubt(format!("{file}: {words}")))
         .collect()
@@ -38,29 +43,13 @@ fn road(plan: Node) -> String {
     format!("road {:?}", id.chars().take(40).collect::<String>())
 }
 
-/// Where a line or an arc ends; other shapes are not followed here.
-fn end(geometry: Node) -> Option<[f64; 2]> {
-    let [x, y, heading, length] = ["x", "y", "hdg", "length"].map(|name| number(geometry, name));
-    let shape = geometry.first_element_child()?;
-    let curvature = match shape.tag_name().name() {
-        "line" => 0.0,
-        "arc" => number(shape, "curvature"),
-        _ => return None,
-    };
-    // Chord of the arc: its length, and half of its turn.
-    let half = 0.5 * curvature * length;
-    let chord = if half.abs() < 1e-9 { length } else { length * maths::sin(half) / half };
-    let way = heading + half;
-    Some([x + chord * maths::cos(way), y + chord * maths::sin(way)])
-}
-
 /// A geometry that does not begin where the one before it ends.
 fn gap(plan: Node) -> Option<String> {
     let mut all: Vec<Node> = geometries(plan).collect();
     all.sort_by(|a, b| number(*a, "s").total_cmp(&number(*b, "s")));
     all.windows(2).find_map(|pair| {
-        let [x, y] = end(pair[0])?;
-        let by = maths::hypot(number(pair[1], "x") - x, number(pair[1], "y") - y);
+        let ([x, y], [u, v]) = (end(pair[0])?, begin(pair[1]));
+        let by = maths::hypot(u - x, v - y);
         let s = number(pair[1], "s");
         (by > GAP).then(|| {
             format!(
@@ -72,11 +61,29 @@ fn gap(plan: Node) -> Option<String> {
     })
 }
 
+/// A geometry that is not as long as the way to the next one's `s`.
+fn uneven(plan: Node) -> Option<String> {
+    let mut all: Vec<[f64; 2]> =
+        geometries(plan).map(|node| ["s", "length"].map(|name| number(node, name))).collect();
+    all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    all.windows(2).find_map(|pair| {
+        let ([s, length], next) = (pair[0], pair[1][0]);
+        ((s + length - next).abs() > GAP).then(|| {
+            format!(
+                "{}: the <geometry> at s = {s} is {length} m long, and the next one begins at s = {next}; which of the two is \
+                 right?",
+                road(plan)
+            )
+        })
+    })
+}
+
 /// A list of records whose first one begins late: nothing says what holds before it.
 fn late(node: Node) -> Option<String> {
     let (record, key) = match node.tag_name().name() {
         "planView" => ("geometry", "s"),
         "elevationProfile" => ("elevation", "s"),
+        "lanes" => ("laneSection", "s"),
         "lane" => ("width", "sOffset"),
         _ => return None,
     };
@@ -85,7 +92,101 @@ fn late(node: Node) -> Option<String> {
     let road = node.ancestors().find(|node| node.has_tag_name("road"))?;
     (first > GAP).then(|| {
         let id: String = road.attribute("id").unwrap_or("without an id").chars().take(40).collect();
-        format!("road {id:?}: the first <{record}> begins at {key} = {first}; the map does not say what holds before it")
+        let lane = node.attribute("id").filter(|_| node.has_tag_name("lane"));
+        let lane = lane.map(|lane| format!(", lane {}", shown(lane))).unwrap_or_default();
+        format!(
+            "road {id:?}{lane}: the first <{record}> begins at {key} = {first}; the map does not say what holds before it"
+        )
+    })
+}
+
+/// Largest share by which a curve may be longer or shorter than its `length`.
+const STRETCH: f64 = 0.1;
+/// A polynomial whose curve is not as long as its geometry: most likely its parameter runs over another range.
+fn stretched(plan: Node) -> Option<String> {
+    geometries(plan).find_map(|geometry| {
+        let shape = geometry.first_element_child().filter(|n| n.has_tag_name("paramPoly3"))?;
+        let length = number(geometry, "length");
+        let found = length_of(shape, length);
+        (length > GAP && (found - length).abs() > STRETCH * length).then(|| {
+            let range = if is_by_length(shape) { "arcLength" } else { "normalized" };
+            format!(
+                "{}: the <paramPoly3> at s = {} is {found:.2} m long and its `length` is {length} m; is its `pRange`, read as \
+                 {range}, right?",
+                road(plan),
+                number(geometry, "s")
+            )
+        })
+    })
+}
+
+/// Metres a metre from which on a road is steeper than streets are: the steepest rise by 0.38.
+const STEEPEST: f64 = 0.6;
+/// Radians from which on a road is tilted more than banked tracks are, 0.86.
+const MOST_TILT: f64 = 1.0;
+/// Metres of height that rounding leaves between two elevations.
+const STEP: f64 = 0.2;
+
+/// Records of a profile by their place: where each begins and ends, and its cubic.
+fn cubics(profile: Node, record: &'static str) -> Vec<([f64; 2], [f64; 4])> {
+    let length = profile.parent_element().map_or(0.0, |road| number(road, "length"));
+    let records = profile.children().filter(|child| child.has_tag_name(record));
+    let terms = |node: Node| (number(node, "s"), ["a", "b", "c", "d"].map(|key| number(node, key)));
+    let mut all: Vec<(f64, [f64; 4])> = records.map(terms).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let ends: Vec<f64> = all.iter().skip(1).map(|next| next.0).chain([length]).collect();
+    all.into_iter().zip(ends).map(|((from, terms), to)| ([from, to.min(length)], terms)).collect()
+}
+
+/// An elevation that rises or falls more than a street: a slope in percent, most likely.
+fn steep(profile: Node) -> Option<String> {
+    let profile = Some(profile).filter(|node| node.has_tag_name("elevationProfile"))?;
+    cubics(profile, "elevation").into_iter().find_map(|([from, to], [_, b, c, d])| {
+        let slope = |x: f64| b + x * (2.0 * c + x * 3.0 * d);
+        let most = [0.0, to - from].map(slope).into_iter().max_by(|p, q| p.abs().total_cmp(&q.abs()))?;
+        // Programs end a road by a stretch of a centimetre, whose polynomial is any.
+        (to - from > GAP && most.abs() > STEEPEST).then(|| {
+            format!(
+                "{}: the <elevation> at s = {from} rises by {most:.2} m a metre; percent? `b` is metres of height a metre",
+                road(profile)
+            )
+        })
+    })
+}
+
+/// A tilt that is most likely one in degrees.
+fn tilted(profile: Node) -> Option<String> {
+    let profile = Some(profile).filter(|node| node.has_tag_name("lateralProfile"))?;
+    ["superelevation", "crossfall"].into_iter().find_map(|record| {
+        cubics(profile, record).into_iter().find_map(|([from, to], [a, b, c, d])| {
+            let tilt = |x: f64| a + x * (b + x * (c + x * d));
+            let most = [0.0, to - from].map(tilt).into_iter().max_by(|p, q| p.abs().total_cmp(&q.abs()))?;
+            (to - from > GAP && most.abs() > MOST_TILT).then(|| {
+                format!(
+                    "{}: the <{record}> at s = {from} tilts the road by {most:.3} rad; degrees? {most:.3}° are {:.4} rad",
+                    road(profile),
+                    most.to_radians()
+                )
+            })
+        })
+    })
+}
+
+/// An elevation that does not begin where the one before it ends.
+fn step(profile: Node) -> Option<String> {
+    let profile = Some(profile).filter(|node| node.has_tag_name("elevationProfile"))?;
+    cubics(profile, "elevation").windows(2).find_map(|pair| {
+        let ([from, to], [a, b, c, d]) = pair[0];
+        let ([start, end], [next, ..]) = pair[1];
+        let x = to - from;
+        let up = next - (a + x * (b + x * (c + x * d)));
+        // A record behind the end of the road holds nowhere.
+        (x > GAP && end - start > GAP && up.abs() > STEP).then(|| {
+            format!(
+                "{}: the <elevation> at s = {to} begins {up:.2} m above the end of the one before it; the road has that step",
+                road(profile)
+            )
+        })
     })
 }
 
@@ -97,6 +198,26 @@ fn in_degrees(plan: Node) -> Option<String> {
         "{}: `hdg` is {heading} rad; degrees? {heading}° are {:.4} rad",
         road(plan),
         heading.to_radians()
+    ))
+}
+
+/// An angle of an object or a signal that is most likely one in degrees.
+fn turned(node: Node) -> Option<String> {
+    let keys = match node.tag_name().name() {
+        "object" => ["hdg", "pitch", "roll"],
+        "signal" => ["hOffset", "pitch", "roll"],
+        _ => return None,
+    };
+    let is_whole = |angle: f64| angle.abs() >= WHOLE && angle.fract() == 0.0;
+    let key = keys.into_iter().find(|key| is_whole(number(node, key)))?;
+    let angle = number(node, key);
+    let of_road = node.ancestors().find(|n| n.has_tag_name("road"))?;
+    Some(format!(
+        "road {:?}: `{key}` of the <{}> {} is {angle} rad; degrees? {angle}° are {:.4} rad",
+        shown(of_road.attribute("id").unwrap_or("without an id")),
+        node.tag_name().name(),
+        shown(node.attribute("id").unwrap_or("without an id")),
+        angle.to_radians()
     ))
 }
 
@@ -182,6 +303,11 @@ mod tests {
     fn gaps_are_told_whatever_the_order() {
         assert_eq!(told(&(line(50.0, 50.0, 0.0) + &line(0.0, 0.0, 0.0))), "");
         let gap = told(&(line(0.0, 0.0, 0.0) + &line(50.0, 80.0, 0.0)));
+        let uneven = told(&(line(0.0, 0.0, 0.0) + &line(60.0, 50.0, 0.0)));
+        assert_eq!(
+            uneven,
+            "m: road \"7\": the <geometry> at s = 0 is 50 m long, and the next one begins at s = 60; which of the two is right?"
+        );
         assert_eq!(
             gap,
             "m: road \"7\": the <geometry> at s = 50 begins 30.00 m from the end of the one before it; the road is \
@@ -198,6 +324,31 @@ mod tests {
         };
         assert_eq!(told(&format!("{arc}{}", next(20.0))), "");
         assert!(told(&format!("{arc}{}", next(21.0))).contains("begins 1.00 m"));
+    }
+
+    /// A spiral of 100 m that turns by 1 rad: its series in the angle gives 90.4524 m along and 31.0268 m across.
+    #[test]
+    fn gaps_behind_curves_are_told() {
+        let follows = |shape: &str, [x, y]: [f64; 2], next: &str| {
+            told(&format!(
+                "<geometry s='0' x='7' y='0' hdg='0' length='100'>{shape}</geometry>\
+                 <geometry s='100' x='{}' y='{y}' hdg='0.5' length='5'>{next}</geometry>",
+                7.0 + x
+            ))
+        };
+        let line = "<line/>";
+        let spiral = "<spiral curvStart='0' curvEnd='0.02'/>";
+        let cubics = "<paramPoly3 aU='0' bU='100' cU='0' dU='0' aV='0' bV='0' cV='8' dV='-3'/>";
+        // v = 0.75 u up to u = 80: a triangle of 3, 4 and 5.
+        let slope = "<poly3 a='0' b='0.75' c='0' d='0'/>";
+        let ends = [(spiral, [90.4524, 31.0268]), (cubics, [100.0, 5.0]), (slope, [80.0, 60.0])];
+        for (shape, [x, y]) in ends {
+            assert_eq!(follows(shape, [x, y], line), "", "{shape}");
+            let gap = follows(shape, [x, 0.0 - y], line);
+            assert!(gap.contains(&format!("begins {:.2} m from the end", 2.0 * y)), "{gap}");
+        }
+        let beside = "<paramPoly3 aU='0' bU='5' cU='0' dU='0' aV='3' bV='0' cV='0' dV='0'/>";
+        assert!(follows(line, [100.0, 0.0], beside).contains("begins 3.00 m from the end"));
     }
 
     #[test]
@@ -217,7 +368,82 @@ mod tests {
         let widths =
             |s: f64| of(&format!("<lane id='1'><width sOffset='9'/><width sOffset='{s}'/></lane>"));
         assert_eq!(widths(0.0), "");
-        assert!(widths(3.0).contains("the first <width> begins at sOffset = 3; the map"));
+        assert!(
+            widths(3.0)
+                .contains("road \"7\", lane 1: the first <width> begins at sOffset = 3; the map")
+        );
+    }
+
+    /// Doubts about a road of 100 m with this content.
+    fn of_road(inner: &str) -> String {
+        let text = format!("<OpenDRIVE><road id='7' length='100'>{inner}</road></OpenDRIVE>");
+        let notes = doubts(&Document::parse(&text).unwrap(), "m");
+        notes.iter().map(Note::text).collect::<Vec<_>>().join("\n")
+    }
+
+    fn records(record: &str, rows: &[[f64; 3]]) -> String {
+        let row = |[s, a, b]: &[f64; 3]| format!("<{record} s='{s}' a='{a}' b='{b}' c='0' d='0'/>");
+        rows.iter().map(row).collect()
+    }
+
+    #[test]
+    fn slopes_tilts_and_steps_that_no_road_has_are_doubted() {
+        let heights = |rows: &[[f64; 3]]| {
+            of_road(&format!("<elevationProfile>{}</elevationProfile>", records("elevation", rows)))
+        };
+        // 50 m at 0.38, then level; the record behind the end of the road is none of it.
+        assert_eq!(heights(&[[50.0, 19.0, 0.0], [0.0, 0.0, 0.38], [100.0, 0.0, 9.0]]), "");
+        let steep = heights(&[[0.0, 0.0, -4.0]]);
+        assert!(
+            steep.contains(
+                "road \"7\": the <elevation> at s = 0 rises by -4.00 m a metre; percent?"
+            ),
+            "{steep}"
+        );
+        let step = heights(&[[0.0, 0.0, 0.02], [50.0, 6.0, 0.0]]);
+        assert!(step.contains("the <elevation> at s = 50 begins 5.00 m above the end"), "{step}");
+        let tilt = |record: &str, a: f64| {
+            of_road(&format!(
+                "<lateralProfile>{}</lateralProfile>",
+                records(record, &[[0.0, a, 0.0]])
+            ))
+        };
+        assert_eq!(tilt("superelevation", -0.86), "");
+        let tilted = tilt("superelevation", 4.0);
+        assert!(tilted.contains("the <superelevation> at s = 0 tilts the road by 4.000 rad; degrees? 4.000° are 0.0698"), "{tilted}");
+        assert!(tilt("crossfall", -2.0).contains("the <crossfall> at s = 0 tilts"));
+        assert!(
+            of_road("<lanes><laneSection s='30'/></lanes>")
+                .contains("the first <laneSection> begins at s = 30;")
+        );
+    }
+
+    #[test]
+    fn curves_that_are_not_as_long_as_they_say_are_doubted() {
+        let curve = |range: &str, u: f64| {
+            of_road(&format!(
+                "<planView><geometry s='0' x='0' y='0' hdg='0' length='100'><paramPoly3 aU='0' bU='{u}' cU='0' dU='0' aV='0' \
+                 bV='0' cV='0' dV='0' {range}/></geometry></planView>"
+            ))
+        };
+        assert_eq!(
+            [
+                curve("pRange='arcLength'", 1.0),
+                curve("pRange='normalized'", 100.0),
+                curve("", 100.0)
+            ],
+            ["", "", ""]
+        );
+        let long = curve("pRange='arcLength'", 100.0);
+        assert!(
+            long.contains(
+                "is 10000.00 m long and its `length` is 100 m; is its `pRange`, read as arcLength"
+            ),
+            "{long}"
+        );
+        assert!(curve("", 1.0).contains(
+            "is 1.00 m long and its `length` is 100 m; is its `pRange`, read as normalized"
+        ));
     }
 
     #[test]
@@ -226,5 +452,18 @@ mod tests {
             told(&line(0.0, 0.0, 90.0)).ends_with("`hdg` is 90 rad; degrees? 90° are 1.5708 rad")
         );
         assert_eq!(told(&line(0.0, 0.0, 9.42)), "");
+        let objects =
+            |angle: f64| of_road(&format!("<objects><object id='3' hdg='{angle}'/></objects>"));
+        assert_eq!([objects(1.0), objects(2.5)], ["", ""]);
+        let turned = objects(90.0);
+        assert!(
+            turned.ends_with("`hdg` of the <object> 3 is 90 rad; degrees? 90° are 1.5708 rad"),
+            "{turned}"
+        );
+        let board = of_road("<signals><signal id='8' hOffset='-180'/></signals>");
+        assert!(
+            board.contains("`hOffset` of the <signal> 8 is -180 rad; degrees? -180° are -3.1416"),
+            "{board}"
+        );
     }
 }

@@ -215,7 +215,8 @@ pub(super) fn notes(xml: &Document<'_>, file: &str) -> Vec<Note> {
     };
     let past = what(past.collect(), "reach beyond the ends of their roads and are cut there");
     let low = what(low.collect(), "have no `height` and lie flat on the ground");
-    [past, low, loose_links(xml, file), versions(xml, file)].into_iter().flatten().collect()
+    let roads = [loose_links(xml, file), loose_junctions(xml, file), gaps_of_lanes(xml, file)];
+    [past, low].into_iter().chain(roads).chain([versions(xml, file)]).flatten().collect()
 }
 
 /// True if a part of an object is beyond an end of its road.
@@ -267,12 +268,68 @@ fn loose_links(xml: &Document<'_>, file: &str) -> Option<Note> {
     )))
 }
 
+/// A note of roads whose junction is not in the document. OpenDRIVE writes -1 for none.
+fn loose_junctions(xml: &Document<'_>, file: &str) -> Option<Note> {
+    let top = || xml.root_element().children();
+    let known: BTreeSet<&str> =
+        top().filter(|n| n.has_tag_name("junction")).filter_map(|n| n.attribute("id")).collect();
+    let junction = |road: &Node<'_, '_>| {
+        let id = road.attribute("junction").map(str::trim).filter(|id| !["-1", ""].contains(id))?;
+        (!known.contains(id))
+            .then(|| (shown(road.attribute("id").unwrap_or("without an id")), id.to_owned()))
+    };
+    let roads: Vec<Node<'_, '_>> = top().filter(|n| n.has_tag_name("road")).collect();
+    let mut loose = roads.iter().filter_map(junction);
+    let (road, id) = loose.next()?;
+    Some(Note::doubt(format!(
+        "{file}: {} roads belong to junctions that are not in the file, first road {road} to junction {}; they are taken as \
+         ways inside a junction, so write -1 if there is none",
+        1 + loose.count(),
+        shown(&id)
+    )))
+}
+
+/// A doubt about sides of sections whose lanes are not numbered 1, 2, 3, … from the middle: a lane may be missing, and the
+/// others stand side by side without it.
+fn gaps_of_lanes(xml: &Document<'_>, file: &str) -> Option<Note> {
+    let sides =
+        xml.descendants().filter(|n| ["left", "right"].iter().any(|tag| n.has_tag_name(*tag)));
+    let mut gaps = sides.filter_map(|side| {
+        let lanes = side.children().filter(|n| n.has_tag_name("lane"));
+        let ids = lanes.filter_map(|n| n.attribute("id")?.trim().parse::<i64>().ok());
+        let mut ids: Vec<i64> = ids.collect();
+        ids.sort_unstable_by_key(|id| id.abs());
+        let (place, id) = ids
+            .iter()
+            .zip(1..)
+            .find(|(id, place)| id.abs() != *place)
+            .map(|(id, place)| (place, *id))?;
+        let road = side.ancestors().find(|n| n.has_tag_name("road"))?;
+        let road = shown(road.attribute("id").unwrap_or("without an id"));
+        Some(format!(
+            "first road {road}, where lane {id} stands in place of lane {}",
+            place * id.signum()
+        ))
+    });
+    let first = gaps.next()?;
+    Some(Note::doubt(format!(
+        "{file}: {} sides of lane sections lack a lane number, {first}; lanes lie side by side without the missing one, so \
+         number them without gaps",
+        1 + gaps.count()
+    )))
+}
+
 /// Revisions of OpenDRIVE 1 that are read.
 const REVISIONS: std::ops::RangeInclusive<u32> = 4..=9;
 
 /// A doubt about a document whose revision is not one of those read here.
 fn versions(xml: &Document<'_>, file: &str) -> Option<Note> {
-    let header = xml.root_element().children().find(|n| n.has_tag_name("header"))?;
+    let header = xml.root_element().children().find(|n| n.has_tag_name("header"));
+    let Some(header) = header else {
+        return Some(Note::doubt(format!(
+            "{file}: has no <header>; the document is read as OpenDRIVE 1.4 to 1.9, so add one with revMajor and revMinor"
+        )));
+    };
     let stated = |name: &str| header.attribute(name).map(str::trim);
     let (major, minor) = (stated("revMajor"), stated("revMinor"));
     let known = |minor: &str| minor.parse().is_ok_and(|minor: u32| REVISIONS.contains(&minor));

@@ -290,6 +290,93 @@ fn parts_that_are_passed_over_are_counted() {
     assert!(plain.is_empty(), "{plain:?}");
 }
 
+#[test]
+fn roads_and_lanes_that_do_not_fit_are_doubted_by_name() {
+    let plain = straight("", "");
+    let told = |from: &str, to: &str| {
+        assert!(plain.contains(from), "{from}");
+        let network = super::super::opendrive::network(&plain.replacen(from, to, 1), "m").unwrap();
+        let doubts = network.notes.iter().filter(|note| note.is_doubt());
+        doubts.map(ToString::to_string).collect::<Vec<_>>().join("; ")
+    };
+    let of_junction = |id: &str| told("length='200'>", &format!("length='200' junction='{id}'>"));
+    assert_eq!([of_junction("-1"), of_junction("")], [String::new(), String::new()]);
+    let loose = of_junction("42");
+    assert!(
+        loose.contains("1 roads belong to junctions")
+            && loose.contains("first road 1 to junction 42;"),
+        "{loose}"
+    );
+    let gap = told("id='-1'", "id='-3'");
+    assert!(
+        gap.contains("1 sides of lane sections")
+            && gap.contains("road 1, where lane -3 stands in place of lane -1;"),
+        "{gap}"
+    );
+    let bare = told("<header revMajor='1' revMinor='6'/>", "");
+    assert!(
+        bare.contains("m: has no <header>; the document is read as OpenDRIVE 1.4 to 1.9"),
+        "{bare}"
+    );
+}
+
+/// No record holds a value of 0, also before the first one: a shift of 1 m, and a tilt of 0.1 rad, from 50 m on.
+#[test]
+fn tilts_and_offsets_that_begin_late_are_0_before() {
+    let lane =
+        format!("<lane id=\"-1\" type=\"driving\" level=\"false\">{}</lane>", width(0.0, 3.0, 0.0));
+    let late =
+        |record: &str, a: f64| format!("<{record} s=\"50\" a=\"{a}\" b=\"0\" c=\"0\" d=\"0\"/>");
+    let text = one_road(&late("superelevation", 0.1), &lane)
+        .replace("<lanes>", &format!("<lanes>{}", late("laneOffset", 1.0)));
+    let network = crate::opendrive::network(&text, "m.xodr").unwrap();
+    let mut seen = [0; 2];
+    for strip in &network.strips {
+        for (left, right) in strip.left.iter().zip(&strip.right) {
+            let (is_late, (sin, cos)) = (left.x > 50.1, 0.1_f64.sin_cos());
+            if (left.x - 50.0).abs() < 0.1 {
+                continue;
+            }
+            seen[usize::from(is_late)] += 1;
+            for (point, t) in [(left, 0.0), (right, -3.0)] {
+                let wanted = if is_late { [(t + 1.0) * cos, (t + 1.0) * sin] } else { [t, 0.0] };
+                let off = (point.y - wanted[0]).abs().max((point.z - wanted[1]).abs());
+                assert!(off < 1e-3, "{point} is not {wanted:?}");
+            }
+        }
+    }
+    assert!(seen.iter().all(|count| *count > 10), "{seen:?}");
+}
+
+/// Heights below 0 are heights; a height that is no number is refused with its road.
+#[test]
+fn heights_below_0_are_read_and_heights_that_are_none_refused() {
+    let lane = |high: &str| {
+        format!(
+            "<lane id=\"-1\" type=\"driving\" level=\"false\">{}<height sOffset=\"0\" inner=\"{high}\" outer=\"{high}\"/></lane>",
+            width(0.0, 3.0, 0.0)
+        )
+    };
+    let of = |low: &str, high: &str| {
+        let profile = format!(
+            "<elevationProfile><elevation s=\"0\" a=\"{low}\" b=\"0\" c=\"0\" d=\"0\"/></elevationProfile>"
+        );
+        let text = one_road("", &lane(high)).replace("<elevationProfile/>", &profile);
+        crate::opendrive::network(&text, "m.xodr").map_err(|error| error.to_string())
+    };
+    let network = of("-12", "-0.1").unwrap();
+    let heights = network.strips.iter().flat_map(|strip| strip.left.iter().chain(&strip.right));
+    assert!(heights.clone().count() > 10);
+    heights.for_each(|p| assert!((p.z + 12.1).abs() < 1e-4, "{p}"));
+    let told = of("NaN", "0").unwrap_err();
+    assert!(told.contains("road 1, <elevation> with s = 0 `a` is `NaN`, not finite"), "{told}");
+    let told = of("0", "NaN").unwrap_err();
+    assert!(
+        told.contains("road 1, <height> with sOffset = 0 `inner` is `NaN`, not finite"),
+        "{told}"
+    );
+}
+
 /// An outline of 50 000 corners takes no time of their square.
 #[test]
 fn outlines_of_many_corners_end_soon() {

@@ -220,6 +220,23 @@ fn the_road_tells_the_version_of_the_tags() {
     assert!(
         high.notes().iter().any(|note| note.is_doubt() && note.text().contains("2.40 m below it"))
     );
+    // Few points of a road: the scan that has most of them counts, and their number is told.
+    let few = |frame: u32, count: i16, z: f32| {
+        let points: Vec<Point> = (0..count).map(|k| (f32::from(k), 1.0, z, 0, 1)).collect();
+        std::fs::write(dir.path().join(format!("{frame}.bin")), records(&points)).unwrap();
+    };
+    few(7, 2, -1.0);
+    few(8, 9, -2.0);
+    let since = Some(CarlaTags::Since0914);
+    let unsure = open(since, None);
+    assert_eq!(unsure.lidar_height(), 2.0);
+    let told =
+        unsure.notes().iter().find(|note| note.text().contains("at most 9 points in a scan"));
+    assert!(told.is_some_and(|note| note.is_doubt() && note.text().contains("2.00 m above")));
+    assert!(!open(since, Some(2.0)).notes().iter().any(|note| note.text().contains("at most 9")));
+    few(8, 10, -2.5);
+    let sure = open(since, None);
+    assert_eq!((sure.lidar_height(), sure.notes()), (2.5, &[][..]));
     // No evidence for either version.
     for frame in [7, 8] {
         let points = [(3.0, 0.0, -1.0, 0, 9)];

@@ -224,9 +224,38 @@ fn the_labelled_road_tells_the_height() {
     std::fs::write(low.path().join("ego_from_lidar.txt"), "1 0 0 1 0 1 0 0 0 0 1 2\n").unwrap();
     let written = open(low.path(), None);
     assert!(height(&written) == 2.0 && written.notes()[0].is_doubt());
+    let above = with_road(-1.73);
+    let above = open(above.path(), None);
+    let [note] = above.notes() else { panic!("one note") };
+    assert!(
+        note.is_doubt() && note.text().contains("lies 1.73 m above the LiDAR; does z point up"),
+        "{note}"
+    );
     // No road at all.
     let none = sequence_notes();
     assert!(none.contains("no labelled road within 10 m"), "{none}");
+}
+
+/// Nine points of a road are too few, and say so; a later scan with enough of it counts.
+#[test]
+fn a_road_of_few_points_is_told_with_their_number() {
+    let folder = sequence();
+    let road = |count: u8| -> Vec<([f32; 3], u32)> {
+        (0..count).map(|k| ([f32::from(k) - 4.0, 2.0, -0.8], 40)).collect()
+    };
+    write_scan(folder.path(), "000000", &road(3));
+    write_scan(folder.path(), "000002", &road(9));
+    let few = KittiSequence::open_at(folder.path(), None).unwrap();
+    assert_eq!(few.ego_from_sensor(0).unwrap().translation.z, 1.73);
+    let said = few.notes()[0].text();
+    assert!(
+        said.contains("at most 9 points in a scan, in frame 2, too few to tell how high"),
+        "{said}"
+    );
+    write_scan(folder.path(), "000002", &road(10));
+    let sure = KittiSequence::open_at(folder.path(), None).unwrap();
+    assert!((sure.ego_from_sensor(0).unwrap().translation.z - 0.8).abs() < 1e-6);
+    assert!(sure.notes()[0].text().contains("road of frame 2 lies 0.80 m below"));
 }
 
 fn sequence_notes() -> String {

@@ -123,6 +123,24 @@ fn lidars_that_hang_on_other_things_are_named() {
     let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "l", "x": 1, "y": 2, "z": 3, "attached_objects":
         [{"type": "sensor.lidar.ray_cast", "id": "m"}]}]"#;
     assert!(doubts(&read(list).unwrap()).contains("1 LiDAR left out"));
+    // The bridge's layout by its `objects`, whatever its other words are; lists in a list and in a sensor.
+    let bare = objects(r#""range": 50"#, "");
+    assert!(
+        error(&bare).contains("objects[0].sensors[0]: `spawn_point` is missing"),
+        "{}",
+        error(&bare)
+    );
+    let nested =
+        format!(r#"{plain}, {{"type": "sensor.other.gnss", "id": "g", "sensors": [{inner}]}}"#);
+    let (count, told) = vehicle(&nested, "");
+    assert!(count == 1 && told.contains("sensors[1].sensors: 1 LiDAR left out"), "{told}");
+    let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "l", "x": 1, "y": 2, "z": 3},
+        {"type": "vehicle.a", "id": "e", "sensors": [{"type": "sensor.lidar.ray_cast", "id": "m"}]}]"#;
+    let told = doubts(&read(list).unwrap());
+    assert!(
+        told.contains("[1].sensors: 1 LiDAR left out, as nothing there is read: `m`"),
+        "{told}"
+    );
     let (_, walker) = of("walker.pedestrian.0001", &plain, "");
     assert!(walker.contains("hang on a `walker.pedestrian.0001`, which is no vehicle"), "{walker}");
 }
@@ -184,6 +202,17 @@ fn sensors_behind_moving_joints_of_sdf_are_told() {
         let notes = told(version, "revolute", begins);
         let is_told = |text: &str| text.contains("at 0, not at its <initial_position> of 0.5");
         assert!(notes.iter().any(|note| note.is_doubt() && is_told(note.text())), "{notes:?}");
+        for (lower, upper, said) in [
+            (0.5, 1.0, Some("at 0, below the <lower> end of its <limit>, 0.5")),
+            (-1.0, -0.5, Some("at 0, above the <upper> end of its <limit>, -0.5")),
+            (-1.0, 1.0, None),
+        ] {
+            let limit = format!("<limit><lower>{lower}</lower><upper>{upper}</upper></limit>");
+            let notes = told(version, "revolute", &format!("<axis>{limit}</axis>"));
+            let doubt = notes.iter().find(|note| note.is_doubt());
+            assert_eq!(doubt.is_some(), said.is_some(), "{notes:?}");
+            assert!(doubt.is_none_or(|note| note.text().contains(said.unwrap())), "{notes:?}");
+        }
     }
 }
 

@@ -108,7 +108,7 @@ fn each_fault_is_a_sentence() {
         (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
         (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),
     ];
-    let written: [(&str, &[&str]); 28] = [
+    let written: [(&str, &[&str]); 30] = [
         (
             "<robot xmlns:s='urn:sightline'><gazebo reference='a'><sensor name='b' type='ray' \
              s:phase='soon'/></gazebo></robot>",
@@ -153,6 +153,14 @@ fn each_fault_is_a_sentence() {
         (
             "<launch><node exec='static_transform_publisher' args='--x 1 --pich 0.1 --frame-id a'/></launch>",
             &["<node>[0]: `--pich`", "--pitch"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='-z 2 --yaw 1 --frame-id a --child-frame-id b'/></launch>",
+            &["<node>[0]: `-z`", "--z"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--z 2 7 --frame-id a --child-frame-id b'/></launch>",
+            &["<node>[0]: `7`", "--x, --y, --z"],
         ),
         ("<launch><include/></launch>", &["<include>: `file` is missing"]),
         (

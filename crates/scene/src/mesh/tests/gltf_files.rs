@@ -162,6 +162,51 @@ fn gltf_parts_stand_where_the_format_puts_them() {
     );
 }
 
+/// Sparse values stand among zeros where there is no data, and their indices rise.
+#[test]
+fn gltf_sparse_indices_rise_and_fit() {
+    // Two u16 indices, padded to 4 bytes, and two points.
+    let sparse = |indices: [u16; 2], base: bool, change: &dyn Fn(&mut serde_json::Value)| {
+        let mut data: Vec<u8> = indices.into_iter().flat_map(u16::to_le_bytes).collect();
+        data.extend([1f32, 2.0, 3.0, 4.0, 5.0, 6.0].into_iter().flat_map(f32::to_le_bytes));
+        let mut json: serde_json::Value = serde_json::from_str(&triangle_gltf(2, 40, 3)).unwrap();
+        json["nodes"] = serde_json::json!([{ "mesh": 0 }]);
+        let push = |list: &mut serde_json::Value, part| list.as_array_mut().unwrap().push(part);
+        push(
+            &mut json["buffers"],
+            serde_json::json!({ "byteLength": data.len(), "uri": data_uri(&data) }),
+        );
+        push(&mut json["bufferViews"], serde_json::json!({ "buffer": 1, "byteLength": 4 }));
+        let values = serde_json::json!({ "buffer": 1, "byteOffset": 4, "byteLength": 24 });
+        push(&mut json["bufferViews"], values);
+        json["accessors"][0]["sparse"] = serde_json::json!({ "count": 2,
+            "indices": { "bufferView": 2, "componentType": 5123 }, "values": { "bufferView": 3 } });
+        if !base {
+            json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+        }
+        change(&mut json["accessors"][0]["sparse"]);
+        gltf::read(json.to_string().as_bytes(), Path::new(""))
+    };
+    let [one, two] = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]].map(DVec3::from);
+    let keep = |_: &mut serde_json::Value| {};
+    assert_eq!(sparse([0, 2], false, &keep).unwrap().vertices, [one, DVec3::ZERO, two]);
+    assert_eq!(sparse([1, 2], false, &keep).unwrap().vertices, [DVec3::ZERO, one, two]);
+    assert_eq!(sparse([0, 2], true, &keep).unwrap().vertices, [one, DVec3::X, two]);
+    let told = |indices, change: &dyn Fn(&mut serde_json::Value)| {
+        sparse(indices, false, change).unwrap_err().problem
+    };
+    for (indices, problem) in [
+        ([2, 0], "uses accessor 0, whose sparse index 0 follows 2; glTF sorts them"),
+        ([1, 1], "uses accessor 0, whose sparse index 1 follows 1; glTF sorts them"),
+        ([1, 3], "uses accessor 0, whose sparse index 3 is past its 3 items"),
+    ] {
+        let told = told(indices, &keep);
+        assert!(told.contains(problem), "{told}");
+    }
+    let told = told([0, 2], &|sparse| sparse["indices"]["componentType"] = 5126.into());
+    assert!(told.contains("accessors[0].sparse.indices.componentType"), "{told}");
+}
+
 /// Inverse bind matrices move a vertex before its joints do.
 #[test]
 fn a_skin_is_bound_where_its_matrices_say() {

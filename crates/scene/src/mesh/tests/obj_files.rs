@@ -147,3 +147,22 @@ fn a_material_for_each_face_takes_no_longer() {
     assert_eq!((mesh.materials.len(), mesh.faces.len()), (count, count));
     assert_eq!(mesh.materials[mesh.face_material[77] as usize].as_deref(), Some("77"));
 }
+
+/// Capitals make a face of the vertices before it, not a file without a triangle.
+#[test]
+fn obj_keywords_in_capitals_are_read_with_a_note() {
+    let small = "v 0 0 0\nv 9 0 0\nv 0 9 0\nusemtl Road\nf -3 -2 -1\nvt 0 0\n";
+    let wanted = obj::read(small.as_bytes()).unwrap();
+    let capitals = small.replace("v ", "V ").replace("f ", "F ").replace("usemtl", "UseMtl");
+    let mesh = obj::read(capitals.replace("vt", "VT").as_bytes()).unwrap();
+    assert_eq!((&mesh.vertices, &mesh.faces), (&wanted.vertices, &wanted.faces));
+    assert_eq!(mesh.materials, [Some("Road".to_owned())]);
+    let [note] = &mesh.notes[..] else { panic!("{:?}", mesh.notes) };
+    let start = "keywords in capitals are read like small ones, \"V\" first (line 1)";
+    assert!(note.text().starts_with(start), "{note}");
+    assert!(wanted.notes.is_empty());
+    let message = obj_error("v 0 0 0\nSURF 0 1 0 1 1\n");
+    assert!(message.starts_with("line 2: `surf` is a free-form surface"), "{message}");
+    let unknown = obj::read((small.to_owned() + "FACE 1 2 3\n").as_bytes()).unwrap();
+    assert!(unknown.notes[0].text().contains("\"FACE\" (line 7, 1 in all)"), "{:?}", unknown.notes);
+}

@@ -30,6 +30,8 @@ fn ply_faults_are_told_before_memory_is_spent() {
     let longer = ascii_ply("3", &(body.replace('7', "2") + "3 0 1 2 50\n"));
     let of_nothing = with("element face", "element none 9\nelement face");
     let twice = with("element face", "element vertex 1\nproperty int x\nelement face");
+    let labels = with("uchar label", "float label");
+    let float = with("list uchar", "list float");
     let plural = with("element vertex", "element vertices");
     let cases = [
         (ascii_ply("4000000000", body), "element vertex", "4000000000 announced"),
@@ -39,8 +41,10 @@ fn ply_faults_are_told_before_memory_is_spent() {
         (not_a_number, "vertex 2", "NaN"),
         (inner("1 1 0", "1 x 0"), "vertex 2", "\"x\" is not a number"),
         (inner("0 1 7", "0 -1 2"), "face 1", "refers to vertex -1, there are 3"),
-        (inner("7 50", "2 50.5"), "face 1", "label 50.5, which is not a whole number"),
-        (inner("7 50", "2 nan"), "face 1", "label NaN, which is not a whole number"),
+        (labels.replace("7 50", "2 50.5"), "face 1", "label 50.5, which is not a whole number"),
+        (labels.replace("7 50", "2 nan"), "face 1", "label NaN, which is not a whole number"),
+        (inner("7 50", "2 50.5"), "face 1", "\"50.5\" is no uchar"),
+        (inner("7 50", "2 nan"), "face 1", "\"nan\" is no uchar"),
         (inner("7 50", "2 50 1"), "face 1", "more values"),
         (inner("7 50", "2"), "face 1", "fewer values"),
         (longer, "file", "behind its last element"),
@@ -54,6 +58,17 @@ fn ply_faults_are_told_before_memory_is_spent() {
         (with("ascii", "ASCII"), "header line 2", "write ascii, binary"),
         (plural, "face 0", "there are 0; name the element of points `vertex`"),
         (with("double x", "double X"), "element vertex", "name them so, in small letters"),
+        (inner("7 50", "2 300"), "face 1", "\"300\" is no uchar, a whole number from 0 to 255"),
+        (inner("7 50", "2 -1"), "face 1", "(property label, line 15)"),
+        (inner("0 1 7", "0 1 1.5"), "face 1", "\"1.5\" is no int"),
+        (inner("0 1 7", "0 1 4e9"), "face 1", "from -2147483648 to 2147483647"),
+        (inner("3 0 1 7", "-3 0 1 2"), "face 1", "\"-3\" is no uchar"),
+        (inner("3 0 1 7", "2.5 0 1 2"), "face 1", "\"2.5\" is no uchar"),
+        (inner("3 0 1 7", "300 0 1 2"), "face 1", "\"300\" is no uchar"),
+        (float.replace("3 0 1 7", "2.5 0 1 2"), "face 1", "a list of 2.5 numbers; write a whole"),
+        (float.replace("3 0 1 7", "-3 0 1 2"), "face 1", "a list of -3 numbers; write a whole"),
+        (inner("1 1 0", "1 1 x").replace("double z", "short z"), "vertex 2", "line 13)"),
+        (inner("1 1 0", "1 1 40000").replace("double z", "short z"), "vertex 2", "no short"),
         ("ply\nformat ascii 1.0\n".to_owned(), "header", ""),
         (String::new(), "header", ""),
     ];

@@ -74,6 +74,14 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
         told.contains("<limit> or <mimic> keeps the joint `mast` at 0.5 m, not at 0; the"),
         "{told}"
     );
+    let included = fixed
+        .replace("<link name=\"lidar\">", "<include filename=\"o.urdf\"/><link name=\"lidar\">");
+    fs::write(&file, included).unwrap();
+    let told = doubts(collision);
+    assert!(
+        told.contains("car.urdf: <include> is not read, 1 in all; shapes in it are missing"),
+        "{told}"
+    );
     fs::write(&file, fixed).unwrap();
     let without = visual.replace("\"}", "\", \"without\": [\"lidar\"]}");
     assert!(!doubts(&without).contains("no beam meets them"), "{}", doubts(&without));
@@ -92,6 +100,9 @@ fn a_package_without_its_xml_is_refused_and_found_with_it_or_in_packages() {
     assert!(told.contains("give `\"packages\"`, the folder that holds `car`"), "{told}");
     let named = shape.replace("urdf\"}", "urdf\", \"packages\": \".\"}");
     let in_packages = with_body(folder.path(), &named).unwrap();
+    let wrong = named.replace("\"packages\": \".\"", "\"packages\": \"car\"");
+    let told = with_body(folder.path(), &wrong).unwrap_err().to_string();
+    assert!(told.contains("car, holds no folder `car`; give the folder that does"), "{told}");
     fs::write(folder.path().join("car/package.xml"), "<package/>").unwrap();
     let found = with_body(folder.path(), shape).unwrap();
     let expected = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -2.0, 1.0]]];

@@ -142,6 +142,11 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Checked<SensorPattern> {
         in_degrees(&title_at, titles[column]).map(|()| column)
     };
     let elevation = find("elevation")?;
+    if let Some(time) = column(&titles, "time") {
+        let wanted = "a column of channels; a pattern with times has the titles `Time,Azimuth,Zenith`, and its zenith angle is 90° \
+                      less the elevation";
+        return Err(bad(&title_at, quoted(titles[time]), wanted));
+    }
     // A title that is not known may be one of offsets.
     let has_offsets = column(&titles, "azimuth").is_some();
     let strange = unknown(&titles, &HESAI_TITLES);
@@ -249,6 +254,8 @@ pub(super) fn parse_livox(
     let inside = samples.iter().filter(|[time, ..]| (from..to).contains(time));
     let directions: Vec<[f64; 3]> =
         inside.map(|[_, across, zenith]| direction(*across, 90.0 - zenith)).collect();
+    // A window is in the unit of the times, whichever it is.
+    let unlike_seconds = window.is_none() && is_unlike_seconds(&samples, first);
     let samples = samples.len() as u64;
     if directions.is_empty() || directions.len() as u64 > MAX_BEAMS {
         let found = format!("{} of {samples} samples from {from} to {to} s", directions.len());
@@ -262,14 +269,19 @@ pub(super) fn parse_livox(
             directions.len()
         )),
     );
-    notes.extend(doubts(at, largest, directions.len(), samples));
+    notes.extend(doubts(at, largest, [directions.len() as u64, samples], unlike_seconds));
     let beams = Beams::Directions(directions);
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Livox, beams) })
 }
 
 /// Units that most likely are not degrees and seconds: azimuths within 2π and zeniths within π, and frames of
 /// next to no samples.
-fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64) -> Vec<Note> {
+fn doubts(
+    at: &Location,
+    [across, zenith]: [f64; 2],
+    [taken, samples]: [u64; 2],
+    unlike_seconds: bool,
+) -> Vec<Note> {
     let mut notes = Vec::new();
     // In degrees all samples would look straight up, within 3°.
     if zenith > 0.0 && across <= TAU && zenith <= PI {
@@ -277,12 +289,26 @@ fn doubts(at: &Location, [across, zenith]: [f64; 2], taken: usize, samples: u64)
             "{at}: azimuths reach {across:.3} and zenith angles {zenith:.3} degrees: radians? Write degrees."
         )));
     }
-    if samples >= 1000 && taken < 10 {
+    if samples >= 1000 && taken < 10 || unlike_seconds {
         notes.push(Note::doubt(format!(
             "{at}: {taken} of {samples} samples lie in the frame: are times in seconds? Convert them, or give a `window`."
         )));
     }
     notes
+}
+
+/// Fewest samples a second of a pattern: Livox sensors measure 100 000 and more.
+const FEWEST_A_SECOND: f64 = 500.0;
+/// Fewest samples that tell a rate.
+const FEWEST_OF_A_RATE: usize = 100;
+
+/// True if times are most likely in a smaller unit, such as `offset_time` in nanoseconds: all are whole numbers, or there is
+/// next to no sample a second.
+fn is_unlike_seconds(samples: &[[f64; 3]], first: f64) -> bool {
+    let last = samples.iter().map(|sample| sample[0]).fold(first, f64::max);
+    let is_whole = samples.iter().all(|sample| sample[0].fract() == 0.0);
+    let rate = samples.len() as f64 / (last - first);
+    last > first && (is_whole || (samples.len() >= FEWEST_OF_A_RATE && rate < FEWEST_A_SECOND))
 }
 
 /// Columns of time, azimuth and zenith by their titles.

@@ -1,0 +1,90 @@
+//! Ends and lengths of the geometries of a reference line, for doubts about it.
+
+use lidar_cast::maths;
+use roxmltree::Node;
+
+use super::document::number_or_0 as number;
+
+/// Pieces in which a curve is measured.
+const PIECES: u32 = 200;
+
+/// A place in the frame of a geometry's start, in metres of the plan.
+fn placed(geometry: Node, [u, v]: [f64; 2]) -> [f64; 2] {
+    let [x, y, heading] = ["x", "y", "hdg"].map(|name| number(geometry, name));
+    let (sin, cos) = maths::sin_cos(heading);
+    [x + u * cos - v * sin, y + u * sin + v * cos]
+}
+
+fn cubic(shape: Node, keys: [&str; 4], x: f64) -> f64 {
+    let [a, b, c, d] = keys.map(|key| number(shape, key));
+    a + x * (b + x * (c + x * d))
+}
+
+/// Place of a `<paramPoly3>` at a share of its parameter's range, in the frame of its geometry.
+fn on_cubics(shape: Node, length: f64, share: f64) -> [f64; 2] {
+    let p = if is_by_length(shape) { length * share } else { share };
+    [["aU", "bU", "cU", "dU"], ["aV", "bV", "cV", "dV"]].map(|keys| cubic(shape, keys, p))
+}
+
+/// True if the parameter of a `<paramPoly3>` is a length; else it goes from 0 to 1.
+pub(super) fn is_by_length(shape: Node) -> bool {
+    let range = shape.attribute("pRange").map(str::trim);
+    range.is_some_and(|range| range.eq_ignore_ascii_case("arcLength"))
+}
+
+/// Where a geometry begins: polynomials may begin beside its own place.
+pub(super) fn begin(geometry: Node) -> [f64; 2] {
+    let shape = geometry.first_element_child();
+    let moved = shape.and_then(|shape| match shape.tag_name().name() {
+        "poly3" => Some([0.0, number(shape, "a")]),
+        "paramPoly3" => Some(on_cubics(shape, 0.0, 0.0)),
+        _ => None,
+    });
+    placed(geometry, moved.unwrap_or_default())
+}
+
+/// Where a geometry ends.
+pub(super) fn end(geometry: Node) -> Option<[f64; 2]> {
+    let length = number(geometry, "length");
+    let shape = geometry.first_element_child()?;
+    let step = length / f64::from(PIECES);
+    let end = match shape.tag_name().name() {
+        "line" => [length, 0.0],
+        "arc" => {
+            // Chord of the arc: its length, and half of its turn.
+            let half = 0.5 * number(shape, "curvature") * length;
+            let chord = if half.abs() < 1e-9 { length } else { length * maths::sin(half) / half };
+            [chord * maths::cos(half), chord * maths::sin(half)]
+        }
+        "spiral" => {
+            let [from, to] = ["curvStart", "curvEnd"].map(|name| number(shape, name));
+            (0..PIECES).fold([0.0; 2], |[u, v], k| {
+                let s = (f64::from(k) + 0.5) * step;
+                let (sin, cos) = maths::sin_cos(s * (from + 0.5 * (to - from) * s / length));
+                [u + step * cos, v + step * sin]
+            })
+        }
+        "poly3" => {
+            let [b, c, d] = ["b", "c", "d"].map(|name| number(shape, name));
+            let slope = |u: f64| b + u * (2.0 * c + u * 3.0 * d);
+            let u = (0..PIECES).fold(0.0, |u, _| {
+                let middle = u + 0.5 * step / maths::hypot(1.0, slope(u));
+                u + step / maths::hypot(1.0, slope(middle))
+            });
+            [u, cubic(shape, ["a", "b", "c", "d"], u)]
+        }
+        "paramPoly3" => on_cubics(shape, length, 1.0),
+        _ => return None,
+    };
+    Some(placed(geometry, end))
+}
+
+/// Length of a `<paramPoly3>` in metres; `length` is the one that its geometry states.
+pub(super) fn length_of(shape: Node, length: f64) -> f64 {
+    let place = |k: u32| on_cubics(shape, length, f64::from(k) / f64::from(PIECES));
+    let pieces = (0..PIECES).map(|k| {
+        let ([x, y], [u, v]) = (place(k), place(k + 1));
+        maths::hypot(u - x, v - y)
+    });
+    pieces.sum()
+}
