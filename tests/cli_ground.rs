@@ -182,15 +182,14 @@ fn ground_and_boxes_that_no_pose_sees_are_out_of_reach() {
     let args = "optimize yard.json --backend cpu --evaluations 10 --seed 1 --out run";
     let (code, [text, said]) = ran(&dir, args);
     assert_eq!(code, Some(1), "{said}");
-    let words = "blind zone left to 0.5 m: even a LiDAR at every pose of each mount";
+    let words = "blind zone left to 0.5 m: even a LiDAR at every pose looked at on each mount";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
     let words = format!(
         "Out of reach: {words} leaves it 0.0 % seen, 100.0 % required, the blind zone left ends at "
     );
     assert!(text.contains(&words), "{text}");
     assert!(text.contains("; raise `depth`, lower `share`, "), "{text}");
-    let words =
-        "inside: even a LiDAR at every pose of each mount leaves it 0.0 % seen, 90.0 % required";
+    let words = "inside: even a LiDAR at every pose looked at on each mount leaves it 0.0 % seen, 90.0 % required";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
     assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
     // How far the result comes stands in the first sentences.

@@ -26,7 +26,8 @@ fn run_folder() -> TempDir {
     assert_eq!(code, Some(1), "{said}");
     // No sensor here puts 90 beams on a car at 30 m, on no pose: said before the search and in its result.
     assert!(!text.contains("\n\n\n"), "one empty line at a time: {text}");
-    let words = "car at 30 m, 90 beams: even the best pose of each mount meets it with at most ";
+    let words =
+        "car at 30 m, 90 beams: even the best pose looked at on each mount meets it with at most ";
     assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
     assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
     assert!(!text.contains("Next, since") && !text.contains("all checks passed"), "{text}");

@@ -43,8 +43,7 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
         steps.extend(best.and_then(|best| fewer_in_words(best, &run.baselines, &run.settings)));
         return steps;
     }
-    let beyond = run.settings["equipped"]["out_of_reach"].as_array();
-    let beyond: Vec<&str> = beyond.into_iter().flatten().filter_map(Value::as_str).collect();
+    let beyond = beyond_reach(&run.settings, &unmet);
     steps.extend(beyond.iter().map(|words| format!("Out of reach: {words}.")));
     let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
     if !unmet.iter().all(is_beyond) {
@@ -70,6 +69,14 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
         ));
     }
     steps
+}
+
+/// Sentences of the choice of sensors on requirements out of reach that begin with an unmet name. The choice looks at few
+/// poses: the search may meet what none of these does.
+fn beyond_reach<'a>(settings: &'a Value, unmet: &[String]) -> Vec<&'a str> {
+    let is_unmet = |words: &&str| unmet.iter().any(|name| words.starts_with(name));
+    let all = settings["equipped"]["out_of_reach"].as_array();
+    all.into_iter().flatten().filter_map(Value::as_str).filter(is_unmet).collect()
 }
 
 /// Advice where requirements hold on paper only; `None` elsewhere.
@@ -212,6 +219,15 @@ mod tests {
         }
         let free = planted("found", 1.0, 500.0);
         assert_eq!(fewer_in_words(&free, &plain, &chosen), None);
+    }
+
+    #[test]
+    fn only_unmet_requirements_are_out_of_reach() {
+        let said = ["child: at most 0.0 % seen", "child, one LiDAR lost: at most 20.0 % seen"];
+        let settings = json!({ "equipped": { "out_of_reach": said } });
+        let beyond = |unmet: &str| beyond_reach(&settings, &[format!("{unmet}: ")]);
+        assert_eq!(beyond("child"), [said[0]]);
+        assert!(beyond("tyre").is_empty());
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::text::value_in_words;
 use super::warnings::kinds_beside;
 use crate::csv::rounded;
 use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
-use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored};
+use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored, Tolerance};
 use sightline_files::json::counted;
 
 /// The result of a run against the best baselines, by the objective and by information gain.
@@ -24,7 +24,16 @@ use sightline_files::json::counted;
 /// than such a baseline is never called better without saying so.
 pub(crate) fn run_verdict(run: &RunRecord) -> String {
     let near = run.near_field.as_ref().map(|near| unseen_in_words(&near.near)).unwrap_or_default();
-    let of_run = OfRun { price: price_in_words(&run.settings), near };
+    let frames = match run.confirmed_frames < run.frames {
+        true => format!(
+            " over {}, as far as the run got",
+            frames_in_words(run.confirmed_frames, run.frames)
+        ),
+        false => String::new(),
+    };
+    let tolerance = run.settings["tolerance"].as_str().and_then(|text| text.parse().ok());
+    let has_copies = tolerance.is_some_and(|tolerance: Tolerance| tolerance.is_some());
+    let of_run = OfRun { price: price_in_words(&run.settings), near, frames, has_copies };
     let verdict = verdict_at(&of_run, run.best.as_ref(), &run.baselines, &run.objective);
     let Some(untried) = &run.untried else { return verdict };
     let (sentences, list) = verdict.split_at(verdict.find('\n').unwrap_or(verdict.len()));
@@ -38,6 +47,11 @@ struct OfRun {
     price: String,
     /// See [`unseen_in_words`].
     near: Blind,
+    /// Frames that the result is scored over, such as ` over 4 of 40 frames, as far as the run got`; empty where
+    /// these are all.
+    frames: String,
+    /// True if the run was to look at copies within a mounting tolerance.
+    has_copies: bool,
 }
 
 /// Price of the sensors and the budget, such as ` at a price of 9200 (budget 12000)`; empty where nothing has a price.
@@ -75,16 +89,20 @@ pub(crate) fn judged(best: &Scored, baselines: &[Scored], objective: &str) -> St
 
 fn judged_at(
     subject: &str,
-    OfRun { price, near }: &OfRun,
+    of_run: &OfRun,
     best: &Scored,
     baselines: &[Scored],
     objective: &str,
 ) -> String {
     let cheaper = cheaper_in_words(best, baselines);
-    let required = required_in_words(subject, price, best, &cheaper);
+    let OfRun { near, frames, .. } = of_run;
+    let required = required_in_words(subject, of_run, best, &cheaper);
     let last = if required.is_empty() { &*cheaper } else { "" };
-    let against = against(subject, best, baselines, objective)
+    let mut against = against(subject, best, baselines, objective)
         .unwrap_or_else(|| alone_in_words(subject, best, baselines, objective));
+    if required.is_empty() && !frames.is_empty() {
+        against += &format!("; all this{frames}");
+    }
     let share = best.scores.segmentation.information_gain_share;
     let share = share.map_or(String::new(), |share| {
         let held = match best.by_scene.len() {
@@ -157,11 +175,11 @@ fn cheaper_in_words(best: &Scored, baselines: &[Scored]) -> String {
 }
 
 /// Sentences on requirements with the price, the near gain and a cheaper baseline; empty where nothing is required.
-fn required_in_words(subject: &str, price: &str, best: &Scored, cheaper: &str) -> String {
-    let facts = format!("{price}{}", near_gain_in_words(best));
+fn required_in_words(subject: &str, of_run: &OfRun, best: &Scored, cheaper: &str) -> String {
+    let facts = format!("{}{}{}", of_run.frames, of_run.price, near_gain_in_words(best));
     let met = match best.scores.met() {
         [_, 0] => return String::new(),
-        [met, of] if met == of => met_in_words(subject, &facts, best),
+        [met, of] if met == of => met_in_words(subject, &facts, best, of_run.has_copies),
         [_, 1] => format!("The requirement is not met{facts}"),
         [met, of] => format!("{met} of {of} requirements met{facts}"),
     };
@@ -203,8 +221,8 @@ fn untold_in_words(best: &Scored) -> String {
     [broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
 }
 
-/// Start of a sentence on requirements that are all met.
-fn met_in_words(subject: &str, facts: &str, best: &Scored) -> String {
+/// Start of a sentence on requirements that are all met, which copies were to meet, too, if `has_copies`.
+fn met_in_words(subject: &str, facts: &str, best: &Scored, has_copies: bool) -> String {
     let (what, them) = match &best.scores.required[..] {
         [one] => (format!("its requirement ({})", one.title()), "it"),
         all => (format!("all {} requirements", all.len()), "them"),
@@ -218,7 +236,11 @@ fn met_in_words(subject: &str, facts: &str, best: &Scored) -> String {
             100.0 * HOLDS
         )
     });
-    format!("{subject} meets {what}{facts}{paper}")
+    let unknown = match best.scores.requirements_hold_in {
+        None if has_copies => ", whether copies mounted a little off do was not looked at",
+        _ => "",
+    };
+    format!("{subject} meets {what}{facts}{paper}{unknown}")
 }
 
 /// A line for each placement that breaks rules of the mount, with the first of them.
@@ -369,7 +391,7 @@ pub(crate) fn climbs_in_words(run: &RunRecord) -> Option<String> {
 fn climbs_and_result(climbs: &Climbs, is_met: bool, won: Option<&str>) -> String {
     let from = match won {
         Some("cma-es") => "the other method, CMA-ES",
-        Some("swaps") | None => "later moves",
+        Some("swaps") | None => "moves after the climbs, over more frames and finer poses",
         Some("earlier sitting") => "an earlier sitting",
         Some(_) => "a layout that was given",
     };

@@ -157,7 +157,8 @@ impl Atlases {
             })
             .collect();
         let count: usize = mounts.iter().map(|mount| mount.poses.len()).sum();
-        let over = format!("measured over {count} poses of a grid over the mounts");
+        let over =
+            format!("measured over {count} poses of a grid over the mounts; others may see more");
         let in_words = |rule: OutOfReach| {
             let full = if rule.beams.is_some() { "every mount full, " } else { "" };
             match rule.is_measured {
@@ -203,7 +204,7 @@ impl Atlases {
         let frames: usize = self.each.iter().map(|atlas| atlas.problem().frame_count()).sum();
         let in_words = |(required, share): (&Requirement, f64)| {
             format!(
-                "{}: even a LiDAR at every pose of each mount leaves it {:.1} % {SEEN}, {:.1} % required; lower `share`, move \
+                "{}: even a LiDAR at every pose looked at on each mount leaves it {:.1} % {SEEN}, {:.1} % required; lower `share`, move \
                  the box, add or widen mounts, or take other sensors (measured over {} poses of a grid over the mounts and {frames} \
                  frames)",
                 required.name,

@@ -347,7 +347,7 @@ fn a_run_bounds_what_meets_the_requirements_or_says_that_nothing_does() {
         json!({ "name": "inside", "min": [-1, -0.5, 0.5], "max": [1, 0.5, 1], "share": 0.9 });
     let far = json!({ "name": "far", "min": [5, -8, 0], "max": [8, 8, 1.5], "share": 0.85 });
     for (rule, words) in [
-        (body, "inside: even a LiDAR at every pose of each mount leaves it 0.0 % seen"),
+        (body, "inside: even a LiDAR at every pose looked at on each mount leaves it 0.0 % seen"),
         (far, "far: shares of the best poses add up to less than the 85.0 % required"),
     ] {
         let why = gain_of(json!([rule])).unwrap_err();

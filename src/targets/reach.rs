@@ -98,7 +98,7 @@ impl Sight {
         let lacks = self.ground_missing(&all, number).unwrap_or_default();
         let but = if lost.is_some() { " but the worst to lose" } else { "" };
         let words = format!(
-            "{}: even a LiDAR at every pose of each mount{but} leaves it {:.1} % seen, {:.1} % required, {lacks}; {mend}, add \
+            "{}: even a LiDAR at every pose looked at on each mount{but} leaves it {:.1} % seen, {:.1} % required, {lacks}; {mend}, add \
              or widen mounts, or take other sensors",
             rule.name,
             percent_down(share),
@@ -147,12 +147,12 @@ impl Sight {
         let lost = if after_loss.is_some() { ", the worst LiDAR lost," } else { "" };
         let words = if beams < wanted {
             format!(
-                "{name}: even the best pose of each mount meets it with at most {beams} of {wanted} beams; lower \
+                "{name}: even the best pose looked at on each mount meets it with at most {beams} of {wanted} beams; lower \
                  `beams` or take a sensor of finer spacing"
             )
         } else {
             format!(
-                "{name}: even the best pose of each mount{lost} leaves it at most {:.1} % seen, {:.1} % required; lower \
+                "{name}: even the best pose looked at on each mount{lost} leaves it at most {:.1} % seen, {:.1} % required; lower \
                  `share` or `within`, add or widen mounts, or take other sensors",
                 // Rounded up, as a bound from above.
                 percent_up(share),
@@ -274,7 +274,7 @@ mod tests {
         let mount = |most: usize| MountPoses { count: [0, most], poses: seen.iter().collect() };
         let bound = sight.out_of_reach(&[mount(2)]);
         let [ring, left] = &bound[..] else { panic!("ground to 10 m is in reach: {bound:?}") };
-        let start = ": even a LiDAR at every pose of each mount leaves it ";
+        let start = ": even a LiDAR at every pose looked at on each mount leaves it ";
         for (one, name) in [(ring, "ground to 3 m"), (left, "blind zone left to 1 m")] {
             assert!(one.words.starts_with(&format!("{name}{start}")), "{one:?}");
             assert!(one.beams.is_none() && one.share < 1.0, "{one:?}");

@@ -265,9 +265,10 @@ fn a_result_that_no_climb_reached_is_told_with_its_origin() {
     let climbs = |met| Climbs { count: 8, frames: 4, met, near_best: 0, median_below: 0.0 };
     let said = |met, is_met, won| climbs_and_result(&climbs(met), is_met, won);
     let end = "none met all requirements. Another seed takes other starts. The result, which meets all, is from ";
-    for (won, from) in
-        [(Some("cma-es"), "the other method, CMA-ES"), (Some("swaps"), "later moves")]
-    {
+    for (won, from) in [
+        (Some("cma-es"), "the other method, CMA-ES"),
+        (Some("swaps"), "moves after the climbs, over more frames and finer poses"),
+    ] {
         let told = said(Some(0), true, won);
         assert!(told.ends_with(&format!("{end}{from}")), "{told}");
     }
@@ -317,6 +318,23 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     found.price = Some(9200.0);
     let words = judged(&found, &[], "m_sog_scaled");
     assert!(words.starts_with("1 of 2 requirements met at a price of 9200. NOT MET: "), "{words}");
+}
+
+#[test]
+fn the_first_sentence_says_what_a_run_did_not_look_at() {
+    let frames = " over 4 of 40 frames, as far as the run got".to_owned();
+    let of_run = OfRun { frames, has_copies: true, ..OfRun::default() };
+    let mut found = planted("found", -1.0, 500.0);
+    let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
+    assert!(words.contains("; all this over 4 of 40 frames, as far as the run got. "), "{words}");
+    found.scores.required = vec![Seen::of("child", 0.95), Seen::of("ring", 0.9)];
+    let words = |found: &Scored| verdict_at(&of_run, Some(found), &[], "m_sog_scaled");
+    let start =
+        "The placement found meets all 2 requirements over 4 of 40 frames, as far as the run got";
+    let copies = ", whether copies mounted a little off do was not looked at";
+    assert!(words(&found).starts_with(&format!("{start}{copies}. ")), "{}", words(&found));
+    found.scores.requirements_hold_in = Some(1.0);
+    assert!(words(&found).starts_with(&format!("{start}. ")), "{}", words(&found));
 }
 
 #[test]
