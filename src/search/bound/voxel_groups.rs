@@ -64,7 +64,6 @@ fn in_groups(covered: &[u64], counts: &[u32], worths: &[u32], limits: &[f64]) ->
     columns
 }
 
-/// Bit, group and worth of a column of the atlas.
 #[derive(Clone, Copy, Default)]
 struct Place {
     bit: u32,
@@ -206,12 +205,10 @@ impl Columns {
         self.groups[group].words.len() as u64
     }
 
-    /// Poses that have a bitmap.
     pub(crate) fn poses(&self) -> usize {
         self.poses
     }
 
-    /// Words of a bitmap.
     pub(crate) fn words(&self) -> usize {
         self.words
     }
@@ -225,7 +222,6 @@ impl Columns {
         &self.bitmaps[pose as usize * self.words..][..self.words]
     }
 
-    /// Worth that a pose covers.
     pub(crate) fn single(&self, pose: u32) -> u64 {
         self.groups.iter().map(|group| group.singles[pose as usize]).sum()
     }
@@ -244,7 +240,6 @@ impl Columns {
         overlap(self.map(pose), columns, &self.most)
     }
 
-    /// Worth that some poses cover.
     pub(crate) fn union(&self, poses: &[u32]) -> u64 {
         let outside = self.outside(poses);
         let words = outside.iter().zip(self.worths.chunks(64));

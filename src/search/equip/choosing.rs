@@ -37,7 +37,6 @@ const ROUNDS: usize = 20;
 /// Poses cast at once; progress is reported in between.
 const CAST: usize = 32;
 
-/// A sensor on the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Choice {
     pose: u32,
@@ -85,7 +84,6 @@ impl Choosing {
     }
 }
 
-/// A climb by exchanges of single sensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Climb {
     poses: Vec<u32>,
@@ -108,7 +106,6 @@ pub enum EquipStep {
     Done(Equipped),
 }
 
-/// Result of opening a search for equipment.
 pub(super) enum Opened {
     /// The search, all poses cast.
     Open(Box<Equip>),
@@ -118,7 +115,6 @@ pub(super) enum Opened {
     OutOfTime,
 }
 
-/// The search for equipment.
 pub(super) struct Equip {
     vehicle: Vehicle,
     /// Most that the sensors may cost, and most sensors.
@@ -335,7 +331,6 @@ impl Equip {
         chosen
     }
 
-    /// Sensors at poses of the grid.
     fn choices(&self, poses: &[u32]) -> Vec<Choice> {
         poses.iter().map(|&pose| self.choice(pose)).collect()
     }
@@ -350,7 +345,6 @@ impl Equip {
         self.in_pairs.then(|| self.grid.atlas().grid().mirrored(pose))
     }
 
-    /// Poses of the grid.
     pub(super) fn pose_count(&self) -> u32 {
         self.grid.atlas().grid().len()
     }

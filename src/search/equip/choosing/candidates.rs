@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// Sensors on a mount among those chosen and a group.
 fn count_on(mount: usize, chosen: &[Choice], group: &SensorGroup) -> usize {
     let all = chosen.iter().copied().chain(group.choices());
     all.filter(|choice| choice.mount == mount).count()
