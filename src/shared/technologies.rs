@@ -94,7 +94,6 @@ impl ConeSite {
         (!sensors.is_empty()).then_some(site)
     }
 
-    /// Number of sensors of each technology on a rig of some LiDARs.
     pub(super) fn sensors(&self, lidars: usize) -> Vec<SensorsOf> {
         let others = self.cones.technologies.iter().map(|(_, sensors)| sensors.len());
         let counts = std::iter::once(lidars).chain(others).zip(&self.names);
@@ -171,7 +170,6 @@ impl ConeSite {
     }
 }
 
-/// Bits that are set in some of the sets.
 pub(super) fn union<'a>(sets: impl IntoIterator<Item = &'a [u64]>) -> Vec<u64> {
     let or = |mut all: Vec<u64>, set: &[u64]| {
         all.resize(all.len().max(set.len()), 0);
