@@ -53,6 +53,16 @@ pub struct SeenByTechnology {
     pub share: Option<f64>,
 }
 
+/// Places of a target by the number of LiDARs, or by the technologies, that see it there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TargetSeenBy<S> {
+    /// Name of the target.
+    pub target: String,
+    /// Places beside the own body.
+    #[serde(flatten)]
+    pub seen: S,
+}
+
 impl SeenByTechnologies {
     /// Mean of the numbers of several scenes, as [`SeenBy::mean`].
     pub(super) fn mean(all: &[&Self]) -> Option<Self> {

@@ -21,6 +21,7 @@ const WORDS_AT_ONCE: u64 = if cfg!(test) { 1 << 12 } else { 1 << 30 };
 
 /// The columns of a maximum coverage problem: every voxel of every frame that some pose covers, in
 /// groups by the share of some typical poses that cover it, and by worth within a group.
+#[derive(Default)]
 pub(in crate::search) struct Columns {
     poses: usize,
     words: usize,
@@ -116,16 +117,7 @@ impl Columns {
             return None;
         }
         let poses = poses as usize;
-        let mut columns = Self {
-            poses,
-            words: 0,
-            bitmaps: Vec::new(),
-            worths: Vec::new(),
-            least: Vec::new(),
-            most: Vec::new(),
-            groups: Vec::new(),
-            lead: 0,
-        };
+        let mut columns = Self { poses, ..Self::default() };
         let places = columns.place(&sorted, &counts, shares.len() + 1);
         columns.lead = columns.lead_start();
         columns.bitmaps = vec![0; poses * columns.words];
