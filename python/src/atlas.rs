@@ -17,9 +17,8 @@ use crate::columns::summed;
 use crate::engine::Built;
 use crate::errors::{bad, raised};
 use crate::placements::placements_in;
-use crate::progress::WorkMessages;
 use crate::scenes::PyScene;
-use crate::wait::interruptible;
+use crate::wait::{WorkMessages, interruptible};
 
 /// Bytes of coverage that an atlas may hold where the scene does not say.
 const MEMORY: u64 = 4 << 30;

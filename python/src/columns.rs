@@ -10,8 +10,7 @@ use sightline::vehicle::{Region, Vehicle};
 use sightline::{Constraints, Placement, Scores};
 
 use crate::arrays::{column, shaped, to_python};
-use crate::progress::{Progress, WorkMessages};
-use crate::wait::watched;
+use crate::wait::{Progress, WorkMessages, watched};
 
 /// Gets a score of a task.
 type OfTask = fn(&TaskScores) -> Option<f64>;

@@ -18,10 +18,9 @@ use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores, SensorP
 
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
-use crate::progress::{WorkMessages, log};
 use crate::psogs::PyPsog;
 use crate::rays::RayTarget;
-use crate::wait::{is_forked, pooled};
+use crate::wait::{WorkMessages, is_forked, log, pooled};
 
 /// Engines by their names in Python.
 const BACKENDS: [(&str, EngineKind); 3] =
@@ -327,9 +326,6 @@ struct CountedEngine<'a> {
 }
 
 /// Runs `work` with an engine; each of its `total` casts is told to the watch, which may stop it.
-///
-/// # Errors
-/// The errors of `work`, and of a cast after the watch was stopped.
 pub(crate) fn counted<T, E>(
     engine: &mut dyn Backend,
     watch: &WorkMessages,

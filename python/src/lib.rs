@@ -5,8 +5,7 @@
 //! | `arguments` | every number and list of names that comes in, checked |
 //! | `arrays` | conversions |
 //! | `errors` | exceptions |
-//! | `wait` | long work without the GIL, with Ctrl-C |
-//! | `progress` | how far it is, as bars, records of `logging`, or for a function |
+//! | `wait` | long work without the GIL, with Ctrl-C; how far it is, as bars, records of `logging`, or for a function |
 //! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | objects of the user |
 //! | `engine` | P-SOG, problem and engine of a scene, built once; an engine that tells how many casts are done |
 //! | `columns` | scores as arrays, by the rules of a vehicle |
@@ -17,8 +16,7 @@
 //! | `scans` | scans as an iterator, and over time as files of viewers |
 //! | `search` | suites and `optimize` |
 //! | `questions` | studies of one placement as methods of a scene |
-//! | `front` | the front of objectives |
-//! | `studies` | studies that take many runs |
+//! | `studies` | studies that take many runs; the front of objectives |
 
 #![allow(clippy::too_many_arguments, reason = "keywords of Python")]
 
@@ -29,9 +27,7 @@ mod by_hand;
 mod columns;
 mod engine;
 mod errors;
-mod front;
 mod placements;
-mod progress;
 mod psogs;
 mod questions;
 mod rays;
@@ -82,7 +78,6 @@ mod _native {
     use super::{
         atlas::PyAtlas,
         by_hand::PySearch,
-        front::front,
         main,
         placements::{PyPlacement, published, read},
         psogs::PyPsog,
@@ -94,7 +89,7 @@ mod _native {
         sensors::{PySensor, PyVehicle},
         set_threads,
         space::PySpace,
-        studies::study_table,
+        studies::{front, study_table},
     };
 
     #[pymodule_init]

@@ -19,8 +19,7 @@ use sightline::scan::NO_CLASS;
 use crate::arguments::{self, entries, room_for};
 use crate::arrays::{column, few_numbers, matrix, misshapen, numbers, rows, to_python, wholes};
 use crate::errors::{bad, raised};
-use crate::progress::WorkMessages;
-use crate::wait::{interruptible, pooled};
+use crate::wait::{WorkMessages, interruptible, pooled};
 
 /// Required shape of a region, in words.
 const CORNERS: &str = "[2, 3]: the lower and the upper corner, metres";

@@ -15,9 +15,8 @@ use crate::arguments::{self, room_for};
 use crate::arrays::{misshapen, numbers, shaped};
 use crate::engine::{Built, counted};
 use crate::errors::{bad, raised, warn_of};
-use crate::progress::Progress;
 use crate::scenes::PyScene;
-use crate::wait::{answer, interruptible};
+use crate::wait::{Progress, answer, interruptible};
 
 // Python shows defaults that are literals.
 const _: () = assert!(LEAST_SHARED == 500);

@@ -21,11 +21,10 @@ use crate::columns::scored_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised, warn_of};
 use crate::placements::{placement_bytes, placements_in};
-use crate::progress::Progress;
 use crate::psogs::PyPsog;
 use crate::rays::signed;
 use crate::sensors::sensors_object;
-use crate::wait::{answer, interruptible, pooled};
+use crate::wait::{Progress, answer, interruptible, pooled};
 
 /// Bytes of a beam that `verify` draws.
 const SAMPLE_BYTES: usize = 256;

@@ -21,9 +21,8 @@ use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, guard, job_of, opened, score};
 use crate::errors::{bad, raised, warn_of};
 use crate::placements::{PyPlacement, placements_in};
-use crate::progress::{Progress, Shown, WorkMessages, log};
 use crate::scenes::{PyScene, frames_in_words};
-use crate::wait::{start, wait};
+use crate::wait::{Progress, Shown, WorkMessages, log, start, wait};
 
 /// Several scenes that share LiDARs and mount; each counts the same. Raises `ValueError` for none, and where they differ.
 #[pyclass(name = "Suite", module = "sightline", frozen)]
@@ -96,7 +95,7 @@ impl PySuite {
 }
 
 /// A search at its end, near ground that its result sees, and weather and faults of the scenes as they are written.
-struct Ended {
+struct EndedSearch {
     found: Found,
     near: Option<NearRecord>,
     conditions: Vec<String>,
@@ -111,7 +110,7 @@ fn optimized<'py>(
     callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Option<Ended>> {
+    let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Option<EndedSearch>> {
         let length = seconds.map(Duration::from_secs_f64);
         let job = job.within(length.map(TimeLimit::from_now));
         let found = job.optimize(&mut |event: &Event| observe(event)).map_err(raised)?;
@@ -119,7 +118,7 @@ fn optimized<'py>(
         let best = found.outcome.best.as_ref();
         let near = best.map(|best| near_record(&job, &best.placement)).transpose();
         let near = near.map_err(raised)?.flatten();
-        Ok(Some(Ended { found, near, conditions: job.conditions_in_words() }))
+        Ok(Some(EndedSearch { found, near, conditions: job.conditions_in_words() }))
     };
     let (ended, signal) = beside(py, search, callback, progress)?;
     let result = match ended {
@@ -376,7 +375,7 @@ pub(crate) fn beside<T: Send + 'static>(
 fn result_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
-    Ended { found, near, conditions }: &Ended,
+    EndedSearch { found, near, conditions }: &EndedSearch,
 ) -> PyResult<Bound<'py, PyAny>> {
     let Found { outcome, suite, settings, equipment, equipped, equipping } = found;
     let mut settled = json!(settings);

@@ -177,7 +177,6 @@ pub(super) mod tests {
         Setting { fidelity, engine }
     }
 
-    /// A setting that was measured to the end.
     pub(in crate::chart) fn measured(
         engine: Engine,
         seconds: f64,

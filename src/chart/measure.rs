@@ -89,9 +89,6 @@ pub(super) struct Bench {
 impl Bench {
     /// A bench over `placements`, of which there must be one or more; every cost is the median of
     /// `repeats`. `unit_seconds` goes on with those of an interrupted run.
-    ///
-    /// # Errors
-    /// The scene at its own voxel size cannot be scored on the CPU.
     pub(super) fn new(
         mut world: ChartWorld,
         placements: Vec<Placement>,
@@ -124,9 +121,6 @@ impl Bench {
     ///
     /// For a GPU setting whose equal on the CPU is in `done`, a few placements are scored. Where their scores are equal
     /// to the last bit, the CPU's scores stand for both.
-    ///
-    /// # Errors
-    /// The setting does not fit the scene, or the backend failed.
     pub(super) fn measure(
         &mut self,
         setting: &Setting,

@@ -6,14 +6,13 @@
 //! | `run` | the chart: every setting measured in turn; settings, state, observer |
 //! | `setting` | a setting, and the settings that a scene allows |
 //! | `world` | the problem that a scene poses at a setting; triangles merged below a size |
-//! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
+//! | `exact` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure` | cost and scores of one setting |
 //! | `early` | settings that are left early or not begun |
 
 pub(crate) mod early;
 mod exact;
-mod exact_tree;
 pub(crate) mod measure;
 pub(crate) mod ranking;
 mod run;

@@ -95,7 +95,6 @@ pub(super) struct ChartWorld {
 }
 
 impl ChartWorld {
-    /// A scene and the P-SOG on its own grid.
     pub(super) fn new(scene: Arc<Scene>, own: Arc<Psog>) -> Self {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
     }
@@ -106,9 +105,6 @@ impl ChartWorld {
     /// If the scene leaves the spacing of the scans to the voxels, as many points fall on a voxel's width at every
     /// size. If it sets numbers, scans for smaller voxels are denser by the same factor, and scans for larger ones stay
     /// as they are.
-    ///
-    /// # Errors
-    /// The scene's P-SOG is a file, or the grid has too many voxels.
     pub(super) fn psog(
         &mut self,
         factor: f64,
@@ -154,10 +150,6 @@ impl ChartWorld {
         Ok(world)
     }
 
-    /// The problem that the scene poses at a setting.
-    ///
-    /// # Errors
-    /// See [`Self::psog`]; a sensor without beams.
     pub(super) fn problem(&mut self, fidelity: &SceneDetail) -> Result<Problem, ChartError> {
         let psog = self.psog(fidelity.voxel, &|| true)?.expect("nobody stops the scan");
         let frames = if fidelity.through { Vec::new() } else { self.frames(fidelity) };

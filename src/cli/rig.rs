@@ -7,7 +7,7 @@ use serde_json::json;
 use super::args::{Asked, Format};
 use super::output::{Exit, Talk, Terminal};
 use crate::json::shortened;
-use crate::report::comparison::{comparison_csv, comparison_text};
+use crate::report::rigs::{comparison_csv, comparison_text};
 use crate::rig::{ImportSettings, RigFormat};
 use crate::runs::handover::{HandoverRequest, handover};
 use crate::runs::rig::{ExportRequest, Mounted, compare_files, export_file, import_files};

@@ -59,7 +59,6 @@ impl Footprint {
         &self.corners
     }
 
-    /// Edges from corner to corner.
     fn edges(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
         let next = self.corners.iter().cycle().skip(1);
         self.corners.iter().zip(next).map(|(a, b)| (*a, *b))
@@ -159,7 +158,6 @@ impl WheelPlane {
         }
     }
 
-    /// Height at a place in plan.
     pub(crate) fn at(&self, [x, y]: [f64; 2]) -> f64 {
         let [dx, dy] = [x - self.middle[0], y - self.middle[1]];
         self.height + self.slope[0] * dx + self.slope[1] * dy
@@ -193,9 +191,6 @@ pub const FEW_PLACEMENTS: usize = 64;
 /// Share of each LiDAR's beams that end at the own body in the first frame of a problem of the scene;
 /// zeros where beams end at nothing. The body stands nearest and is the same in every frame, so that one
 /// frame tells; of bodies that move the largest share of all frames counts.
-///
-/// # Errors
-/// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
 fn own_shares(
     scene: &Scene,
     problem: &Problem,

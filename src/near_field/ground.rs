@@ -49,7 +49,7 @@ pub(super) struct Cell {
 /// The squares of a grid along the ego frame's axes whose centres lie outside a footprint and within
 /// [`NEAR`] of its outline.
 #[derive(Debug, Clone)]
-pub(super) struct Cells {
+pub(super) struct CellGrid {
     pub cells: Vec<Cell>,
     /// Grid coordinates of the first column and row.
     first: [i64; 2],
@@ -58,7 +58,7 @@ pub(super) struct Cells {
     numbers: Vec<Option<u32>>,
 }
 
-impl Cells {
+impl CellGrid {
     pub(super) fn around(footprint: &Footprint) -> Self {
         let [low, high] = footprint.bounds();
         let first = low.map(|v| ((v - NEAR) / CELL).floor() as i64);

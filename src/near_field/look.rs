@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::ground::{Cell, Cells};
+use super::ground::{Cell, CellGrid};
 use super::zone::BlindZone;
 use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, ground};
 use crate::bvh::Hit;
@@ -26,7 +26,7 @@ pub(super) const MOST_BODY: f64 = 50.0;
 pub struct NearSite {
     pub(super) problem: Arc<Problem>,
     pub(super) footprint: Footprint,
-    pub(super) cells: Cells,
+    pub(super) cells: CellGrid,
     /// By triangle of a frame; the own body's triangles, which come last, have no entry.
     is_ground: Vec<bool>,
     /// One for each distinct frame: its number, frames that it stands for, which cells are ground.
@@ -163,7 +163,7 @@ impl NearSite {
     }
 
     fn among(footprint: Footprint, is_ground: Vec<bool>, problem: &Arc<Problem>) -> Self {
-        let cells = Cells::around(&footprint);
+        let cells = CellGrid::around(&footprint);
         let mut frames = Vec::new();
         for (frame, weight) in problem.distinct_frames() {
             let Some(geometry) = problem.geometry(frame) else { continue };
@@ -449,9 +449,6 @@ fn alike(
 }
 
 /// Poses of LiDARs in the ego frame and the hits of their beams in a frame; in bad weather of those that come back.
-///
-/// # Errors
-/// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
 pub(crate) fn returned_hits(
     problem: &Problem,
     engine: &mut dyn Backend,
@@ -466,7 +463,6 @@ pub(crate) fn returned_hits(
     Ok((poses, hits))
 }
 
-/// Outline of the own body of a scene in a frame.
 pub(crate) fn outline(scene: &Scene, frame: usize) -> Result<Footprint, NearFieldError> {
     let corners = scene.body_in(frame).into_iter().flatten();
     let footprint = Footprint::of(corners.map(|[x, y, _]| [f64::from(x), f64::from(y)]));

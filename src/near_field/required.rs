@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::ground::{Cell, Cells};
+use super::ground::{Cell, CellGrid};
 use super::look::{CLOSE, MOST_BODY, NearSite};
 use super::zone::{kept_depth, lane_before};
 use super::{CELL, Footprint, NEAR};
@@ -30,7 +30,6 @@ pub(crate) struct RequiredGround {
     is_mirrored: bool,
     /// Bit of each cell of the site; `None` for cells that no rule asks for.
     bits: Vec<Option<u32>>,
-    /// Cell of each bit.
     cells: Vec<Cell>,
     /// For each distinct frame, the cells that are ground.
     ground: Vec<Box<[u64]>>,
@@ -45,11 +44,11 @@ enum CellRule {
     /// For each distinct frame, the cells that count.
     Cells(Vec<Box<[u64]>>),
     /// For each pose of the bodies the lanes before an edge; the depth in metres; the side as the vehicle has it.
-    Lanes(Vec<Vec<Lane>>, f64, Side),
+    Lanes(Vec<Vec<GroundLane>>, f64, Side),
 }
 
 /// Cells of a lane by distance.
-type Lane = Vec<LaneCell>;
+type GroundLane = Vec<LaneCell>;
 
 struct LaneCell {
     bit: usize,
@@ -108,12 +107,10 @@ impl RequiredGround {
         self.cells.len().div_ceil(64)
     }
 
-    /// Words of all frames.
     pub(crate) fn words(&self) -> usize {
         self.frame_words() * self.site.frames.len()
     }
 
-    /// True if bodies move in the scene.
     pub(crate) fn moves(&self) -> bool {
         self.site.poses.len() > 1
     }
@@ -133,8 +130,8 @@ impl RequiredGround {
     }
 
     /// Lanes of ground before an edge in a pose of the bodies.
-    fn lanes(&self, pose: usize, side: Side) -> Vec<Lane> {
-        let mut lanes: BTreeMap<i64, Lane> = BTreeMap::new();
+    fn lanes(&self, pose: usize, side: Side) -> Vec<GroundLane> {
+        let mut lanes: BTreeMap<i64, GroundLane> = BTreeMap::new();
         for (bit, cell) in self.cells.iter().enumerate() {
             let Some((lane, distance)) = lane_before(&self.site.footprint, cell, side) else {
                 continue;
@@ -144,7 +141,7 @@ impl RequiredGround {
                 lanes.entry(lane).or_default().push(LaneCell { bit, distance, ground });
             }
         }
-        let mut lanes: Vec<Lane> = lanes.into_values().collect();
+        let mut lanes: Vec<GroundLane> = lanes.into_values().collect();
         lanes.iter_mut().for_each(|l| l.sort_by(|a, b| a.distance.total_cmp(&b.distance)));
         lanes
     }
@@ -164,9 +161,6 @@ impl RequiredGround {
     }
 
     /// Cells that a LiDAR sees, frame after frame; `[frames × words]`.
-    ///
-    /// # Errors
-    /// A model that the vehicle does not have.
     pub(crate) fn seen(&self, lidar: &SensorPose) -> Result<Vec<u64>, UnknownSensor> {
         let lidar = if self.is_mirrored { lidar.mirrored() } else { *lidar };
         let problem = &self.site.problem;
@@ -232,7 +226,7 @@ impl RequiredGround {
                 GroundSeen { share, soft: share.unwrap_or(0.0) }
             }
             CellRule::Lanes(poses, metres, _) => {
-                let seen = |(pose, lanes): (usize, &Vec<Lane>)| {
+                let seen = |(pose, lanes): (usize, &Vec<GroundLane>)| {
                     self.lanes_seen(pose, lanes, *metres, bits)
                 };
                 let each: Vec<[f64; 2]> = with_lanes(poses).map(seen).collect();
@@ -244,7 +238,7 @@ impl RequiredGround {
     }
 
     /// Share of the lanes of a pose that a rule of some metres keeps, and its softer twin.
-    fn lanes_seen(&self, pose: usize, lanes: &[Lane], metres: f64, bits: &[u64]) -> [f64; 2] {
+    fn lanes_seen(&self, pose: usize, lanes: &[GroundLane], metres: f64, bits: &[u64]) -> [f64; 2] {
         let [mut ends, mut soft] = [0.0; 2];
         for lane in lanes {
             let depth = self.kept_depth(pose, lane, metres, bits);
@@ -320,7 +314,7 @@ impl RequiredGround {
             CellRule::Cells(masks) => self.least_side(masks, bits),
             CellRule::Lanes(poses, metres, side) => {
                 let side = side.name();
-                let share = |&(pose, lanes): &(usize, &Vec<Lane>)| {
+                let share = |&(pose, lanes): &(usize, &Vec<GroundLane>)| {
                     self.lanes_seen(pose, lanes, *metres, bits)[0]
                 };
                 let worst = with_lanes(poses).min_by(|a, b| share(a).total_cmp(&share(b)));
@@ -330,7 +324,7 @@ impl RequiredGround {
                 let depths: Option<Vec<f64>> =
                     lanes.iter().map(|lane| self.depth(pose, lane, bits)).collect();
                 let is_within = |depth: Option<f64>| depth.is_some_and(|depth| depth <= *metres);
-                let is_lost = |lane: &&Lane| {
+                let is_lost = |lane: &&GroundLane| {
                     is_within(self.depth(pose, lane, bits))
                         && !is_within(self.kept_depth(pose, lane, *metres, bits))
                 };
@@ -377,16 +371,12 @@ impl RequiredGround {
     }
 }
 
-/// Poses of the bodies in which there are lanes, by their numbers.
-fn with_lanes(poses: &[Vec<Lane>]) -> impl Iterator<Item = (usize, &Vec<Lane>)> {
+fn with_lanes(poses: &[Vec<GroundLane>]) -> impl Iterator<Item = (usize, &Vec<GroundLane>)> {
     poses.iter().enumerate().filter(|(_, lanes)| !lanes.is_empty())
 }
 
 /// Metres from which on each of some rules has a cell to count, beside the own body of a problem: from its outline, or
 /// before the edge of a blind zone; `None` where no lane of cells lies there.
-///
-/// # Errors
-/// The body is a line from above, or larger than any vehicle.
 pub(crate) fn least_metres(
     problem: &Problem,
     rules: &[GroundRule],
@@ -402,7 +392,7 @@ pub(crate) fn least_metres(
         let name = first.name.clone();
         return Err(ProblemError::LargeBody { name, length, most: MOST_BODY });
     }
-    let cells = Cells::around(&footprint).cells;
+    let cells = CellGrid::around(&footprint).cells;
     let least = |rule: &GroundRule| {
         let metres = |cell: &Cell| match rule.asked {
             GroundAsked::Within(_) => Some(cell.distance),
@@ -432,7 +422,6 @@ fn mask_of(list: impl IntoIterator<Item = bool>) -> Box<[u64]> {
     words.into()
 }
 
-/// Bits that are set in two masks.
 fn both(a: &[u64], b: &[u64]) -> Box<[u64]> {
     a.iter().zip(b).map(|(a, b)| a & b).collect()
 }

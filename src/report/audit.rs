@@ -87,20 +87,17 @@ fn stability_text(found: &Audit) -> String {
     format!("{}\n{ranking}", align_with_notes(&rows, &notes))
 }
 
-/// A name, the metrics, and further titles.
 fn titles(first: &str, last: &[&str]) -> Vec<String> {
     let metrics = ScoreColumn::METRICS.map(ScoreColumn::title);
     let all = [&[first][..], &metrics[..], last].concat();
     all.into_iter().map(str::to_owned).collect()
 }
 
-/// A name and the value of each metric.
 fn cells(name: &str, scores: &Scores) -> Vec<String> {
     let values = ScoreColumn::METRICS.iter().map(|metric| metric.cell(scores));
     std::iter::once(name.to_owned()).chain(values).collect()
 }
 
-/// A line with the names of the guards that a placement violates, if any.
 fn guards_line(scores: &Scores) -> Vec<String> {
     let guards = scores.guards.iter().map(Guard::keyed);
     let mut names: Vec<_> = guards.filter_map(|g| g.split(':').next().map(str::to_owned)).collect();

@@ -42,7 +42,6 @@ pub(crate) fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     page([WIDTH, height], "Cost against ranking error", &body)
 }
 
-/// The upper part of the picture.
 fn points_and_axes(
     rated: &[Rated],
     points: &[usize],
@@ -162,13 +161,11 @@ fn half_below(value: f64) -> f64 {
     (2.0 * value).floor() / 2.0
 }
 
-/// Numbers beside points.
 pub(super) struct PointLabels<'a> {
     /// Left, right, top and bottom of the plot area, in pixels.
     pub area: [f64; 4],
     /// Points, and numbers written so far.
     pub taken: Vec<(f64, f64)>,
-    /// The Pareto front.
     pub line: &'a [(f64, f64)],
 }
 
@@ -207,7 +204,6 @@ impl PointLabels<'_> {
     }
 }
 
-/// Distance of a point from a line between two others.
 fn from_segment((x, y): (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
     let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     let along = ((x - a.0) * dx + (y - a.1) * dy) / (dx * dx + dy * dy).max(f64::MIN_POSITIVE);

@@ -64,7 +64,6 @@ pub(crate) fn chart_text(found: &Chart) -> String {
     text
 }
 
-/// Cells of [`COST`].
 fn cost_cells(row: &ChartRow) -> Vec<String> {
     let mark = if row.same_quantity { " " } else { "*" };
     vec![
@@ -77,7 +76,6 @@ fn cost_cells(row: &ChartRow) -> Vec<String> {
     ]
 }
 
-/// Cells of [`RANKING`].
 fn ranking_cells(row: &ChartRow) -> Vec<String> {
     let error = &row.error;
     let [tau, least] = match error.tau {

@@ -54,7 +54,6 @@ fn longest(cells: &[Vec<String>]) -> usize {
     cells.iter().flatten().map(|line| length(line)).max().unwrap_or(0)
 }
 
-/// Width of columns that stand behind another one.
 fn behind(columns: &[Column]) -> usize {
     columns.iter().map(|column| GAP + column.width).sum()
 }
@@ -64,12 +63,22 @@ pub(crate) fn folded(text: &str, width: usize) -> Vec<String> {
     if length(text) <= width {
         return vec![text.to_owned()];
     }
+    in_lines(text.split_whitespace().map(|word| without_middle(word, width)), width, "")
+}
+
+/// Words in lines of at most `width` characters; lines after the first begin with `indent`.
+pub(super) fn in_lines(
+    words: impl Iterator<Item = String>,
+    width: usize,
+    indent: &str,
+) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
-        let word = without_middle(word, width);
-        let fits = |line: &&mut String| length(line) + 1 + length(&word) <= width;
-        match lines.last_mut().filter(fits) {
-            Some(line) => *line += &format!(" {word}"),
+    for word in words {
+        match lines.last_mut() {
+            Some(line) if length(line) + 1 + length(&word) <= width => {
+                *line += &format!(" {word}");
+            }
+            Some(_) => lines.push(format!("{indent}{word}")),
             None => lines.push(word),
         }
     }

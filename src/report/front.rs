@@ -181,7 +181,6 @@ pub(super) fn has_requirements(front: &Front) -> bool {
     front.points.iter().any(|point| !point.scores.required.is_empty())
 }
 
-/// Titles of the table of a front, then its cells, a row a point.
 pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
     let (all, requires) = (front.objectives.all(), has_requirements(front));
     let by_number = all.contains(&FrontObjective::Sensors);

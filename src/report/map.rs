@@ -51,9 +51,6 @@ pub(crate) struct InformationMap {
 
 impl InformationMap {
     /// The map of a placement's gain, over a few frames spread evenly.
-    ///
-    /// # Errors
-    /// See [`Backend::bitmaps`].
     pub(crate) fn of(
         problem: &Problem,
         engine: &mut dyn Backend,
@@ -94,7 +91,6 @@ impl InformationMap {
         cells.into_iter().for_each(|cell| self.lidars[cell] += 1);
     }
 
-    /// An empty map over the voxels that hold information.
     pub(crate) fn new(roi: &Roi, content: &Content) -> Self {
         let (min, max, shape) = (roi.min(), roi.max(), roi.shape());
         let longer = shape[0].max(shape[1]);
@@ -220,7 +216,6 @@ impl InformationMap {
         page([width.round(), (height + 50.0).round()], title, &drawing)
     }
 
-    /// The two colour scales, and the size of the region.
     fn legend(&self) -> Markup {
         let scales = [("unseen", 0), ("half gained", STEPS / 2), ("gained", STEPS)];
         // Six steps of 12 pixels and 90 for the words.

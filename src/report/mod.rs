@@ -3,14 +3,13 @@
 //! | file | holds |
 //! |---|---|
 //! | `record` | all of `result.json`; a run as text; convergence of the search |
-//! | `words`, `blind` | the findings of a run as sentences; what it does not see, as a list where that is much |
-//! | `warnings` | kinds of warnings, and the ones that two placements share |
+//! | `words` | the findings of a run as sentences |
+//! | `warnings` | kinds of warnings, also shared ones; places that a placement does not see, as a list where that is much |
 //! | `next_steps` | steps to take next where a result misses requirements |
 //! | `svg` | parts of every drawing: page, colours, signs of LiDARs, axes |
 //! | `plot`, `study` | plain charts of some series |
 //! | `sensor` | facts of a sensor file, its pattern as SVG |
 //! | `audit` | audits as text |
-//! | `comparison` | two rigs compared, as text and as CSV |
 //! | `chart`, `chart_text` | cost against ranking error |
 //! | `columns` | tables of at most 100 columns of a terminal |
 //! | `coverage` | ground near the vehicle, things by the number of LiDARs that see them, overlap of pairs |
@@ -20,18 +19,16 @@
 //! | `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `tables` | tables of scores and studies as CSV; gains in each of several scenes |
 //! | `run_tables` | results of searches and audits as CSV |
-//! | `rigs` | price, range card and order of rigs below their scores |
+//! | `rigs` | price, range card and order of rigs below their scores; two rigs compared, as text and as CSV |
 //! | `text` | tables and answers of commands as text |
 //! | `front` | the front of two or three objectives: `result.json`, table, drawing |
 //! | `view` | the 3-D view of a page |
 //! | `page` | the page |
 
 pub(crate) mod audit;
-mod blind;
 pub(crate) mod chart;
 pub(crate) mod chart_text;
 pub(crate) mod columns;
-pub(crate) mod comparison;
 pub(crate) mod coverage;
 mod drawing;
 pub(crate) mod front;
@@ -41,7 +38,7 @@ mod next_steps;
 mod page;
 pub(crate) mod plot;
 pub(crate) mod record;
-mod rigs;
+pub(crate) mod rigs;
 pub(crate) mod run_tables;
 pub(crate) mod sensor;
 pub(crate) mod study;

@@ -4,8 +4,7 @@
 //! |---|---|
 //! | `scores` | requirements, result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and the gain of each LiDAR; tables and figures |
-//! | `seen` | range card, blind zone and maps of the result |
-//! | `several` | things by the LiDARs and technologies that see them, the loss of each LiDAR, overlap of pairs |
+//! | `seen` | range card, blind zone and maps; things by the LiDARs that see them, loss of each LiDAR, overlap of pairs |
 //! | `search` | convergence, findings, how the run was made and how to repeat it |
 //! | `front` | the page of a front |
 
@@ -14,7 +13,6 @@ mod layout;
 mod scores;
 mod search;
 mod seen;
-mod several;
 
 use std::sync::Arc;
 
@@ -48,7 +46,6 @@ pub(crate) fn report_html(run: &RunRecord, figures: &Figures, tolerance: &str) -
     page(&subject, figures, Some(run)).into_string()
 }
 
-/// The page of a placement that was not searched for.
 pub(crate) fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
     page(subject, figures, None).into_string()
 }
@@ -57,16 +54,33 @@ pub(crate) fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 
-fn head(title: &str) -> Markup {
+/// A page of `title` with its header and its sections; `end` stands behind the footer.
+fn whole(title: &str, header: &Markup, sections: &Markup, end: &Markup) -> Markup {
     html! {
-        head {
-            meta charset="utf-8";
-            meta http-equiv="Content-Security-Policy" content=(POLICY);
-            meta name="viewport" content="width=device-width, initial-scale=1";
-            meta name="color-scheme" content="light dark";
-            title { (title) }
-            style { (PreEscaped(include_str!("page/style.css"))) }
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { "sightline: " (title) }
+                style { (PreEscaped(include_str!("page/style.css"))) }
+            }
+            body {
+                (header)
+                main { (sections) }
+                footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
+                (end)
+            }
         }
+    }
+}
+
+/// A section of a page under its title; nothing without a body.
+fn section(id: &str, title: &str, body: &Markup) -> Markup {
+    html! {
+        @if !body.0.is_empty() { section aria-labelledby=(id) { h2 id=(id) { (title) } (body) } }
     }
 }
 
@@ -86,44 +100,35 @@ fn heading(scene: &str, conditions: &[String], verdict: &str) -> Markup {
 }
 
 fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            (head(&format!("sightline: {}", subject.scene)))
-            body {
-                (heading(subject.scene, subject.conditions, &subject.verdict))
-                main {
-                    (scores::required(subject))
-                    @for step in run.map(next_in_words).unwrap_or_default() { p { (layout::prose(&step)) } }
-                    @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
-                    (scores::usual(subject))
-                    (layout::stage(subject, figures))
-                    @if subject.result.is_some() {
-                        p.part { "For the engineer: what it sees and where it stands" }
-                    }
-                    (seen::range_card(subject, figures))
-                    (seen::near_field(figures))
-                    (layout::layout(subject, figures, run))
-                    (several::redundancy(subject, figures))
-                    (several::losses(subject, figures))
-                    (several::overlap(figures))
-                    p.part { "For the sceptic: what to doubt, and how to repeat it" }
-                    (scores::guards(subject, run))
-                    @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
-                    @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
-                    (scores::against(subject, run))
-                    (scores::gains(subject, figures))
-                    (seen::maps(figures))
-                    (scores::scores(subject))
-                    (scores::scenes(subject))
-                    @if let Some(run) = run { (search::search(run, figures)) }
-                    (search::run_again(subject, run))
-                }
-                footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
-                (layout::script(figures))
-            }
+    let head = heading(subject.scene, subject.conditions, &subject.verdict);
+    let main = html! {
+        (section("required", "Requirements", &scores::required(subject)))
+        @for step in run.map(next_in_words).unwrap_or_default() { p { (layout::prose(&step)) } }
+        @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
+        (section("required", "No requirement is set", &scores::usual(subject)))
+        (layout::stage(subject, figures))
+        @if subject.result.is_some() {
+            p.part { "For the engineer: what it sees and where it stands" }
         }
-    }
+        (section("range", "Range card", &seen::range_card(subject, figures)))
+        (section("near", "Ground near the vehicle", &seen::near_field(figures)))
+        (section("placement", "The placement", &layout::layout(subject, figures, run)))
+        (section("redundancy", "Seen by how many LiDARs", &seen::redundancy(subject, figures)))
+        (section("lost", "If one LiDAR fails", &seen::losses(subject, figures)))
+        (section("overlap", "Overlap of the LiDARs", &seen::overlap(figures)))
+        p.part { "For the sceptic: what to doubt, and how to repeat it" }
+        (section("guards", "Warnings", &scores::guards(subject, run)))
+        @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
+        @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
+        (section("against", "Against every baseline", &scores::against(subject, run)))
+        (section("gains", "Where the gain comes from", &scores::gains(subject, figures)))
+        (seen::maps(figures))
+        (section("scores", "All scores", &scores::scores(subject)))
+        (section("scenes", "Scene by scene", &scores::scenes(subject)))
+        @if let Some(run) = run { (section("search", "The search", &search::search(run, figures))) }
+        (section("repeat", "How to repeat it", &search::run_again(subject, run)))
+    };
+    whole(subject.scene, &head, &main, &layout::script(figures))
 }
 
 /// Words of a heading; names with a hyphen stay on one line.
@@ -204,7 +209,6 @@ const MOST_LOST: usize = 512;
 pub(crate) struct Looks {
     /// Information that the placement gains, seen from above, by name of the scene.
     maps: Vec<(String, InformationMap)>,
-    /// 3-D view of the placement in each scene.
     views: Vec<ViewData>,
     /// Ground near the vehicle in the first scene that placement and best baseline see, or why there is none.
     near: Result<Near, String>,
@@ -311,7 +315,6 @@ pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord
     Ok(Some(NearRecord { frames, near, rival: None }))
 }
 
-/// A problem over the few frames of near fields, and their number.
 fn near_frames(problem: &Problem) -> (Arc<Problem>, usize) {
     // A P-SOG without geometry has no frame to cast into.
     let most = if bodies_move(problem) { MOVING_FRAMES } else { NEAR_FRAMES };
@@ -440,7 +443,6 @@ impl Figures {
         all
     }
 
-    /// Adds the convergence of a run.
     pub(crate) fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
         let best = run.best.as_ref();
         let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
@@ -451,4 +453,32 @@ impl Figures {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::report::view::tests::yard;
+
+    #[test]
+    fn losses_are_left_out_where_a_run_is_to_end() {
+        let (scene, _, [two, _]) = yard();
+        let job = Job::new(scene);
+        let suite = job.suite().unwrap();
+        let looks = |goes_on: bool| Looks::new(&job, &suite, &two, &[], &mut || goes_on).unwrap();
+        assert!(looks(true).several.losses.is_some());
+        let late = looks(false);
+        assert!(late.several.losses.is_none() && late.several.redundancy.is_some());
+    }
+
+    #[test]
+    fn the_head_has_one_sentence_large_and_blind_places_as_a_list() {
+        let verdict = "BLIND: 2 sectors, listed below. No warning.\nBLIND: ahead.\nBLIND: left.";
+        let head = heading("street", &[], verdict).into_string();
+        let want = "<h1>BLIND: 2 sectors, listed below.</h1><p>No warning.</p>\
+                    <ul><li>BLIND: ahead.</li><li>BLIND: left.</li></ul>";
+        assert!(head.contains(want), "{head}");
+        assert!(
+            !heading("street", &[], "The placement found. No warning.")
+                .into_string()
+                .contains("<ul>")
+        );
+    }
+}

@@ -37,24 +37,19 @@ const LONGEST: usize = 300;
 /// Points of a line that are also drawn one by one, if there are no more.
 const DOTTED: usize = 60;
 
-/// A text in lines of the legend.
 fn legend_lines(text: &str) -> Vec<String> {
     lines(&shortened(text, LONGEST), LEGEND)
 }
 
-/// Kind of the x axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Axis {
     /// Names at equal distances; the points of a series come in their order.
     Names(Vec<String>),
-    /// Numbers.
     Numbers,
 }
 
-/// One set of points.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Series {
-    /// For the legend.
     pub name: String,
     /// (x, y); with [`Axis::Names`], x is the number of the name.
     pub points: Vec<(f64, f64)>,
@@ -68,16 +63,11 @@ pub(crate) struct Series {
     pub diamonds: bool,
 }
 
-/// A plain chart of some series.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Plot {
-    /// Over the chart.
     pub title: String,
-    /// Under the x axis.
     pub x_title: String,
-    /// Over the y axis.
     pub y_title: String,
-    /// Kind of the x axis.
     pub x: Axis,
     /// At most sixteen are told apart by colour.
     pub series: Vec<Series>,

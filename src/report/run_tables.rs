@@ -114,7 +114,6 @@ pub(crate) fn audits_csv(all: &[Audit]) -> String {
     csv(rows)
 }
 
-/// The cells of a change behind its scores.
 fn cells_of(change: &Stability) -> [String; 8] {
     let [median, worst] = [change.median_relative_change, change.worst_relative_change].map(number);
     let [median_tau, tau, height] =

@@ -188,7 +188,6 @@ const WIDTH: f64 = 600.0;
 const HEIGHT: f64 = 360.0;
 /// Left end and width of the bars beside it.
 const BARS: [f64; 2] = [690.0, 150.0];
-/// Pixels of the whole.
 const ALL: [f64; 2] = [900.0, 500.0];
 /// Most dots that are drawn.
 const DOTS: usize = 24_000;

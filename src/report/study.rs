@@ -11,7 +11,6 @@ use crate::search::{COPIES, error_of_share};
 use crate::study::{Row, Table, TablePlot};
 use crate::targets::RangeCard;
 
-/// Draws a table by its `drawing`.
 pub(crate) fn study_plot(table: &Table) -> Plot {
     let number = |row: &Row, column: usize| row.values[column].unwrap_or(f64::NAN);
     let rows = || table.rows.iter();
@@ -78,7 +77,6 @@ pub(super) fn lost(scores: &Scores) -> f64 {
     0.0 + scores.guards.iter().map(of).sum::<f64>()
 }
 
-/// Value of a row with its unit.
 fn head(sweep: &Sweep, k: usize) -> String {
     let row = &sweep.rows[k];
     let given = if row.as_given { " as given" } else { "" };

@@ -26,11 +26,8 @@ pub(super) fn colour(number: usize) -> &'static str {
 /// LiDARs at one place of a drawing, and where their numbers stand.
 #[derive(Debug, Clone)]
 pub(super) struct LidarSign {
-    /// Their numbers, rising.
     pub lidars: Vec<usize>,
-    /// Their place.
     pub at: [f64; 2],
-    /// Middle of their numbers.
     pub label: [f64; 2],
 }
 
@@ -66,7 +63,6 @@ impl LidarSign {
         self.lidars.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
     }
 
-    /// Colour of the first of its LiDARs.
     pub(super) fn colour(&self) -> &'static str {
         colour(self.lidars[0])
     }
@@ -119,7 +115,6 @@ pub(super) fn trimmed(value: f64, decimals: usize) -> String {
     text
 }
 
-/// Maps a value range to a pixel range.
 pub(super) fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {
     to.0 + (value - from.0) / (from.1 - from.0) * (to.1 - to.0)
 }
@@ -140,7 +135,6 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// An axis of equal steps.
     pub(super) fn linear(range: (f64, f64), pixels: (f64, f64)) -> Self {
         Self { range, pixels, is_log: false }
     }
@@ -155,7 +149,6 @@ impl Scale {
         self.range
     }
 
-    /// Pixel of a value.
     pub(super) fn at(&self, value: f64) -> f64 {
         scale(if self.is_log { maths::log10(value) } else { value }, self.range, self.pixels)
     }
@@ -197,7 +190,6 @@ pub(super) struct Axes {
 }
 
 impl Axes {
-    /// Pixel of a point.
     pub(super) fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
         (self.x.at(x), self.y.at(y))
     }

@@ -176,7 +176,6 @@ pub(crate) fn redundancy_csv(all: &[&Redundancy]) -> String {
     csv(rows)
 }
 
-/// Shares of things that no, one, two, three and more see.
 fn shares(seen: &SeenBy) -> [String; 4] {
     std::array::from_fn(|k| number(seen.share.map(|share| share[k])))
 }
@@ -299,31 +298,18 @@ pub(crate) fn studies_csv(tables: &[&Table]) -> String {
 /// A score as it is shown to people: title and cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ScoreColumn {
-    /// Name of the placement.
     Name,
-    /// Information gain in nats.
     Gain,
-    /// Information gain in per cent of the information that the scene holds.
     GainShare,
-    /// Share of the information gained where near voxels weigh more, in per cent.
     NearGain,
-    /// Near gain where a voxel counts for up to two LiDARs that cover it, in per cent.
     NearGain2,
-    /// Near gain where a voxel counts for up to three LiDARs, in per cent.
     NearGain3,
-    /// Ground within 10 m of the body that is seen, in per cent.
     NearField,
-    /// M-SOG, literal eq. 5.
     MSog,
-    /// M-SOG/N in millionths, as the paper prints it.
     MSogScaled,
-    /// M-SOG/N of the detection task, in millionths.
     Detection,
-    /// S-MIG in nats.
     SMig,
-    /// Covered voxels.
     Covered,
-    /// Beams that hit a surface, in per cent.
     Hits,
 }
 
@@ -394,7 +380,6 @@ impl ScoreColumn {
         named.map_or(Self::GainShare, |named| of[named])
     }
 
-    /// Title with its unit.
     pub(crate) fn title(self) -> &'static str {
         COLUMNS[self as usize].2
     }

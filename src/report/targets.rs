@@ -27,7 +27,6 @@ const COLUMNS: usize = 3;
 /// Bearing of the labels of circles, between two of sixteen bearings, in degrees; and the halo around them.
 const LABELS: f64 = -11.25;
 const PAPER: &str = "#fff";
-/// Circles of a panel.
 const RINGS: usize = 4;
 /// Widest wedge of a bearing, in degrees, and the share of it that is drawn.
 const WIDEST: f64 = 22.5;
@@ -65,7 +64,6 @@ pub(super) fn bearing_in_words(bearing: f64) -> String {
     }
 }
 
-/// Every bearing of a target of a card.
 fn of_target(target: &TargetRanges) -> Vec<MetRuns<'_>> {
     let each = target.bearings.iter().map(|of| (of.bearing, &of.met[..]));
     each.map(|(bearing, runs)| MetRuns { target: &target.target, bearing, runs }).collect()
@@ -131,7 +129,6 @@ pub(super) fn reach_in_words(card: &RangeCard) -> Vec<String> {
     card.ends_at_range().then_some(of_all).into_iter().chain(of_rig).collect()
 }
 
-/// The range card of a placement: a line a bearing.
 pub(crate) fn range_card_text(card: &RangeCard) -> String {
     let on_card = |sector: &&BlindSector| {
         let bearings = card.targets.first().map_or(&[][..], |target| &target.bearings);
@@ -193,7 +190,6 @@ pub(super) fn range_card_svg(name: &str, card: &RangeCard) -> String {
     page([width, PANEL + TITLE], "Distances at which targets are met", &body)
 }
 
-/// The plot of each target on its own, with a name.
 pub(super) fn range_card_svgs(name: &str, card: &RangeCard) -> Vec<(String, String)> {
     let title =
         |target: &TargetRanges| format!("Distances at which a target is met: {}", target.target);
@@ -210,7 +206,6 @@ fn card_panels(name: &str, card: &RangeCard) -> Vec<Markup> {
     card.targets.iter().map(of_card).collect()
 }
 
-/// Detections by scene and placement, in order.
 fn by_placement(table: &TargetTable) -> Vec<&[Detection]> {
     table.detections.chunk_by(|a, b| (&a.scene, &a.placement) == (&b.scene, &b.placement)).collect()
 }

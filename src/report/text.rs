@@ -70,7 +70,6 @@ pub(super) fn requirements_in_words<'a>(all: impl IntoIterator<Item = &'a Scores
     from.into_iter().chain(copies).collect()
 }
 
-/// Lines below the scores of a placement.
 pub(super) fn notes(scores: &Scores) -> Vec<String> {
     let required = scores.required.iter();
     let required =
@@ -138,7 +137,6 @@ fn limit_in_words(stopped: &str, asked: Option<u64>, evaluated: u64) -> Option<[
     Some([format!("--evaluations {asked}{rounded}"), rest.to_owned()])
 }
 
-/// See [`limit_in_words`].
 pub(super) fn limit_of(run: &RunRecord) -> Option<[String; 2]> {
     let asked = run.settings["search"]["evaluations"].as_u64();
     limit_in_words(&run.stopped, asked, run.evaluations)
@@ -277,7 +275,6 @@ fn facts(info: &PsogInfo) -> String {
     facts.iter().map(|(name, value)| format!("{name:<12}{value}\n")).collect()
 }
 
-/// The part of each class in the entropy.
 fn classes(info: &PsogInfo) -> String {
     let row =
         |name: &str, voxels: String, nats: f64| vec![name.to_owned(), voxels, format!("{nats:.2}")];
@@ -292,7 +289,6 @@ const RESAMPLES: usize = 10_000;
 /// A result against one baseline.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Against<'a> {
-    /// Name of the baseline.
     pub name: &'a str,
     /// Gain of the baseline, as a share.
     pub gain: f64,

@@ -46,9 +46,6 @@ pub(crate) struct ViewData {
 impl ViewData {
     /// View of `placement` and `baselines` in a scene whose problem is over all of its frames. A page holds
     /// `scenes` views, which share its room.
-    ///
-    /// # Errors
-    /// See [`Backend::bitmaps`] and [`Backend::hits`].
     pub(crate) fn new(
         scene: &Scene,
         problem: &Problem,
@@ -74,7 +71,6 @@ impl ViewData {
         })
     }
 
-    /// Name of the scene.
     pub(crate) fn scene(&self) -> &str {
         &self.scene
     }
@@ -84,7 +80,6 @@ impl ViewData {
         &self.frames
     }
 
-    /// Nats that the layouts gain, by class and by distance.
     pub(crate) fn gains(&self) -> &Gains {
         &self.sight.gains
     }
@@ -103,7 +98,6 @@ const TRIANGLES: usize = 40_000;
 /// Edge in metres of the cells that corners are first merged in where there are more, and of the last.
 const CELLS: [f64; 2] = [0.1, 30.0];
 
-/// Things that the view draws.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Things {
     /// Equal things share a shape.

@@ -7,9 +7,8 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::RunRecord;
-use super::blind::{Blind, blind_in_words, unseen_in_words};
 use super::text::value_in_words;
-use super::warnings::kinds_beside;
+use super::warnings::{Blind, blind_in_words, kinds_beside, unseen_in_words};
 use crate::csv::rounded;
 use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
 use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored, Tolerance};
@@ -43,9 +42,7 @@ pub(crate) fn run_verdict(run: &RunRecord) -> String {
 /// Parts of a verdict that only a run has; either may be empty.
 #[derive(Default)]
 struct OfRun {
-    /// See [`price_in_words`].
     price: String,
-    /// See [`unseen_in_words`].
     near: Blind,
     /// Frames that the result is scored over, such as ` over 4 of 40 frames, as far as the run got`; empty where
     /// these are all.

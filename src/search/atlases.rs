@@ -74,7 +74,6 @@ impl Atlases {
         self.each[0].grid()
     }
 
-    /// Poses that fit at once.
     pub(crate) fn capacity(&self) -> usize {
         self.each[0].capacity()
     }
@@ -121,9 +120,6 @@ impl Atlases {
     }
 
     /// The union of held poses.
-    ///
-    /// # Panics
-    /// A pose is not held.
     pub(crate) fn union(&self, poses: &[u32], unions: &mut Unions) {
         unions.each.resize_with(self.each.len(), Union::default);
         let each = self.each.iter().zip(&mut unions.each);
@@ -133,11 +129,6 @@ impl Atlases {
 
     pub(super) fn has_sight(&self) -> bool {
         self.sight.is_some()
-    }
-
-    /// True if the vehicle has requirements on targets, near ground or overlap.
-    pub(super) fn has_target_rules(&self) -> bool {
-        self.sight.as_ref().is_some_and(|sight| sight.has_rules())
     }
 
     /// Requirements that no rig meets whose poses are among those held, in words: areas, then rules on targets, ground and
@@ -170,15 +161,11 @@ impl Atlases {
         all
     }
 
-    /// Required areas.
     pub(super) fn areas(&self) -> impl Iterator<Item = &Requirement> {
         self.each[0].problem().content().areas().iter().map(|area| &area.required)
     }
 
     /// Share of each required area that held poses see together; a mean over scenes.
-    ///
-    /// # Panics
-    /// A pose is not held.
     pub(super) fn area_shares(&self, poses: &[u32]) -> Vec<f64> {
         let shares: Vec<Vec<f64>> =
             self.each.iter().map(|atlas| atlas.area_shares(poses)).collect();
@@ -229,9 +216,6 @@ impl Atlases {
     }
 
     /// The objective of unions and one held pose more, over all scenes; `None` where it does not exist.
-    ///
-    /// # Panics
-    /// The pose is not held.
     pub(crate) fn value_with(
         &self,
         objective: &Objective,
@@ -278,9 +262,6 @@ impl Atlases {
     }
 
     /// Like [`Atlas::occupied_of`], scene after scene.
-    ///
-    /// # Panics
-    /// The pose is not held.
     pub(super) fn occupied_of(&self, pose: u32) -> Cow<'_, [u64]> {
         match &self.each[..] {
             [atlas] => Cow::Borrowed(atlas.occupied_of(pose)),

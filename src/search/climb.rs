@@ -26,7 +26,6 @@ pub enum Moves {
     Anywhere,
 }
 
-/// LiDARs that move at once.
 #[derive(Debug, Clone, Copy)]
 enum Turn {
     /// A LiDAR, by index.
@@ -37,7 +36,6 @@ enum Turn {
     Height,
 }
 
-/// End of a turn.
 enum Swap {
     /// A better placement, and its standing where swaps are checked.
     To(GridPlacement, Option<Standing>),
@@ -295,12 +293,10 @@ impl GridSearch {
     }
 }
 
-/// Copy of the poses without some LiDARs.
 fn without(poses: &[u32], lidars: Range<usize>) -> Vec<u32> {
     [&poses[..lidars.start], &poses[lidars.end..]].concat()
 }
 
-/// Copy of the poses with some LiDARs moved.
 fn with(poses: &[u32], moved: &[(usize, u32)]) -> Vec<u32> {
     let mut poses = poses.to_vec();
     moved.iter().for_each(|&(lidar, pose)| poses[lidar] = pose);

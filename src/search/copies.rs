@@ -40,7 +40,7 @@ pub(crate) fn error_of_share(share: f64, lidars: usize) -> f64 {
 }
 
 /// A LiDAR in each of its poses.
-pub(crate) struct Column {
+pub(crate) struct LidarInPoses {
     own: SensorPose,
     /// Beams on targets in it; empty where no rule looks for targets.
     on_targets: SightBeams,
@@ -56,13 +56,13 @@ fn in_pose<T>(all: &[T], pose: usize) -> &T {
 }
 
 /// Numbers of LiDARs, each with the column that replaces its own.
-pub(crate) type Instead = Vec<(usize, Column)>;
+pub(crate) type Instead = Vec<(usize, LidarInPoses)>;
 
 /// A placement whose LiDARs each stand in one of some poses within the tolerance.
 pub(crate) struct Moved {
     seed: u64,
     offsets: Vec<Vec<[f64; 6]>>,
-    columns: Vec<Column>,
+    columns: Vec<LidarInPoses>,
     /// Required areas of each member; empty where none is required.
     areas: Vec<AreaBits>,
     /// Requirements that are looked at: areas, then the rules of `sight`.
@@ -85,9 +85,6 @@ impl Moved {
     /// Casts the LiDARs of a placement in each of their poses, over the evaluator's frames, and looks at all of so many
     /// requirements. Where `only` names a LiDAR, no other one is off. `None` once `go_on`, which is asked after every few poses
     /// and frames, says no.
-    ///
-    /// # Errors
-    /// An engine that fails, a sensor that the vehicle does not have.
     pub(crate) fn new(
         (tolerance, seed, only): (Tolerance, u64, Option<usize>),
         (placement, required): (&Placement, usize),
@@ -173,7 +170,6 @@ impl Moved {
         both.map(|(pair, _)| pair).all(|(before, after)| room(after) >= part * room(before))
     }
 
-    /// Looks at few copies, or at all of them.
     pub(crate) fn at_few(self, few: bool) -> Self {
         Self { copies: if few { FEW_COPIES } else { COPIES }, ..self }
     }
@@ -225,7 +221,7 @@ impl Moved {
         lidars: &[(usize, SensorPose)],
         evaluator: &mut Evaluator,
         go_on: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Vec<Column>>, BackendError> {
+    ) -> Result<Option<Vec<LidarInPoses>>, BackendError> {
         let (of_areas, on_targets, on_near) = self.wanted();
         let own: Vec<SensorPose> = lidars.iter().map(|(_, own)| *own).collect();
         let Some(targets) = self.looked_at(&own, &on_targets, go_on)? else { return Ok(None) };
@@ -251,7 +247,7 @@ impl Moved {
             let poses = first..first + poses.len();
             first = poses.end;
             let areas = areas.iter().map(|of: &Vec<Vec<u64>>| of[poses.clone()].to_vec()).collect();
-            columns.push(Column { own, on_targets, near: near[poses].to_vec(), areas });
+            columns.push(LidarInPoses { own, on_targets, near: near[poses].to_vec(), areas });
         }
         Ok(Some(columns))
     }
@@ -294,7 +290,7 @@ impl Moved {
 
     /// Share of every required area, and of every rule that is not on targets, with each LiDAR in one of its poses; 1 where
     /// it is not looked at.
-    fn near_shares(&self, columns: &[&Column], poses: &[usize]) -> Vec<f64> {
+    fn near_shares(&self, columns: &[&LidarInPoses], poses: &[usize]) -> Vec<f64> {
         let (of_areas, _, on_near) = self.wanted();
         let mut shares = vec![1.0; of_areas.len()];
         if of_areas.contains(&true) {
@@ -340,15 +336,15 @@ impl Moved {
     }
 
     /// The columns, some of them replaced where `instead` says so.
-    fn columns<'a>(&'a self, instead: &'a [(usize, Column)]) -> Vec<&'a Column> {
-        let mut columns: Vec<&Column> = self.columns.iter().collect();
+    fn columns<'a>(&'a self, instead: &'a [(usize, LidarInPoses)]) -> Vec<&'a LidarInPoses> {
+        let mut columns: Vec<&LidarInPoses> = self.columns.iter().collect();
         instead.iter().for_each(|(lidar, column)| columns[*lidar] = column);
         columns
     }
 
     /// Share of every requirement with no LiDAR off, over the frames that were cast, in the order of the scores; with
     /// other columns `instead` of LiDARs' own.
-    pub(crate) fn as_it_is(&self, instead: &[(usize, Column)]) -> Vec<f64> {
+    pub(crate) fn as_it_is(&self, instead: &[(usize, LidarInPoses)]) -> Vec<f64> {
         let columns = self.columns(instead);
         let near = self.near_shares(&columns, &vec![0; columns.len()]);
         let each: Vec<_> = columns.iter().map(|column| &column.on_targets).collect();
@@ -369,7 +365,7 @@ impl Moved {
     /// frames; columns of `instead` replace LiDARs' own. `go_on` and `None` work as in [`Self::new`].
     pub(crate) fn holds(
         &self,
-        instead: &[(usize, Column)],
+        instead: &[(usize, LidarInPoses)],
         found: &[(f64, f64)],
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Holds>, BackendError> {
@@ -406,7 +402,7 @@ impl Moved {
     /// Share of every requirement in a copy, in the order of the scores; 1 where it is not looked at.
     fn shares_in(
         &self,
-        columns: &[&Column],
+        columns: &[&LidarInPoses],
         (copy, near): &(usize, Vec<usize>),
         order: &[Vec<usize>],
     ) -> Result<Vec<f64>, UnknownSensor> {

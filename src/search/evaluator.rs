@@ -147,7 +147,6 @@ impl Evaluator {
         Self { sight, ..self }
     }
 
-    /// Targets that a search looks for.
     pub(super) fn sight(&self) -> Option<&Arc<Sight>> {
         self.sight.as_ref()
     }
@@ -201,9 +200,6 @@ impl Evaluator {
     }
 
     /// A scene or mirror image by its number from 0, with its engine for single stages.
-    ///
-    /// # Panics
-    /// There is no such member.
     pub(crate) fn member_mut(&mut self, member: usize) -> (&Member, &mut dyn Backend) {
         let Seat { member, backend, .. } = &mut self.seats[member];
         (member, &mut **backend)

@@ -251,7 +251,6 @@ impl Generations {
         Ok(Some(Generation { record, scored: kept.into_iter().zip(scores).collect(), scoring }))
     }
 
-    /// The placements that points of the search space stand for.
     fn placements(
         &self,
         points: &[&[f64]],

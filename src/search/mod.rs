@@ -10,14 +10,13 @@
 //! | `suite` | the scenes of a run, and their mirror images |
 //! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
-//! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
-//! | `atlas`, `atlases`, `grid_search`, `grid_values`, `climb`, `swaps` | placements on a grid of poses |
+//! | `pilot`, `on_demand` | few frames that stand for all, and when more are needed |
+//! | `atlas`, `atlases`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip` | models and numbers of sensors under a budget; requirements |
 //! | `tolerance`, `copies` | requirements in copies of a placement that are mounted a little off |
-//! | `phases` | check of a result at draws of phases that the search has not seen |
 //! | `bound` | bounds on how much better than the result another placement could be |
-//! | `spread` | gain over the best baseline beside the spread between scenes |
-//! | `findings`, `rules` | layout properties that go with the objective; the rules of the mount in words |
+//! | `spread` | gain over the best baseline beside the spread between scenes, and at draws that the search has not seen |
+//! | `rules` | the rules of the mount in words; layout properties that go with the objective |
 
 pub(crate) mod atlas;
 pub(crate) mod atlases;
@@ -27,15 +26,11 @@ mod copies;
 mod equip;
 mod error;
 mod evaluator;
-mod findings;
 pub(crate) mod generations;
 pub(crate) mod grid_search;
-mod grid_values;
-pub(crate) mod levels;
 mod observer;
 mod on_demand;
 mod outcome;
-mod phases;
 pub(crate) mod pilot;
 pub(crate) mod rules;
 mod run;
@@ -54,19 +49,18 @@ pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, OpenMount, PLAIN, cost_front};
 pub use error::SearchError;
 pub use evaluator::{Evaluator, Judged, SceneScores};
-pub use findings::Finding;
 pub use generations::{GenerationRecord, GenerationsStop};
 pub use observer::{Event, Observer, Work};
 pub use on_demand::FramesUsed;
 pub use outcome::{LeftOut, MethodRecord, Outcome, Scored, SearchTimes, Stopped};
-pub use phases::PhaseCheck;
+pub use rules::Finding;
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub(crate) use seat::FRAMES_AT_ONCE;
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
 pub(crate) use settings::{PATIENCE, coarse_grid};
 pub(crate) use spread::MANY_SCENES;
-pub use spread::{Gain, GainSpread};
+pub use spread::{Gain, GainSpread, PhaseCheck};
 pub use suite::{Member, Suite};
 pub use swaps::Climbs;
 pub(crate) use swaps::SWAP_SPACING;

@@ -113,7 +113,6 @@ impl<'a> Watch<'a> {
         Self { observer, deadline: None, interrupted }
     }
 
-    /// A watch that also ends at a deadline.
     pub(super) fn until(observer: &'a mut dyn Observer, deadline: Option<Instant>) -> Self {
         Self { observer, deadline, interrupted: false }
     }

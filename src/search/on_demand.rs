@@ -135,7 +135,6 @@ impl FramesOnDemand {
         fault.map_or(Ok(()), |(fault, _)| Err(format!("levels of frames: {fault}")))
     }
 
-    /// Placements that the levels hold.
     pub(crate) fn held(&self) -> impl Iterator<Item = &Placement> {
         self.finalists.iter().map(|finalist| &finalist.placement)
     }
@@ -143,9 +142,6 @@ impl FramesOnDemand {
     /// Chooses the levels of a suite over all frames, by a pilot of the baselines and some random
     /// placements, within about `memory` bytes; hands out the pilot's tallies over all frames. `None` once `go_on`,
     /// which is asked as [`Pilot::new`] does, says no.
-    ///
-    /// # Errors
-    /// One placement does not fit.
     pub(crate) fn choose(
         whole: &Suite,
         settings: &Settings,
@@ -171,7 +167,6 @@ impl FramesOnDemand {
         Self::over(vec![few, (0..all).collect()], vec![None; 2])
     }
 
-    /// A search at the first of some levels.
     fn over(levels: Vec<Vec<usize>>, errors: Vec<Option<f64>>) -> Self {
         let steps = vec![(0, levels[0].len() as u32)];
         let (at, finalists, worst_loss) = (0, Vec::new(), None);
@@ -363,7 +358,6 @@ impl FramesOnDemand {
         }
     }
 
-    /// Finalists whose scores over all frames are known.
     fn confirmed_count(&self) -> usize {
         let confirmed = |f: &&Finalist| !self.has_choice() || f.confirmed.is_some();
         self.finalists.iter().filter(confirmed).count()

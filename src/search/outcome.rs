@@ -7,11 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use super::bound::Certificate;
 use super::evaluator::{Judged, SceneScores};
-use super::findings::Finding;
 use super::generations::{GenerationRecord, GenerationsStop};
 use super::on_demand::FramesUsed;
-use super::phases::PhaseCheck;
-use super::spread::GainSpread;
+use super::rules::Finding;
+use super::spread::{GainSpread, PhaseCheck};
 use super::swaps::Climbs;
 use crate::score::{Objective, Scores, Standing, all_held_in_words};
 use crate::vehicle::{Constraints, Placement};

@@ -214,7 +214,6 @@ fn frame_groups(problem: &Problem) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Names of the models of a placement's sensors, sorted.
 fn models_of(placement: &Placement) -> Vec<SensorName> {
     let mut models: Vec<SensorName> = placement.lidars.iter().map(|pose| pose.sensor).collect();
     models.sort_unstable();

@@ -424,7 +424,6 @@ fn widen(
     }
 }
 
-/// The best of some random placements, moved to the grid.
 fn best_drawn(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,

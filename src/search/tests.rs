@@ -26,7 +26,6 @@ use crate::scene::Scene;
 use crate::score::Objective;
 use crate::vehicle::{BeamTable, Constraints, Placement, PoseGrid, SensorPose, Spacing};
 
-/// Memory of an evaluator.
 const MEMORY: u64 = 1 << 28;
 /// Frames that differ, and those that are equal to the first.
 const FRAMES: [usize; 2] = [70, 5];
@@ -136,7 +135,6 @@ fn search_over(frames: [usize; 2], metres: f64) -> (GridSearch, Evaluator) {
     search_in(problem_over(frames), Spacing { metres, radians: 0.1 })
 }
 
-/// A search for information gain on a grid.
 fn search_in(problem: Arc<Problem>, spacing: Spacing) -> (GridSearch, Evaluator) {
     let suite = Suite::from(problem);
     let evaluator = Evaluator::suite_on_cpu(&suite, MEMORY);

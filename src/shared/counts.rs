@@ -53,6 +53,16 @@ pub struct SeenByTechnology {
     pub share: Option<f64>,
 }
 
+/// Places of a target by the number of LiDARs, or by the technologies, that see it there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TargetSeenBy<S> {
+    /// Name of the target.
+    pub target: String,
+    /// Places beside the own body.
+    #[serde(flatten)]
+    pub seen: S,
+}
+
 impl SeenByTechnologies {
     /// Mean of the numbers of several scenes, as [`SeenBy::mean`].
     pub(super) fn mean(all: &[&Self]) -> Option<Self> {
@@ -204,7 +214,6 @@ impl Sums {
         self.frames_with_any += if all > 0 { weight } else { 0 };
     }
 
-    /// Means over the frames.
     pub(super) fn mean(&self, models: &PlacementModels) -> SeenBy {
         let any = self.frames_with_any;
         let alone = models.names.iter().zip(self.means_of_each());
@@ -218,7 +227,6 @@ impl Sums {
         }
     }
 
-    /// Means over the frames, of sets of technologies.
     pub(super) fn mean_of_technologies(&self, names: &[String]) -> SeenByTechnologies {
         let each = names.iter().zip(self.means_of_each());
         let each = each.map(|(name, (count, share))| SeenByTechnology {
@@ -233,7 +241,6 @@ impl Sums {
         sum as f64 / self.frames.max(1) as f64
     }
 
-    /// Count and share of each of the sets.
     fn means_of_each(&self) -> impl Iterator<Item = (f64, Option<f64>)> {
         let any = self.frames_with_any;
         self.each.iter().map(move |&(count, sum)| {
@@ -242,7 +249,6 @@ impl Sums {
     }
 }
 
-/// A bit for each of some truths.
 pub(super) fn bits(truths: impl IntoIterator<Item = bool>) -> Vec<u64> {
     let mut words = Vec::new();
     for (k, truth) in truths.into_iter().enumerate() {

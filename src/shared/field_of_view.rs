@@ -40,7 +40,6 @@ fn angles(direction: DVec3) -> [f64; 2] {
     [maths::atan2(direction.y, direction.x), maths::atan2(direction.z, flat)]
 }
 
-/// The range that holds a value, too.
 fn widened([low, high]: [f64; 2], value: f64) -> [f64; 2] {
     [low.min(value), high.max(value)]
 }

@@ -27,10 +27,8 @@ mod overlap;
 mod redundancy;
 mod technologies;
 
-pub use counts::{SeenAlone, SeenBy, SeenByTechnologies, SeenByTechnology};
+pub use counts::{SeenAlone, SeenBy, SeenByTechnologies, SeenByTechnology, TargetSeenBy};
 pub(crate) use field_of_view::FieldOfView;
 pub use overlap::{LEAST_SHARED, Overlap, OverlapError, SharedPair};
-pub use redundancy::{
-    REDUNDANCY_TARGETS, Redundancy, RedundancySite, TargetSeenBy, redundancy_question,
-};
-pub use technologies::{SensorsOf, TargetSeenByTechnologies, Technologies};
+pub use redundancy::{REDUNDANCY_TARGETS, Redundancy, RedundancySite, redundancy_question};
+pub use technologies::{SensorsOf, Technologies};

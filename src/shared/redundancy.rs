@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::counts::{PlacementModels, SeenBy, SeenByTechnologies, Sets, Sums, bits};
-use super::technologies::{ConeSite, TargetSeenByTechnologies, Technologies, union};
+use super::counts::{PlacementModels, SeenBy, SeenByTechnologies, Sets, Sums, TargetSeenBy, bits};
+use super::technologies::{ConeSite, Technologies, union};
 use crate::engine::{Backend, BackendError};
 use crate::near_field::{NearSite, place};
 use crate::problem::Problem;
@@ -66,7 +66,7 @@ pub struct Redundancy {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_ground: Option<String>,
     /// Places of each target on level ground; none with coverage `through`.
-    pub targets: Vec<TargetSeenBy>,
+    pub targets: Vec<TargetSeenBy<SeenBy>>,
     /// Things by the technologies that see them; `None` where the vehicle has LiDARs alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub technologies: Option<Technologies>,
@@ -104,7 +104,7 @@ impl Redundancy {
             let mean = |part: &dyn Fn(&Self) -> Option<&SeenBy>| {
                 SeenBy::mean(&of.iter().filter_map(|row| part(row)).collect::<Vec<_>>())
             };
-            let target = |(k, target): (usize, &TargetSeenBy)| TargetSeenBy {
+            let target = |(k, target): (usize, &TargetSeenBy<SeenBy>)| TargetSeenBy {
                 target: target.target.clone(),
                 seen: mean(&|row| row.targets.get(k).map(|of| &of.seen))
                     .unwrap_or_else(|| target.seen.clone()),
@@ -127,16 +127,6 @@ impl Redundancy {
         let means: Vec<Self> = first.map(of).collect();
         if means.len() < rows.len() { means } else { Vec::new() }
     }
-}
-
-/// Places of a target by the number of LiDARs that see it there.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TargetSeenBy {
-    /// Name of the target.
-    pub target: String,
-    /// Places beside the own body.
-    #[serde(flatten)]
-    pub seen: SeenBy,
 }
 
 impl RedundancySite {
@@ -278,7 +268,8 @@ impl RedundancySite {
         question: &TargetQuestion,
         placement: &Placement,
         models: &PlacementModels,
-    ) -> Result<(Vec<TargetSeenBy>, Vec<TargetSeenByTechnologies>), BackendError> {
+    ) -> Result<(Vec<TargetSeenBy<SeenBy>>, Vec<TargetSeenBy<SeenByTechnologies>>), BackendError>
+    {
         let (mut found, mut by_technology) = (Vec::new(), Vec::new());
         let Some(site) = &self.targets else { return Ok((found, by_technology)) };
         let standing = question.on_level();
@@ -305,9 +296,8 @@ impl RedundancySite {
             }
             let (by_lidars, of_technologies) = split(sums.mean(models, self.cones.as_ref()));
             found.push(TargetSeenBy { target: name.clone(), seen: by_lidars });
-            by_technology.extend(
-                of_technologies.map(|seen| TargetSeenByTechnologies { target: name.clone(), seen }),
-            );
+            by_technology
+                .extend(of_technologies.map(|seen| TargetSeenBy { target: name.clone(), seen }));
         }
         Ok((found, by_technology))
     }

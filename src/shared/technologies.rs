@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::counts::{SeenByTechnologies, Sets, Sums, bits};
+use super::counts::{SeenByTechnologies, Sets, Sums, TargetSeenBy, bits};
 use super::field_of_view::{Box3, Cones, blocked_share};
 use crate::near_field::NearSite;
 use crate::problem::{Frame, Problem};
@@ -27,7 +27,7 @@ pub struct Technologies {
     /// Ground cells within 10 m of the own body; `None` without ground or body.
     pub ground_10m: Option<SeenByTechnologies>,
     /// Places of each target on level ground; none with coverage `through`.
-    pub targets: Vec<TargetSeenByTechnologies>,
+    pub targets: Vec<TargetSeenBy<SeenByTechnologies>>,
 }
 
 /// Number of sensors of a technology.
@@ -39,16 +39,6 @@ pub struct SensorsOf {
     pub count: usize,
 }
 
-/// Places of a target by the technologies that see it there.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TargetSeenByTechnologies {
-    /// Name of the target.
-    pub target: String,
-    /// Places beside the own body.
-    #[serde(flatten)]
-    pub seen: SeenByTechnologies,
-}
-
 impl Technologies {
     /// Mean over several scenes, of one placement.
     pub(super) fn mean(all: &[&Self]) -> Option<Self> {
@@ -56,9 +46,9 @@ impl Technologies {
         let mean = |part: &dyn Fn(&Self) -> Option<&SeenByTechnologies>| {
             SeenByTechnologies::mean(&all.iter().filter_map(|one| part(one)).collect::<Vec<_>>())
         };
-        let target = |(k, of): (usize, &TargetSeenByTechnologies)| {
+        let target = |(k, of): (usize, &TargetSeenBy<SeenByTechnologies>)| {
             let seen = mean(&|one| one.targets.get(k).map(|of| &of.seen))?;
-            Some(TargetSeenByTechnologies { target: of.target.clone(), seen })
+            Some(TargetSeenBy { target: of.target.clone(), seen })
         };
         Some(Self {
             sensors: first.sensors.clone(),
@@ -94,7 +84,6 @@ impl ConeSite {
         (!sensors.is_empty()).then_some(site)
     }
 
-    /// Number of sensors of each technology on a rig of some LiDARs.
     pub(super) fn sensors(&self, lidars: usize) -> Vec<SensorsOf> {
         let others = self.cones.technologies.iter().map(|(_, sensors)| sensors.len());
         let counts = std::iter::once(lidars).chain(others).zip(&self.names);
@@ -171,7 +160,6 @@ impl ConeSite {
     }
 }
 
-/// Bits that are set in some of the sets.
 pub(super) fn union<'a>(sets: impl IntoIterator<Item = &'a [u64]>) -> Vec<u64> {
     let or = |mut all: Vec<u64>, set: &[u64]| {
         all.resize(all.len().max(set.len()), 0);

@@ -35,7 +35,6 @@ fn sensor() -> (BeamTable, SensorPose) {
     (BeamTable::spinning(&channels, 300, 100.0).unwrap(), SensorPose::at(1.0, 0.2, 2.0))
 }
 
-/// Problem over all frames of a scene.
 fn whole(scene: &Scene) -> Arc<Problem> {
     let roi = scene.roi().grid().unwrap();
     let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();

@@ -35,7 +35,6 @@ fn scene_on(ground: f64, others: &str) -> Scene {
     written(Path::new(""), &rest)
 }
 
-/// The own body as a part of a scene.
 fn body() -> String {
     let [x, y, z] = BODY;
     format!(

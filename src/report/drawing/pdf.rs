@@ -80,7 +80,6 @@ struct PdfPage {
 }
 
 impl PdfPage {
-    /// Operator that sets the opacity of lines and areas alike.
     fn opacity(&mut self, ink: Ink) -> String {
         let known = self.opacities.iter().position(|known| *known == ink.1);
         let number = known.unwrap_or_else(|| {

@@ -3,6 +3,7 @@
 use super::labels::{Labels, RADIUS, end_of_leader, half_width, signs};
 use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
 use crate::maths;
+use crate::report::columns::in_lines;
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
 use crate::report::svg::{ACCENT, FAINT, GREY, INK, LidarSign, SOFT, colour, trimmed};
 use crate::report::text::shortened;
@@ -205,7 +206,6 @@ fn title(drawing: &mut Drawing, panel: &Panel, words: &str) {
     drawing.text([left, upper - 2.0], TITLE, words, Anchor::Start, true, Ink::full(INK));
 }
 
-/// Body, mounts and fields of view.
 fn view(drawing: &mut Drawing, rig: &DrawnRig<'_>, shown: &View, panel: &Panel) {
     let loops = shown.outline.iter().map(|corners| panel.all(corners)).collect();
     drawing.area(loops, Some(BODY), Some(BODY_EDGE));
@@ -259,7 +259,6 @@ pub(super) fn number(drawing: &mut Drawing, at: Point, lidar: usize) {
     drawing.text([x, y + 0.85], 2.4, lidar.to_string(), Anchor::Middle, true, Ink::full("#ffffff"));
 }
 
-/// Corners of a mount's box in a view.
 fn rectangle(shown: &View, mount: &DrawnMount) -> [Flat; 2] {
     let [a, b] = mount.corners.map(|corner| (shown.flat)(corner.into()));
     [[a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])]]
@@ -272,7 +271,6 @@ fn bounds(loops: &[Vec<Flat>]) -> Option<[Flat; 2]> {
     each.reduce(|[low, high], [at, _]| [of(f64::min, low, at), of(f64::max, high, at)])
 }
 
-/// An arrow to the right.
 fn arrow(drawing: &mut Drawing, from: Point, to: Point) {
     drawing.line([from, to], Stroke::solid(INK, 0.5));
     let [x, y] = to;
@@ -316,18 +314,8 @@ pub(super) fn warnings(rig: &DrawnRig<'_>, room: f64) -> Vec<String> {
 
 /// Words on lines of at most so many characters, broken between words.
 pub(super) fn broken(words: &str, most: usize) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in words.split(' ') {
-        let word = shortened(word, most.saturating_sub(2));
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= most => {
-                *line += &format!(" {word}");
-            }
-            Some(_) => lines.push(format!("  {word}")),
-            None => lines.push(word),
-        }
-    }
-    lines
+    let words = words.split(' ').map(|word| shortened(word, most.saturating_sub(2)));
+    in_lines(words, most, "  ")
 }
 
 /// Millimetres from line to line.

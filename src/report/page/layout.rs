@@ -48,26 +48,22 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     let (at, turned): (Vec<_>, Vec<_>) = small.unzip();
     let active = run.map_or(&[][..], |run| &run.active_bounds);
     html! {
-        section aria-labelledby="placement" {
-            h2 #placement { "The placement" }
-            @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
-            div.beside {
-                (table("Positions in millimetres: x ahead, y left, z up", &positions, at))
-                (table("Angles in degrees: positive pitch looks down, positive yaw turns left", &angles, turned))
-            }
-            details {
-                summary { "Poses in metres and radians, for programs" }
-                (table("Poses in metres and radians", &titles, rows))
-            }
-            @if !active.is_empty() {
-                p { (active.join("; ")) "." }
-            }
-            (each_lidar(subject, figures))
+        @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
+        div.beside {
+            (table("Positions in millimetres: x ahead, y left, z up", &positions, at))
+            (table("Angles in degrees: positive pitch looks down, positive yaw turns left", &angles, turned))
         }
+        details {
+            summary { "Poses in metres and radians, for programs" }
+            (table("Poses in metres and radians", &titles, rows))
+        }
+        @if !active.is_empty() {
+            p { (active.join("; ")) "." }
+        }
+        (each_lidar(subject, figures))
     }
 }
 
-/// Gain of each LiDAR alone, and the loss without it.
 fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let unique = subject.result.map_or(&[][..], |best| &best.scores.unique_share);
     let gains = figures.views.first().map(|view| view.gains());

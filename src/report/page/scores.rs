@@ -30,29 +30,26 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
     let (titles, rows) = rows_against(subject, best, &all, who);
     html! {
         @if !all.is_empty() {
-            section aria-labelledby="against" {
-                h2 #against { "Against every baseline" }
-                p {
-                    @if near_gain(column).is_some() {
-                        a href="#near-gain" { "Near gain" } ", in per cent of what "
-                    } @else {
-                        "Information gained, in per cent of what "
-                    }
-                    (if several { "the scenes hold, a mean over them" } else { "the scene holds" })
-                    ": " (who) " has "
-                    (column.cell(&best.scores)) " %. "
-                    @if several {
-                        "The interval resamples the " (places) " scenes: one that does not hold 0 is more than their \
-                         own spread"
-                        @if places < MANY_SCENES { "; so few make it too narrow rather than too wide" }
-                        "."
-                    } @else {
-                        "One scene gives no interval: give several to learn whether a difference is more than \
-                         the scenes' own spread."
-                    }
+            p {
+                @if near_gain(column).is_some() {
+                    a href="#near-gain" { "Near gain" } ", in per cent of what "
+                } @else {
+                    "Information gained, in per cent of what "
                 }
-                (table(&caption, &titles, rows))
+                (if several { "the scenes hold, a mean over them" } else { "the scene holds" })
+                ": " (who) " has "
+                (column.cell(&best.scores)) " %. "
+                @if several {
+                    "The interval resamples the " (places) " scenes: one that does not hold 0 is more than their \
+                     own spread"
+                    @if places < MANY_SCENES { "; so few make it too narrow rather than too wide" }
+                    "."
+                } @else {
+                    "One scene gives no interval: give several to learn whether a difference is more than \
+                     the scenes' own spread."
+                }
             }
+            (table(&caption, &titles, rows))
         }
     }
 }
@@ -103,7 +100,6 @@ fn rows_against(
     (titles.into_iter().filter(is_shown).collect(), rows)
 }
 
-/// Meaning of the near gain.
 const NEAR_GAIN: &str = "Near gain: share of the scene's uncertainty that beams reach. Beyond 10 m a voxel counts less the \
                          farther it is. Ground within 10 m makes up a fifth of the score.";
 
@@ -132,19 +128,16 @@ pub(super) fn guards(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     let others = if subject.baselines.is_empty() { " keeps" } else { " and every baseline keep" };
     let passed = if subject.baselines.is_empty() { "passes" } else { "pass" };
     html! {
-        section aria-labelledby="guards" {
-            h2 #guards { "Warnings" }
-            @if spoken.is_empty() {
-                p { "None: " (who) (others) " all rules and " (passed) " all checks." }
-            } @else {
-                @if subject.result.is_some_and(|best| best.warnings().is_empty()) {
-                    p { "Warnings of " (who) ": none. Some baselines have warnings." }
-                }
-                p { (meaning(&spoken)) }
-                ul.guards {
-                    @for (scored, why) in &spoken {
-                        li { b { (scored.placement.name) } ": " (why.join("; ")) }
-                    }
+        @if spoken.is_empty() {
+            p { "None: " (who) (others) " all rules and " (passed) " all checks." }
+        } @else {
+            @if subject.result.is_some_and(|best| best.warnings().is_empty()) {
+                p { "Warnings of " (who) ": none. Some baselines have warnings." }
+            }
+            p { (meaning(&spoken)) }
+            ul.guards {
+                @for (scored, why) in &spoken {
+                    li { b { (scored.placement.name) } ": " (why.join("; ")) }
                 }
             }
         }
@@ -166,7 +159,6 @@ fn meaning(spoken: &[(&Scored, Vec<String>)]) -> String {
     doubts.into_iter().chain(facts).collect::<Vec<_>>().join(" ")
 }
 
-/// Every score of the result and the baselines, a row each.
 pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     let all = || subject.result.into_iter().chain(subject.baselines);
     let columns = ScoreColumn::shown(all().map(|scored| &scored.scores), subject.objective);
@@ -187,18 +179,15 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
         _ => "Scores of the result and the baselines",
     };
     html! {
-        section aria-labelledby="scores" {
-            h2 #scores { "All scores" }
-            (table(caption, &titles, rows))
-            p.small {
-                "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
-                 the more of what changes in the scene the beams reach, the larger it is. M-SOG is the negative \
-                 mean of the gain, −(1/N)·ΣH, and can be raised by looking at what never changes. The objective is " code { (subject.objective) } "."
-            }
-            p.small #near-gain {
-                (NEAR_GAIN) (near_gain(argued).unwrap_or_default()) " It is the default for the near ground that its optima \
-                 see, not for what learners recognize."
-            }
+        (table(caption, &titles, rows))
+        p.small {
+            "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
+             the more of what changes in the scene the beams reach, the larger it is. M-SOG is the negative \
+             mean of the gain, −(1/N)·ΣH, and can be raised by looking at what never changes. The objective is " code { (subject.objective) } "."
+        }
+        p.small #near-gain {
+            (NEAR_GAIN) (near_gain(argued).unwrap_or_default()) " It is the default for the near ground that its optima \
+             see, not for what learners recognize."
         }
     }
 }
@@ -212,13 +201,10 @@ pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
         None => "Share of each scene's information that is gained",
     };
     html! {
-        section aria-labelledby="scenes" {
-            h2 #scenes { "Scene by scene" }
-            (table_of(caption, &rows, |index| index == 0 && subject.result.is_some()))
-            p.small {
-                "Over all is the mean, each scene counting the same; the gain in nats above is the share of the \
-                 information times the mean total."
-            }
+        (table_of(caption, &rows, |index| index == 0 && subject.result.is_some()))
+        p.small {
+            "Over all is the mean, each scene counting the same; the gain in nats above is the share of the \
+             information times the mean total."
         }
     }
 }
@@ -230,22 +216,19 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let place = subject.baselines.iter().position(|b| Some(b.placement.name.as_str()) == rival);
     let place = place.map(|index| index + 1);
     html! {
-        section aria-labelledby="gains" {
-            h2 #gains { "Where the gain comes from" }
-            p {
-                "Per cent of the information there is that the beams reach, over "
-                (counted(first.gains().frames, "frame"))
-                @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
-                ". A voxel in which several classes occur counts with the rarest of them."
-                @if near_gain(ScoreColumn::argued(subject.objective)).is_some() {
-                    " The " a href="#near-gain" { "near gain" } " weighs this information."
-                }
+        p {
+            "Per cent of the information there is that the beams reach, over "
+            (counted(first.gains().frames, "frame"))
+            @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
+            ". A voxel in which several classes occur counts with the rarest of them."
+            @if near_gain(ScoreColumn::argued(subject.objective)).is_some() {
+                " The " a href="#near-gain" { "near gain" } " weighs this information."
             }
-            @for view in &figures.views {
-                @if figures.views.len() > 1 { h3 { (view.scene()) } }
-                (parts("By class", rival, place, &view.gains().by_class))
-                (parts("By distance from the vehicle", rival, place, &view.gains().by_distance))
-            }
+        }
+        @for view in &figures.views {
+            @if figures.views.len() > 1 { h3 { (view.scene()) } }
+            (parts("By class", rival, place, &view.gains().by_class))
+            (parts("By distance from the vehicle", rival, place, &view.gains().by_distance))
         }
     }
 }
@@ -285,23 +268,20 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
     let all = &best.scores.required;
     html! {
         @if !all.is_empty() {
-            section aria-labelledby="required" {
-                h2 #required { "Requirements" }
-                div.required { (met_or_not(best, subject.baselines)) }
-                p.small { (COUNTED_FROM) }
-                ul.guards {
-                    @for seen in all.iter().filter(|seen| has_more_to_tell(seen)) { li { (seen) } }
-                }
-                @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
-                @if let Some(words) = breaks_first(all) { p { (words) "." } }
-                @if all.iter().any(|seen| seen.holds_in.is_some()) {
-                    p.small { "Copies are mounted up to " (tolerance_of(&subject.command).in_words()) " off, at random." }
-                }
-                @if !subject.tolerance.is_empty() {
-                    p { "How far each LiDAR may be off, and the body may tilt, until a requirement breaks:" }
-                    pre.wide tabindex="0" role="group" aria-label="Command for tolerances" {
-                        code { (subject.tolerance) }
-                    }
+            div.required { (met_or_not(best, subject.baselines)) }
+            p.small { (COUNTED_FROM) }
+            ul.guards {
+                @for seen in all.iter().filter(|seen| has_more_to_tell(seen)) { li { (seen) } }
+            }
+            @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
+            @if let Some(words) = breaks_first(all) { p { (words) "." } }
+            @if all.iter().any(|seen| seen.holds_in.is_some()) {
+                p.small { "Copies are mounted up to " (tolerance_of(&subject.command).in_words()) " off, at random." }
+            }
+            @if !subject.tolerance.is_empty() {
+                p { "How far each LiDAR may be off, and the body may tilt, until a requirement breaks:" }
+                pre.wide tabindex="0" role="group" aria-label="Command for tolerances" {
+                    code { (subject.tolerance) }
                 }
             }
         }
@@ -320,15 +300,12 @@ pub(super) fn usual(subject: &Subject<'_>) -> Markup {
     let has_none = |scores: &&Scores| scores.required.is_empty() && scores.range_card.is_some();
     html! {
         @if scores.filter(has_none).is_some() {
-            section aria-labelledby="required" {
-                h2 #required { "No requirement is set" }
-                p {
-                    "The score alone decided. Three requirements that most vehicles have, as lines of a vehicle file: a \
-                     child ahead, a car all round whichever LiDAR fails, and the ground near the body. Fit the numbers \
-                     to your operational domain."
-                }
-                pre { (USUAL) }
+            p {
+                "The score alone decided. Three requirements that most vehicles have, as lines of a vehicle file: a \
+                 child ahead, a car all round whichever LiDAR fails, and the ground near the body. Fit the numbers \
+                 to your operational domain."
             }
+            pre { (USUAL) }
         }
     }
 }

@@ -11,19 +11,15 @@ use crate::report::words::{climbs_in_words, frames_in_words};
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 use sightline_files::json::counted;
 
-/// Section of the page on how the result was found.
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     html! {
-        section aria-labelledby="search" {
-            h2 #search { "The search" }
-            @if let Some(svg) = &figures.convergence {
-                (figure(svg, "Convergence of the search"))
-                (steps(run))
-            }
-            (notes(run))
-            (facts(run))
-            (findings(run))
+        @if let Some(svg) = &figures.convergence {
+            (figure(svg, "Convergence of the search"))
+            (steps(run))
         }
+        (notes(run))
+        (facts(run))
+        (findings(run))
     }
 }
 
@@ -62,7 +58,6 @@ fn notes(run: &RunRecord) -> Markup {
     }
 }
 
-/// Properties of layouts that go with the objective.
 fn findings(run: &RunRecord) -> Markup {
     let row = |finding: &crate::search::Finding| {
         let mut row = vec![text(finding.property)];
@@ -121,7 +116,6 @@ fn facts(run: &RunRecord) -> Markup {
     }
 }
 
-/// The command of a run, and every setting behind it.
 pub(super) fn run_again(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     let promise = run.map(promise);
     repeat(None, &subject.command, promise.as_deref(), run.map(|run| &run.settings))
@@ -135,17 +129,14 @@ pub(super) fn repeat(
     settings: Option<&Value>,
 ) -> Markup {
     html! {
-        section aria-labelledby="repeat" {
-            h2 #repeat { "How to repeat it" }
-            @if let Some(sentence) = before { p { (sentence) } }
-            pre.wide tabindex="0" role="group" aria-label="Command" { code { (command) } }
-            @if let Some(sentence) = after { p { (sentence) } }
-            @if let Some(settings) = settings {
-                details {
-                    summary { "Every setting" }
-                    pre.wide tabindex="0" role="group" aria-label="Settings" {
-                        code { (format!("{settings:#}")) }
-                    }
+        @if let Some(sentence) = before { p { (sentence) } }
+        pre.wide tabindex="0" role="group" aria-label="Command" { code { (command) } }
+        @if let Some(sentence) = after { p { (sentence) } }
+        @if let Some(settings) = settings {
+            details {
+                summary { "Every setting" }
+                pre.wide tabindex="0" role="group" aria-label="Settings" {
+                    code { (format!("{settings:#}")) }
                 }
             }
         }

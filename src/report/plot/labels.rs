@@ -3,13 +3,13 @@
 use maud::{Markup, html};
 
 use crate::report::chart::PointLabels;
+use crate::report::columns::in_lines;
 use crate::report::svg::px;
 
 /// Pixels that a character of a label takes on average, and its height.
 const PLOT_LABELS_LETTER: f64 = 6.2;
 const PLOT_LABELS_HEIGHT: f64 = 12.0;
 
-/// Words beside points.
 pub(in crate::report) struct PlotLabels {
     area: [f64; 4],
     points: Vec<(f64, f64)>,
@@ -53,7 +53,6 @@ impl PlotLabels {
         self.list.as_deref()
     }
 
-    /// Words or numbers beside the points.
     pub(crate) fn draw(&self) -> Markup {
         if self.list.is_none() {
             return html! {
@@ -76,26 +75,16 @@ impl PlotLabels {
 
 /// A text in lines of at most `letters` letters; lines after the first are set in. A longer word is broken.
 pub(super) fn lines(text: &str, letters: usize) -> Vec<String> {
-    let length = |text: &str| text.chars().count();
     let pieces = |word: &str| -> Vec<String> {
         let all: Vec<char> = word.chars().collect();
         all.chunks(letters.saturating_sub(1).max(1)).map(|part| part.iter().collect()).collect()
     };
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split(' ').flat_map(|word| match length(word) >= letters {
+    let words = text.split(' ').flat_map(|word| match word.chars().count() >= letters {
         true => pieces(word),
         false => vec![word.to_owned()],
-    }) {
-        match lines.last_mut() {
-            Some(line) if length(line) + 1 + length(&word) <= letters => {
-                *line += &format!(" {word}")
-            }
-            // A drawing drops plain spaces at the beginning.
-            Some(_) => lines.push(format!("\u{2003}{word}")),
-            None => lines.push(word),
-        }
-    }
-    lines
+    });
+    // A drawing drops plain spaces at the beginning.
+    in_lines(words, letters, "\u{2003}")
 }
 
 /// Box of a point's words (left, right, top, bottom); true where they stand left of the point, which they do where they

@@ -51,7 +51,6 @@ impl OfPlacement<'_> {
         (targets, distinct(self.detections.iter().map(|of| of.bearing)))
     }
 
-    /// Rows of a target at a bearing.
     fn at<'b>(&'b self, target: &'b str, bearing: f64) -> impl Iterator<Item = &'b TargetRow> {
         let is_there = move |row: &&TargetRow| row.target == target && row.bearing == bearing;
         self.rows.iter().filter(is_there)

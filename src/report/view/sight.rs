@@ -18,7 +18,6 @@ const RINGS: usize = 8;
 pub(crate) struct InformationShare {
     /// Class, or range of distance.
     pub name: String,
-    /// Nats in all.
     pub total: f64,
     /// Nats that each layout gains: the placement, then the baselines.
     pub gained: Vec<f64>,
@@ -39,7 +38,6 @@ pub(crate) struct Gains {
     pub frames: usize,
 }
 
-/// A voxel that is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drawn {
     /// Linear index in the grid.
@@ -65,7 +63,6 @@ pub(crate) struct InformationView {
     of: (usize, f64),
 }
 
-/// One voxel that holds information.
 struct Voxel {
     drawn: Drawn,
     nats: f64,
@@ -173,7 +170,6 @@ impl Marks<'_> {
         covered.for_each(|(seen, &(bit, _))| *seen += u32::from(is_set(&union, bit)));
     }
 
-    /// The voxels that a LiDAR covers.
     fn of<'a>(&'a self, lidar: usize, voxels: &'a [Voxel]) -> impl Iterator<Item = &'a Voxel> {
         let words = self.bitmaps.sensors().nth(lidar).unwrap_or_default();
         let covered = move |&(_, &bit): &(&Voxel, &u32)| is_set(words, bit);
@@ -190,7 +186,6 @@ impl Marks<'_> {
     }
 }
 
-/// True if a bit of a bitmap is set.
 pub(crate) fn is_set(words: &[u64], bit: u32) -> bool {
     words[bit as usize / 64] >> (bit % 64) & 1 == 1
 }
@@ -253,7 +248,6 @@ impl Gains {
         gains
     }
 
-    /// Nats that the placement gains.
     pub(crate) fn gained(&self) -> f64 {
         self.by_distance.iter().filter_map(|part| part.gained.first()).sum()
     }

@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::*;
 use crate::near_field::{BlindLane, BlindZone, LostGround, NearField};
-use crate::report::blind::unmet_in_words;
+use crate::report::warnings::unmet_in_words;
 use crate::score::{Guard, Scores, Seen, TaskScores};
 use crate::search::bound::bound_of;
 use crate::targets::{BearingRanges, BlindSector, RangeCard, TargetRanges};

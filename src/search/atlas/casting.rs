@@ -4,8 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use super::order::ToLevels;
-use super::sparse::Sparse;
+use super::order::{Sparse, ToLevels};
 use super::{Atlas, CASTS_AT_ONCE, Page};
 use crate::engine::{Backend, BackendError};
 use crate::memory;

@@ -6,7 +6,6 @@
 mod areas;
 mod casting;
 mod order;
-mod sparse;
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -20,8 +19,7 @@ use crate::score::Needed;
 use crate::vehicle::PoseGrid;
 pub(crate) use areas::AreaBits;
 use casting::Pace;
-use order::{LevelOrder, ToLevels};
-use sparse::Sparse;
+use order::{LevelOrder, Sparse, ToLevels};
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 pub(crate) const POSES_AT_ONCE: usize = 32;
@@ -236,9 +234,6 @@ impl Atlas {
     }
 
     /// Occupied voxels that a held pose covers, a bit each: frame after frame, in the order of [`Self::worths`].
-    ///
-    /// # Panics
-    /// The pose is not held.
     pub(crate) fn occupied_of(&self, pose: u32) -> &[u64] {
         &self.page(pose).occupied
     }
@@ -295,9 +290,6 @@ impl Atlas {
     }
 
     /// Share of each required area that some held poses see together, over all frames.
-    ///
-    /// # Panics
-    /// A pose is not held.
     pub(crate) fn area_shares(&self, poses: &[u32]) -> Vec<f64> {
         let mut all = vec![0; self.problem.frame_count() * self.areas.words()];
         for page in poses.iter().map(|&pose| self.page(pose)) {

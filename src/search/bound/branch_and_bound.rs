@@ -4,12 +4,11 @@ use std::cell::RefCell;
 
 use serde::{Deserialize, Serialize};
 
-use super::first_poses::{FirstPoses, Looked};
+use super::first_poses::{FirstPoses, FirstPosesBound};
 use super::open_sets::{Candidates, Node, Open, ROUNDING};
-use super::pair_overlaps::PairBound;
+use super::pair_overlaps::{PairBound, Worths};
 use super::required::BoundRequirements;
 use super::voxel_groups::Columns;
-use super::worths::Worths;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::{GridPlacement, GridSearch, Places, better_first};
@@ -98,7 +97,7 @@ impl Effort {
         firsts: &FirstPoses,
         found: &GridPlacement,
         go_on: &mut dyn FnMut([u64; 2]) -> bool,
-    ) -> Looked {
+    ) -> FirstPosesBound {
         let each = self.first_words / firsts.count().max(1);
         let most_words = if self.is_asked { u64::MAX } else { each };
         firsts.look(found.value * (1.0 + self.gap), most_words, go_on)
@@ -211,7 +210,7 @@ impl GainBound {
         &mut self,
         search: &mut GridSearch,
         evaluator: &mut Evaluator,
-        looked: Looked,
+        looked: FirstPosesBound,
     ) -> Result<&'static str, SearchError> {
         self.nodes += looked.sets;
         if let Some((mut poses, _)) = looked.best {

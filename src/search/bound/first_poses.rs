@@ -33,7 +33,7 @@ pub(super) struct FirstPoses<'a> {
 
 /// Outcome of a look at all sets.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Looked {
+pub(super) struct FirstPosesBound {
     /// No set that was looked at is above this.
     pub upper: f64,
     /// True if every set was looked at.
@@ -78,7 +78,6 @@ impl<'a> FirstPoses<'a> {
         pairs * (self.columns.lead().len() as u64 + WORDS_OF_PAIR)
     }
 
-    /// First poses.
     pub(crate) fn count(&self) -> u64 {
         self.firsts.len() as u64
     }
@@ -97,8 +96,8 @@ impl<'a> FirstPoses<'a> {
         floor: f64,
         most_words: u64,
         go_on: &mut dyn FnMut([u64; 2]) -> bool,
-    ) -> Looked {
-        let mut looked = Looked { upper: floor, ..Looked::default() };
+    ) -> FirstPosesBound {
+        let mut looked = FirstPosesBound { upper: floor, ..FirstPosesBound::default() };
         let numbers: Vec<usize> = (0..self.firsts.len()).collect();
         let mut done = 0;
         for some in numbers.chunks(rayon::current_num_threads()) {
@@ -106,7 +105,7 @@ impl<'a> FirstPoses<'a> {
                 return looked;
             }
             let each = some.par_iter().map(|&at| self.sets_of(at, floor, most_words));
-            for one in each.collect::<Vec<Looked>>() {
+            for one in each.collect::<Vec<FirstPosesBound>>() {
                 looked.upper = looked.upper.max(one.upper);
                 looked.sets += one.sets;
                 let value =
@@ -118,21 +117,22 @@ impl<'a> FirstPoses<'a> {
             done += some.len() as u64;
         }
         go_on([done; 2]);
-        Looked { is_whole: true, ..looked }
+        FirstPosesBound { is_whole: true, ..looked }
     }
 
-    /// Looks at the sets of one first pose.
-    fn sets_of(&self, at: usize, floor: f64, most_words: u64) -> Looked {
+    fn sets_of(&self, at: usize, floor: f64, most_words: u64) -> FirstPosesBound {
         let mut open = Open::new(floor);
         let mut first = self.first(at);
         if self.may_meet(&mut first) {
             open.push(first);
         }
-        let Some(node) = open.pop() else { return Looked { upper: floor, ..Looked::default() } };
+        let Some(node) = open.pop() else {
+            return FirstPosesBound { upper: floor, ..FirstPosesBound::default() };
+        };
         let pairs = Beside::new(self, &node);
         let mut words = (node.candidates() as u64).pow(2) / 2 * self.columns.lead().len() as u64;
         open.push(node);
-        let (mut looked, mut held) = (Looked::default(), 0);
+        let (mut looked, mut held) = (FirstPosesBound::default(), 0);
         while held <= self.most_candidates
             && words <= most_words
             && let Some(mut node) = open.pop()

@@ -8,7 +8,6 @@ mod pair_overlaps;
 mod required;
 mod sample;
 mod voxel_groups;
-mod worths;
 
 pub use branch_and_bound::{Effort, GainBound, bound_gain};
 pub use on_grid::Certificate;

@@ -22,7 +22,6 @@ const COARSE: u32 = 2;
 /// Pairs of placements sampled for the constants of the paper's bound and for the findings.
 const SAMPLES: usize = 24;
 
-/// Facts known of all placements on a grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(in crate::search) struct Bounds {
     pub sample: GridSample,
@@ -52,7 +51,6 @@ pub(in crate::search) fn bounds(
     Ok(Bounds { sample, gain })
 }
 
-/// A sample of the grid, as large as the time allows.
 fn sample(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,

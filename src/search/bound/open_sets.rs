@@ -65,12 +65,10 @@ impl Node {
         Self { chosen, value, kinds, sorted: false, bound: f64::INFINITY, exact: false }
     }
 
-    /// LiDARs that the set lacks.
     pub(crate) fn left(&self) -> usize {
         self.kinds.iter().map(|kind| kind.left).sum()
     }
 
-    /// Candidates of all kinds.
     pub(crate) fn candidates(&self) -> usize {
         self.kinds.iter().map(|kind| kind.poses.len()).sum()
     }
@@ -145,7 +143,6 @@ pub(super) struct Open {
 }
 
 impl Open {
-    /// No set yet.
     pub(crate) fn new(floor: f64) -> Self {
         Self { heap: BinaryHeap::new(), floor }
     }
@@ -157,7 +154,6 @@ impl Open {
         }
     }
 
-    /// The largest bound.
     pub(crate) fn upper(&self) -> f64 {
         self.heap.peek().map_or(f64::NEG_INFINITY, |node| node.bound)
     }

@@ -57,7 +57,6 @@ impl<'a> BoundRequirements<'a> {
         is_any.then(|| Self { atlas, bounded: areas.chain(rules).collect() })
     }
 
-    /// The requirements in words.
     pub(crate) fn words(&self) -> &'static str {
         match self.atlas.sight().is_some_and(|sight| sight.requires_overlap()) {
             true => "the requirements but those on overlap",
@@ -109,7 +108,6 @@ impl<'a> BoundRequirements<'a> {
         })
     }
 
-    /// Like [`Self::cut`], by some requirements.
     fn cut_by(&self, rules: &[&Bounded], node: &mut Node) -> bool {
         let mut chosen = SightBeams::default();
         let beams = node.chosen.iter().filter_map(|&pose| self.atlas.beams_of(pose));

@@ -21,6 +21,7 @@ const WORDS_AT_ONCE: u64 = if cfg!(test) { 1 << 12 } else { 1 << 30 };
 
 /// The columns of a maximum coverage problem: every voxel of every frame that some pose covers, in
 /// groups by the share of some typical poses that cover it, and by worth within a group.
+#[derive(Default)]
 pub(in crate::search) struct Columns {
     poses: usize,
     words: usize,
@@ -64,7 +65,6 @@ fn in_groups(covered: &[u64], counts: &[u32], worths: &[u32], limits: &[f64]) ->
     columns
 }
 
-/// Bit, group and worth of a column of the atlas.
 #[derive(Clone, Copy, Default)]
 struct Place {
     bit: u32,
@@ -117,16 +117,7 @@ impl Columns {
             return None;
         }
         let poses = poses as usize;
-        let mut columns = Self {
-            poses,
-            words: 0,
-            bitmaps: Vec::new(),
-            worths: Vec::new(),
-            least: Vec::new(),
-            most: Vec::new(),
-            groups: Vec::new(),
-            lead: 0,
-        };
+        let mut columns = Self { poses, ..Self::default() };
         let places = columns.place(&sorted, &counts, shares.len() + 1);
         columns.lead = columns.lead_start();
         columns.bitmaps = vec![0; poses * columns.words];
@@ -206,12 +197,10 @@ impl Columns {
         self.groups[group].words.len() as u64
     }
 
-    /// Poses that have a bitmap.
     pub(crate) fn poses(&self) -> usize {
         self.poses
     }
 
-    /// Words of a bitmap.
     pub(crate) fn words(&self) -> usize {
         self.words
     }
@@ -225,7 +214,6 @@ impl Columns {
         &self.bitmaps[pose as usize * self.words..][..self.words]
     }
 
-    /// Worth that a pose covers.
     pub(crate) fn single(&self, pose: u32) -> u64 {
         self.groups.iter().map(|group| group.singles[pose as usize]).sum()
     }
@@ -244,7 +232,6 @@ impl Columns {
         overlap(self.map(pose), columns, &self.most)
     }
 
-    /// Worth that some poses cover.
     pub(crate) fn union(&self, poses: &[u32]) -> u64 {
         let outside = self.outside(poses);
         let words = outside.iter().zip(self.worths.chunks(64));

@@ -37,12 +37,15 @@ const ROUNDS: usize = 20;
 /// Poses cast at once; progress is reported in between.
 const CAST: usize = 32;
 
-/// A sensor on the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Choice {
     pose: u32,
     mount: usize,
     sensor: SensorName,
+}
+
+fn count_on<'a>(mount: usize, chosen: impl IntoIterator<Item = &'a Choice>) -> usize {
+    chosen.into_iter().filter(|choice| choice.mount == mount).count()
 }
 
 /// Sensors added together: one, and its mirror image where the rules want pairs.
@@ -55,6 +58,11 @@ struct SensorGroup {
 impl SensorGroup {
     fn choices(&self) -> impl Iterator<Item = Choice> + use<> {
         std::iter::once(self.one).chain(self.image)
+    }
+
+    /// Sensors on a mount among those chosen and the group.
+    fn count_on(&self, mount: usize, chosen: &[Choice]) -> usize {
+        count_on(mount, chosen.iter().chain([&self.one]).chain(&self.image))
     }
 }
 
@@ -85,7 +93,6 @@ impl Choosing {
     }
 }
 
-/// A climb by exchanges of single sensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Climb {
     poses: Vec<u32>,
@@ -108,7 +115,6 @@ pub enum EquipStep {
     Done(Equipped),
 }
 
-/// Result of opening a search for equipment.
 pub(super) enum Opened {
     /// The search, all poses cast.
     Open(Box<Equip>),
@@ -118,7 +124,6 @@ pub(super) enum Opened {
     OutOfTime,
 }
 
-/// The search for equipment.
 pub(super) struct Equip {
     vehicle: Vehicle,
     /// Most that the sensors may cost, and most sensors.
@@ -225,10 +230,9 @@ impl Equip {
         for (block, poses) in all.chunks(CAST).enumerate() {
             let (work, done, total) = (Work::Equipment, (block * CAST) as u64, all.len() as u64);
             if !watch.tell(&Event::Progress { work, done, total }) {
-                return Ok(if watch.is_interrupted() {
-                    Opened::Stopped
-                } else {
-                    Opened::OutOfTime
+                return Ok(match watch.is_interrupted() {
+                    true => Opened::Stopped,
+                    false => Opened::OutOfTime,
                 });
             }
             grid.hold(&mut evaluator, poses)?;
@@ -323,8 +327,7 @@ impl Equip {
         let all_may_be_empty = self.vehicle.mounts.iter().all(|mount| mount.count[0] == 0);
         while !self.is_rig(&chosen) {
             let lacks = |mount: usize| {
-                let on = chosen.iter().filter(|choice| choice.mount == mount).count();
-                all_may_be_empty || on < self.vehicle.mounts[mount].count[0]
+                all_may_be_empty || count_on(mount, &chosen) < self.vehicle.mounts[mount].count[0]
             };
             let candidates = self.candidates(&chosen).into_iter();
             let next = candidates.filter(|group| group.choices().any(|one| lacks(one.mount)));
@@ -335,7 +338,6 @@ impl Equip {
         chosen
     }
 
-    /// Sensors at poses of the grid.
     fn choices(&self, poses: &[u32]) -> Vec<Choice> {
         poses.iter().map(|&pose| self.choice(pose)).collect()
     }
@@ -350,7 +352,6 @@ impl Equip {
         self.in_pairs.then(|| self.grid.atlas().grid().mirrored(pose))
     }
 
-    /// Poses of the grid.
     pub(super) fn pose_count(&self) -> u32 {
         self.grid.atlas().grid().len()
     }
@@ -380,9 +381,8 @@ impl Equip {
         while tell(watch, done)
             && let Some((group, added)) = self.best_beside(&chosen, &rating)
         {
-            let must = self.vehicle.mounts.iter().enumerate().any(|(mount, of)| {
-                chosen.iter().filter(|choice| choice.mount == mount).count() < of.count[0]
-            });
+            let mut mounts = self.vehicle.mounts.iter().enumerate();
+            let must = mounts.any(|(mount, of)| count_on(mount, &chosen) < of.count[0]);
             if added <= 0.0 && !must && !chosen.is_empty() {
                 break;
             }
@@ -415,14 +415,9 @@ impl Equip {
 
     /// True if there is a sensor, and each mount holds at least the least count that it may.
     fn is_rig(&self, chosen: &[Choice]) -> bool {
-        let on = |mount: usize| chosen.iter().filter(|choice| choice.mount == mount).count();
-        !chosen.is_empty()
-            && self
-                .vehicle
-                .mounts
-                .iter()
-                .enumerate()
-                .all(|(k, mount)| (mount.count[0]..=mount.count[1]).contains(&on(k)))
+        let mut mounts = self.vehicle.mounts.iter().enumerate();
+        let holds = |count: [usize; 2], on: usize| (count[0]..=count[1]).contains(&on);
+        !chosen.is_empty() && mounts.all(|(k, mount)| holds(mount.count, count_on(k, chosen)))
     }
 
     fn equipped(&mut self, chosen: &[Choice]) -> Equipped {

@@ -69,23 +69,67 @@ impl Spare {
         Ok(evaluator.scores_while(placements, &mut go_on)?)
     }
 
+    /// A rig of few sensors that keeps all rules.
+    fn new(
+        suite: &Suite,
+        vehicle: &Vehicle,
+        objective: &Objective,
+        limits: Limits,
+        engine: &EngineChoice,
+    ) -> Result<Self, SearchError> {
+        let check = |least: f64| match is_within_budget(least, limits.budget) {
+            true => Ok(least),
+            false => Err(SearchError::Budget { budget: limits.budget, least }),
+        };
+        check(vehicle.cost(&vehicle.cheapest()))?;
+        let rig = vehicle.rig_by_the_rules()?;
+        let cost = check(vehicle.cost(&rig.0))?;
+        let (suite, objective) = (suite.over(&suite.spread(Some(FRAMES))), objective.clone());
+        let memory = engine.memory_budget();
+        Ok(Self { rig, cost, suite, objective, limits, memory })
+    }
+
     /// The rig with its scores; no sensors where the limits do not allow it.
     fn equipped(&self, found: Equipped) -> Result<Equipped, SearchError> {
-        let (equipment, placement) = self.rig.clone();
         let is_dear = !is_within_budget(self.cost, self.limits.budget);
-        if !found.equipment.is_empty() || is_dear || equipment.len() > self.limits.sensors {
+        let count = self.rig.0.len();
+        if !found.equipment.is_empty() || is_dear || count > self.limits.sensors {
             return Ok(found);
         }
+        let Equipped { out_of_reach, is_cut, .. } = found;
+        Ok(Equipped { out_of_reach, is_cut, ..self.scored(self.rig.clone(), self.cost)? })
+    }
+
+    /// The only equipment of a vehicle that leaves no choice, placed as in the reference layout. If that breaks a rule, a
+    /// placement that keeps them.
+    fn plain(&self, vehicle: &Vehicle) -> Result<Equipped, SearchError> {
+        let equipment = vehicle.cheapest();
+        let models: Vec<SensorName> = equipment.iter().map(|(_, sensor)| *sensor).collect();
+        let constraints = vehicle.constraints(&equipment);
+        let layout = reference_layout(&constraints, &models);
+        let rig = match constraints.violations(&layout).is_empty() {
+            true => (equipment, layout),
+            false => vehicle.rig_by_the_rules()?,
+        };
+        let cost = vehicle.cost(&rig.0);
+        self.scored(rig, cost)
+    }
+
+    fn scored(
+        &self,
+        (equipment, placement): (Equipment, Placement),
+        cost: f64,
+    ) -> Result<Equipped, SearchError> {
         let mut evaluator = Evaluator::suite_on_cpu(&self.suite, self.memory);
         let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
         Ok(Equipped {
             placement: Placement { name: "equipped".into(), ..placement },
-            cost: self.cost,
             value: self.objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
             missing: scores.missing(),
+            out_of_reach: Vec::new(),
+            is_cut: false,
             equipment,
-            out_of_reach: found.out_of_reach,
-            is_cut: found.is_cut,
+            cost,
         })
     }
 }
@@ -114,19 +158,19 @@ impl Equipping {
         observer: &mut dyn Observer,
     ) -> Result<Option<Self>, SearchError> {
         let state = Choosing::default();
-        let spare = spare(suite, vehicle, objective, limits, engine)?;
+        let spare = Spare::new(suite, vehicle, objective, limits, engine)?;
         if !objective.is_information_gain() {
             if vehicle.has_choice() {
                 return Err(SearchError::NotForEquipment { objective: objective.to_string() });
             }
-            let search = Search::Chosen(plain(suite, vehicle, objective, engine)?);
+            let search = Search::Chosen(spare.plain(vehicle)?);
             return Ok(Some(Self { search, state, deadline, spare }));
         }
         let mut watch = Watch::until(observer, deadline);
         let search = match Equip::open(suite, vehicle, objective, limits, engine, &mut watch)? {
             Opened::Open(search) => Search::Open(search),
             Opened::Stopped => return Ok(None),
-            Opened::OutOfTime => Search::OutOfTime(plain(suite, vehicle, objective, engine)?),
+            Opened::OutOfTime => Search::OutOfTime(spare.plain(vehicle)?),
         };
         let mut begun = Self { search, state, deadline, spare };
         begun.begin_anew();
@@ -149,7 +193,6 @@ impl Equipping {
         self
     }
 
-    /// Takes the choice back to its beginning.
     fn begin_anew(&mut self) {
         self.state = match &self.search {
             Search::Open(search) => Choosing::on_grid(search.pose_count()),
@@ -277,59 +320,6 @@ impl Equipping {
     }
 }
 
-/// A rig of few sensors that keeps all rules.
-///
-/// # Errors
-/// None is found, or it costs more than the budget.
-fn spare(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    limits: Limits,
-    engine: &EngineChoice,
-) -> Result<Spare, SearchError> {
-    let check = |least: f64| match is_within_budget(least, limits.budget) {
-        true => Ok(least),
-        false => Err(SearchError::Budget { budget: limits.budget, least }),
-    };
-    check(vehicle.cost(&vehicle.cheapest()))?;
-    let rig = vehicle.rig_by_the_rules()?;
-    let cost = check(vehicle.cost(&rig.0))?;
-    let (suite, objective) = (suite.over(&suite.spread(Some(FRAMES))), objective.clone());
-    let memory = engine.memory_budget();
-    Ok(Spare { rig, cost, suite, objective, limits, memory })
-}
-
-/// The only equipment of a vehicle that leaves no choice, placed as in the reference layout. If that breaks a rule, a
-/// placement that keeps them.
-fn plain(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    engine: &EngineChoice,
-) -> Result<Equipped, SearchError> {
-    let equipment = vehicle.cheapest();
-    let models: Vec<SensorName> = equipment.iter().map(|(_, sensor)| *sensor).collect();
-    let constraints = vehicle.constraints(&equipment);
-    let layout = reference_layout(&constraints, &models);
-    let (equipment, placement) = match constraints.violations(&layout).is_empty() {
-        true => (equipment, layout),
-        false => vehicle.rig_by_the_rules()?,
-    };
-    let few = suite.over(&suite.spread(Some(FRAMES)));
-    let mut evaluator = Evaluator::suite_on_cpu(&few, engine.memory_budget());
-    let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
-    Ok(Equipped {
-        cost: vehicle.cost(&equipment),
-        value: objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
-        missing: scores.missing(),
-        out_of_reach: Vec::new(),
-        is_cut: false,
-        placement: Placement { name: "equipped".into(), ..placement },
-        equipment,
-    })
-}
-
 /// The best equipment for each of some budgets, from the cheapest rig to the best that the limits allow.
 ///
 /// # Errors
@@ -346,7 +336,7 @@ pub fn cost_front(
     }
     let silent = &mut |_: &Event| true;
     let mut watch = Watch::new(silent, false);
-    let mut spare = spare(suite, vehicle, objective, limits, engine)?;
+    let mut spare = Spare::new(suite, vehicle, objective, limits, engine)?;
     let least = spare.cost;
     let search = Equip::open(suite, vehicle, objective, limits, engine, &mut watch)?;
     let Opened::Open(mut search) = search else { return Ok(Vec::new()) };

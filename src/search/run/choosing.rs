@@ -79,7 +79,6 @@ impl Run {
         }
     }
 
-    /// True if a level of frames is not the present one.
     fn is_other(&self, level: usize) -> bool {
         self.state.levels.as_ref().is_some_and(|levels| levels.level() != level)
     }

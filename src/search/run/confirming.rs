@@ -7,17 +7,15 @@ use crate::score::Standing;
 use crate::search::bound::Certificate;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
-use crate::search::findings::findings;
 use crate::search::generations::why_left_out;
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
-use crate::search::phases::{self, PhaseCheck};
 use crate::search::pilot::Pilot;
-use crate::search::rules::active_bounds;
+use crate::search::rules::{active_bounds, findings};
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::{Method, PATIENCE};
-use crate::search::spread::{Gain, GainSpread};
+use crate::search::spread::{Gain, GainSpread, PhaseCheck, check_draws};
 use crate::search::tolerance::Tolerance;
 use crate::vehicle::Placement;
 use crate::vehicle::placement_to_nanometres;
@@ -29,7 +27,6 @@ fn left_out(part: &str, watch: &mut Watch) {
     watch.note(&format!("{why}: {part} is left out"));
 }
 
-/// Record of a placement without the work behind it.
 fn record_of(method: &'static str, scored: &Scored) -> MethodRecord {
     let (objective, requirements) = (scored.objective, scored.scores.met());
     MethodRecord { method, objective, requirements, evaluations: 0, poses_cast: 0, won: false }
@@ -222,7 +219,7 @@ impl Run {
         let patience = Instant::now() + PATIENCE;
         let is_short = self.suite.frame_count() <= FRAMES_AT_ONCE;
         let mut go_on = || (is_short && Instant::now() < patience) || watch.goes_on();
-        let checked = phases::check(&suite, &objective, best, rival, memory, &mut go_on)?;
+        let checked = check_draws(&suite, &objective, best, rival, memory, &mut go_on)?;
         if checked.is_none() {
             left_out("the check at other draws", watch);
         }

@@ -125,7 +125,6 @@ impl Run {
         Ok(())
     }
 
-    /// Instances of the CMA-ES that have ended, in words.
     pub(super) fn ended_in_words(&self) -> Vec<String> {
         let ended = self.state.generations.ended().iter();
         let words = ended.map(|ended| {

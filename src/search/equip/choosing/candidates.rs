@@ -2,12 +2,6 @@
 
 use super::*;
 
-/// Sensors on a mount among those chosen and a group.
-fn count_on(mount: usize, chosen: &[Choice], group: &SensorGroup) -> usize {
-    let all = chosen.iter().copied().chain(group.choices());
-    all.filter(|choice| choice.mount == mount).count()
-}
-
 impl Equip {
     /// Groups that may join `chosen`: with room on the mounts, far enough from the others, and money left for the
     /// sensors that other mounts must hold.
@@ -50,7 +44,7 @@ impl Equip {
     fn owed(&self, chosen: &[Choice], group: &SensorGroup, cheapest: &Equipment) -> (f64, usize) {
         let mounts = self.vehicle.mounts.iter().enumerate();
         let owed = mounts.map(|(mount, of)| {
-            let missing = of.count[0].saturating_sub(count_on(mount, chosen, group));
+            let missing = of.count[0].saturating_sub(group.count_on(mount, chosen));
             let price = cheapest.iter().find(|(k, _)| *k == mount);
             let price = price.map_or(0.0, |(_, sensor)| self.vehicle.price(*sensor));
             (missing as f64 * price, missing)
@@ -63,7 +57,7 @@ impl Equip {
     fn has_room(&self, chosen: &[Choice], group: &SensorGroup) -> bool {
         let holds = |choice: Choice| {
             let count = self.vehicle.mounts[choice.mount].count;
-            let on = count_on(choice.mount, chosen, group);
+            let on = group.count_on(choice.mount, chosen);
             let is_odd = |choice: &Choice| self.image(choice.pose) == Some(choice.pose);
             let alike = |other: &&Choice| {
                 (other.mount, other.sensor) == (choice.mount, choice.sensor) && is_odd(other)
