@@ -79,7 +79,11 @@ impl Visibility {
         conditions: &[Condition],
     ) -> Result<Arc<Self>, ScanError> {
         if scene.coverage() == Coverage::Through || !scene.has_geometry() {
-            return Err(ScanError::Through { scene: scene.name().to_owned() });
+            return Err(ScanError::Refused(format!(
+                "the scene `{}` has no geometry that ends beams (coverage `through`); conditions need `\"coverage\": \
+                 \"first-hit\"`",
+                scene.name()
+            )));
         }
         let optics = Optics::new(scene, conditions::weather(conditions)?);
         let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
