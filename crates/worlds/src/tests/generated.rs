@@ -88,7 +88,7 @@ fn traffic_moves_without_a_touch_and_nothing_stands_on_the_road() {
             first.distance(last) > 1.0
         });
         let moving = moves.count();
-        assert!(moving >= 3, "{name}: {moving} of {} move", world.actors());
+        assert!(moving >= 3, "{name}: {moving} of {} move", world.people.actors.len());
         nobody_runs_into_another(&scene, &name);
         nothing_stands_on_the_road(world, &name);
     });
@@ -101,35 +101,13 @@ fn seeds_lay_out_worlds_anew_and_repeat_themselves() {
         assert_eq!(a.mesh(), again.mesh(), "{}", kind.name());
         assert_eq!(a.scene("w", "w.ply"), again.scene("w", "w.ply"), "{}", kind.name());
         // Counts lane points of world `a` within one metre of a lane point of world `b`.
-        let points = |w: &GeneratedWorld| w.lanes().flatten().collect::<Vec<DVec2>>();
+        let points = |w: &GeneratedWorld| -> Vec<DVec2> {
+            let lanes = w.network.lanes.iter().flat_map(|lane| lane.centre.points());
+            lanes.map(|point| point.truncate()).collect()
+        };
         let (mine, others) = (points(&a), points(&b));
         let near = |p: &DVec2| others.iter().any(|q| q.distance(*p) < 1.0);
         let same = mine.iter().filter(|p| near(p)).count();
         assert!(3 * same < mine.len(), "{}: {same} of {} points", kind.name(), mine.len());
     }
-}
-
-#[test]
-fn default_classes_have_the_ids_that_worlds_write() {
-    use crate::network::class::*;
-    let ids = [
-        (BUILDING, "building"),
-        (FENCE, "fence"),
-        (OTHER, "other"),
-        (POLE, "pole"),
-        (ROAD_LINE, "road_line"),
-        (ROAD, "road"),
-        (SIDEWALK, "sidewalk"),
-        (VEGETATION, "vegetation"),
-        (WALL, "wall"),
-        (TRAFFIC_SIGN, "traffic_sign"),
-        (GROUND, "ground"),
-        (BRIDGE, "bridge"),
-        (RAIL_TRACK, "rail_track"),
-        (GUARD_RAIL, "guard_rail"),
-        (TRAFFIC_LIGHT, "traffic_light"),
-        (STATIC, "static"),
-        (TERRAIN, "terrain"),
-    ];
-    assert!(ids.iter().all(|(id, name)| DEFAULT_CLASSES[usize::from(*id)] == *name));
 }
