@@ -123,9 +123,6 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
 }
 
 /// Like [`read`], for a file of the command's own folder.
-///
-/// # Errors
-/// See [`read`].
 pub fn read_own(path: &Path, most: u64) -> Result<Vec<u8>> {
     read_all(open_own(path)?, most)
 }

@@ -65,9 +65,6 @@ impl Lidar {
     }
 
     /// Beam table of the sensor.
-    ///
-    /// # Errors
-    /// Like [`BeamTable::spinning`], [`BeamTable::sector`] and [`BeamTable::from_directions`].
     pub fn table(&self) -> Result<BeamTable, SensorError> {
         match self {
             Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range, .. } => {

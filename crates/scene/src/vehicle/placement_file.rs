@@ -422,9 +422,6 @@ pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, Placeme
 }
 
 /// Placements of a file, each read and checked once; none is kept.
-///
-/// # Errors
-/// See [`read_placements`].
 pub fn count_placements(path: &Path) -> Result<u64, PlacementFileError> {
     let mut count = 0;
     for placement in PlacementReader::open(path)? {

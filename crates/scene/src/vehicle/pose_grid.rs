@@ -82,9 +82,6 @@ impl PoseGrid {
 
     /// Grid of a mount with both ends of every pose field: its steps are a little wider than the spacing, and of a shorter
     /// field as long as the field.
-    ///
-    /// # Errors
-    /// See [`Self::new`].
     pub fn with_both_ends(
         constraints: &Constraints,
         spacing: Spacing,

@@ -49,8 +49,7 @@ fn wrong_votes_are_refused_and_leave_no_trace() {
         ((Some(1 << 50), 1), "a point of frame 0 votes in voxel 4294967295"),
     ] {
         let mut votes = FrameVotes::new();
-        votes.push(Some(5), 0);
-        votes.push(vote.0, vote.1);
+        votes.extend([(Some(5), 0), vote]);
         let message = builder.frame(votes).unwrap_err().to_string();
         assert!(message.starts_with(wanted), "{message}");
     }
@@ -130,7 +129,7 @@ fn a_count_holds_65_535_frames_and_no_more() {
     let mut builder = PsogBuilder::new(small_roi(), names(&["a", "b"])).unwrap();
     let vote = || {
         let mut votes = FrameVotes::new();
-        votes.push(Some(127), 1);
+        votes.extend([(Some(127), 1)]);
         votes
     };
     for _ in 0..65_535 {

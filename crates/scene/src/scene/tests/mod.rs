@@ -15,7 +15,6 @@ mod mesh_mounts;
 mod own;
 #[cfg(feature = "mesh")]
 mod robots;
-mod sensor_files;
 mod vehicle;
 
 /// The small form of the contract.
@@ -30,6 +29,13 @@ const SMALL: &str = r#"{ "sightline": 1, "name": "two-walls",
 fn full(shapes: &str, more: &str) -> String {
     let cut = SMALL.replace("\"psog\": { \"file\": \"two-walls.psog.npz\" },", "");
     cut.replace("\"coverage\": \"through\"", &format!("\"static\": [{shapes}]{more}"))
+}
+
+/// Such a scene with a vehicle in place of its LiDAR and mount.
+fn with_vehicle(vehicle: &str, shapes: &str, more: &str) -> String {
+    let scene = full(shapes, more);
+    let (from, to) = (scene.find("\"lidar\"").unwrap(), scene.find("\"static\"").unwrap());
+    format!("{}\"vehicle\": {vehicle}, {}", &scene[..from], &scene[to..])
 }
 
 fn read(text: &str) -> Checked<Scene> {
