@@ -32,8 +32,8 @@ use description::{ActorDescription, EgoDescription, ShapeDescription};
 use parts::{OwnBodies, OwnBody};
 use route::Motion;
 use shapes::Builder;
-pub(crate) use solid::clipped;
-use solid::{Solid, around};
+use solid::Solid;
+pub(crate) use solid::{around, clipped};
 
 pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
 pub use parts::{PartOwner, Track};

@@ -309,12 +309,6 @@ pub(super) const LENGTH: f64 = LIGHT * 10e-9;
 /// Metres between peak and target from which on an echo belongs to the snow before it.
 pub(super) const APART: f64 = 0.2;
 
-/// The echo of a unit pulse by its phase, from 0 where it begins to 1 where it ends.
-#[cfg(test)]
-pub(super) fn swell(phase: f64) -> f64 {
-    if phase > 0.0 && phase < 1.0 { (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
-}
-
 /// Sum of a flake's echo and a target's echo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum JoinedEcho {

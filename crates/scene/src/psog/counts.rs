@@ -154,6 +154,11 @@ impl Psog {
         self.counts.chunks_exact(self.classes.len())
     }
 
+    /// Position of a voxel in [`Psog::index`]; `None` if it is not listed (empty in all frames).
+    pub fn find(&self, voxel: u64) -> Option<usize> {
+        self.index.binary_search(&voxel).ok()
+    }
+
     /// Bytes that the indices and counts take in memory.
     pub fn memory_bytes(&self) -> u64 {
         (size_of_val(&self.index[..]) + size_of_val(&self.counts[..])) as u64

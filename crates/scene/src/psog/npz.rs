@@ -3,8 +3,7 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io;
-use std::io::{BufReader, Read as _, Seek, Write};
+use std::io::{self, BufReader, Read as _, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use bytemuck::NoUninit;

@@ -17,8 +17,7 @@ use super::doubts::SceneLocations;
 use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;
-use crate::vehicle;
-use crate::vehicle::{Vehicle, VehicleDescription, read_vehicle};
+use crate::vehicle::{self, Vehicle, VehicleDescription, read_vehicle};
 
 /// Scene of [`Scene::level_ground`]. The ground lies in the middle of a layer of voxels, so that an area of the ground has
 /// some.

@@ -12,9 +12,8 @@ use sightline_files::json::{Checked, Location, check, nearest};
 use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
 use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
-use crate::mesh;
 use crate::mesh::{
-    Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile, RobotShapes,
+    self, Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile, RobotShapes,
 };
 use crate::vehicle;
 

@@ -100,13 +100,8 @@ impl Vehicle {
     pub fn rig_by_the_rules(&self) -> Result<(Equipment, Placement), NoRoom> {
         let few = self.few();
         for equipment in &few {
-            let mut sorted = equipment.clone();
-            let constraints = self.constraints(equipment);
-            if let Some(placement) = constraints.placement_by_the_rules() {
-                sorted.sort_by_key(|&(mount, sensor)| {
-                    (mount, self.sensors.iter().position(|model| model.name == sensor))
-                });
-                return Ok((sorted, placement));
+            if let Some(placement) = self.constraints(equipment).placement_by_the_rules() {
+                return Ok((self.sorted(equipment), placement));
             }
         }
         // A mount that leaves no room by itself is the one to name.

@@ -1,6 +1,5 @@
 //! Sensor files of the vendors, told apart by content.
 
-mod column_window;
 mod csv;
 mod isaac;
 mod isaac_profile;

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{ks, uniform};
-use crate::conditions::snow::{APART, Balls, LENGTH, swell};
+use crate::conditions::snow::{APART, Balls, LENGTH};
 use crate::conditions::{FallEffect, Falling, Flake, JoinedEcho};
 
 const WIDE: [f64; 2] = [3e-3, 1.5e-3];
@@ -157,6 +157,11 @@ fn returns_are_distributed_as_if_every_flake_were_drawn() {
         println!("{rate} mm/h, target at {reach} m: {:.2} % become snow", 100.0 * b);
         assert!((a - b).abs() < 3.0 * error, "{a} {b}");
     }
+}
+
+/// The echo of a unit pulse by its phase, from 0 where it begins to 1 where it ends.
+fn swell(phase: f64) -> f64 {
+    if phase > 0.0 && phase < 1.0 { (PI * phase).sin().powi(2) } else { 0.0 }
 }
 
 /// The highest of the waveform's samples, and where it begins less half of the pulse.

@@ -1,6 +1,5 @@
 //! Samples of each format, written by hand, and the tables of real sensors.
 
-mod doubts;
 mod own_word;
 mod samples;
 
