@@ -383,14 +383,16 @@ pub(crate) fn least_metres(
 ) -> Result<Vec<Option<f64>>, ProblemError> {
     let Some(first) = rules.first() else { return Ok(Vec::new()) };
     let footprint = Footprint::of(problem.body().corners().map(|at| [at.x, at.y]));
-    let footprint = footprint.ok_or_else(|| ProblemError::GroundWithout {
-        name: first.name.clone(),
-        lacks: "own body with an area from above (`ego.body` of the scene, or `body` of the vehicle)",
-    })?;
+    let lacks =
+        "own body with an area from above (`ego.body` of the scene, or `body` of the vehicle)";
+    let footprint = footprint.ok_or_else(|| ProblemError::ground_without(&first.name, lacks))?;
     let length = footprint.length();
     if length > MOST_BODY {
-        let name = first.name.clone();
-        return Err(ProblemError::LargeBody { name, length, most: MOST_BODY });
+        return Err(ProblemError::Refused(format!(
+            "the vehicle requires `{}`, and its body is {length:.0} m long or wide, more than the {MOST_BODY:.0} m around \
+             which ground is counted; give `body` in metres, or leave the ground out of `require`",
+            first.name
+        )));
     }
     let cells = CellGrid::around(&footprint).cells;
     let least = |rule: &GroundRule| {

@@ -341,7 +341,7 @@ impl<'a> Given<'a> {
 
     /// Error about the model of a LiDAR; names the vehicle of the run that wrote the file, where the scene has no names.
     fn unknown(&self, source: ForeignLidar) -> RunError {
-        let error = PlacementFileError::Sensor { path: self.file.clone(), source };
+        let error = PlacementFileError::of(&self.file, source);
         let is_nameless = self.sensors.models().iter().all(|model| model.name.is_none());
         match vehicle_of_run(&self.file).filter(|_| is_nameless) {
             Some(vehicle) => RunError::Usage(format!(

@@ -107,8 +107,7 @@ pub fn export_file(
     let (file, name) = file_and_name(&placement);
     let file = Path::new(file);
     if file.is_dir() {
-        let source = std::io::ErrorKind::IsADirectory.into();
-        return Err(PlacementFileError::Folder { path: file.to_owned(), source }.into());
+        return Err(PlacementFileError::folder(file).into());
     }
     let mut rig = read_rig(file, name)?;
     let doubts = placement_doubts(&rig, &file.display().to_string());

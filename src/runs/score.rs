@@ -291,7 +291,7 @@ fn read(files: &RigFiles) -> Result<Vec<Placement>, RunError> {
         }
     }
     if placements.is_empty() {
-        return Err(PlacementFileError::Empty { path: files.label().to_owned() }.into());
+        return Err(PlacementFileError::empty(files.label()).into());
     }
     Ok(placements)
 }

@@ -203,17 +203,23 @@ pub(crate) fn check_counting(problem: &Problem, vehicle: &Vehicle) -> Result<(),
             places.iter().any(|&at| site.standing(&rule.target, at).is_some())
         };
         if !sites.any(is_free) {
-            let (index, name) = (index(require.len() + number), rule.name.clone());
-            return Err(match rule.on_scene {
+            let name = &rule.name;
+            let told = match rule.on_scene {
                 true => {
                     let sites = || bodies.iter().flat_map(|bodies| bodies.each(rule));
                     let is_bare = |at: &&[f64; 3]| sites().all(|(site, _)| !site.has_ground(**at));
-                    let bare = places.iter().filter(is_bare).count();
-                    let why = not_free(places.len(), bare);
-                    ProblemError::NoPlaceInScene { index, name, why }
+                    let why = not_free(places.len(), places.iter().filter(is_bare).count());
+                    format!(
+                        ": no place of `{name}` is free ground of the scene beside the own body: {why}; change `within` or \
+                         `bearing`, or leave `ground` out for level ground"
+                    )
                 }
-                false => ProblemError::NoPlace { index, name },
-            });
+                false => format!(
+                    ": every place of `{name}` lies in the own body, so that no share of them can be seen; raise `within` \
+                     beyond the body, or turn `bearing`"
+                ),
+            };
+            return Err(ProblemError::Rule(index(require.len() + number), told));
         }
     }
     let least = least_metres(problem, ground)?;
@@ -223,13 +229,23 @@ pub(crate) fn check_counting(problem: &Problem, vehicle: &Vehicle) -> Result<(),
             GroundAsked::Within(metres) => ("ground", metres),
             GroundAsked::BlindZone(_, metres) => ("depth", metres),
         };
-        let name = rule.name.clone();
+        let name = &rule.name;
         match least {
-            None => return Err(ProblemError::NoLane { index, name }),
+            None => {
+                let told = format!(
+                    ".blind_zone: no lane of `{name}` lies before the own body, which is narrower there than the 0.25 m of a \
+                     lane; leave it out of `require`, or correct the body"
+                );
+                return Err(ProblemError::Rule(index, told));
+            }
             Some(least) if least > metres => {
                 // Rounded up to whole centimetres.
                 let least = (100.0 * least - 1e-9).ceil() / 100.0;
-                return Err(ProblemError::NoCell { index, name, key, least });
+                let told = format!(
+                    ".{key}: `{name}` holds no cell of ground, so that no share of it can be seen: cells are 0.25 m wide, and \
+                     the middle of the nearest one lies {least} m from the own body; give {least} or more"
+                );
+                return Err(ProblemError::Rule(index, told));
             }
             Some(_) => {}
         }

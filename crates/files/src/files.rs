@@ -14,6 +14,7 @@ mod paths;
 mod run_dir;
 mod whole;
 
+use std::fmt::Display;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -46,20 +47,23 @@ pub enum FileError {
 }
 
 impl FileError {
+    /// Names a file or folder that must not be used so.
+    fn refused(path: &Path, words: impl Display) -> Self {
+        Self::Refused(format!("{}: {words}", path.display()))
+    }
+
     /// Names the file or folder in an error of the operating system.
     pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         move |source| match kind(&source) {
-            ErrorKind::InvalidData => {
-                Self::Refused(format!("{}: is not UTF-8 text; save it as UTF-8", path.display()))
-            }
+            ErrorKind::InvalidData => Self::refused(path, "is not UTF-8 text; save it as UTF-8"),
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
                 Self::Full { path: path.to_owned() }
             }
-            ErrorKind::FileTooLarge if !is_read(&source) => Self::Refused(format!(
-                "{}: grows larger than the system lets a file be; raise the limit (`ulimit -f`), or name a place on \
+            ErrorKind::FileTooLarge if !is_read(&source) => Self::refused(
+                path,
+                "grows larger than the system lets a file be; raise the limit (`ulimit -f`), or name a place on \
                  another disk",
-                path.display()
-            )),
+            ),
             _ => Self::Io { path: path.to_owned(), source: without_place(source) },
         }
     }

@@ -17,12 +17,16 @@ pub mod npy;
 
 use std::fmt;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 /// A sentence about an input: the file, the place in it, and a remedy.
-#[derive(Debug, Clone, PartialEq, Eq)]
+///
+/// JSON has the sentence alone.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
 pub struct Note {
     text: String,
+    #[serde(skip)]
     is_doubt: bool,
 }
 
@@ -51,12 +55,5 @@ impl Note {
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
-    }
-}
-
-/// The sentence alone.
-impl Serialize for Note {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(&self.text)
     }
 }

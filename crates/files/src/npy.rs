@@ -63,9 +63,6 @@ pub fn transpose<T: Copy>(data: &[T], columns: usize) -> Vec<T> {
 }
 
 /// Writes rising voxel indices as an array `u64[n]` that NumPy loads.
-///
-/// # Errors
-/// Errors of `out`.
 pub fn write_npy(out: impl Write, numbers: Vec<u64>) -> io::Result<()> {
     let shape = [numbers.len() as u64];
     let mut array =

@@ -141,9 +141,6 @@ impl BeamHits {
     /// | `class` | u16 \[B\] | class of the triangle; 2¹⁶−1: none |
     /// | `placement`, `lidar` | u32 \[B\], u16 \[B\] | positions in the batch and in the placement |
     /// | `vertices`, `faces`, `face_class` | f32 \[V, 3\], u32 \[F, 3\], u16 \[F\] | triangles of the frame |
-    ///
-    /// # Errors
-    /// See `out`.
     pub fn write(&self, out: impl Write + Seek, soup: &TriangleSoup) -> std::io::Result<()> {
         let beams = self.beams() as u64;
         write_npz(out, false, |npz| {

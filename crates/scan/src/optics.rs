@@ -56,6 +56,11 @@ impl Optics {
         reflectance * cosine / (range * range) * self.through_fog(range)
     }
 
+    /// Power that fog sends back from before a range.
+    pub(crate) fn of_fog(&self, range: f64) -> f64 {
+        self.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range))
+    }
+
     /// Share of light that fog leaves on the way to a range and back.
     pub(crate) fn through_fog(&self, range: f64) -> f64 {
         self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(range))

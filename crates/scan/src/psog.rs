@@ -274,7 +274,7 @@ mod tests {
                         let direction = pose.rotation * DVec3::from(direction.map(f64::from));
                         let point = origin + direction * f64::from(hit.t);
                         let class = classes[hit.prim as usize];
-                        votes.push(roi.voxel_of_hit(origin, point), class);
+                        votes.extend([(roi.voxel_of_hit(origin, point), class)]);
                     }
                 }
             }

@@ -1,5 +1,6 @@
 //! From the surfaces that a beam meets to the returns that the sensor reports: power, threshold, noise, echoes.
 
+use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 use sightline_scene::vehicle::Echoes;
 
@@ -49,9 +50,9 @@ impl Receiver<'_> {
         self.surfaces(rays, &mut echoes);
         self.weather(&chance, &surface, &mut echoes);
         let mut reported = None;
-        for (k, wanted) in self.wanted(&chance, echoes.as_slice()).into_iter().enumerate() {
+        for (k, wanted) in self.wanted(&chance, &echoes).into_iter().enumerate() {
             let Some(at) = wanted.filter(|&at| reported != Some(at)) else { continue };
-            let echo = &echoes.as_slice()[at];
+            let echo = &echoes[at];
             report(self.measure(beam, rays, &chance, echo, k as u32));
             reported = Some(at);
         }
@@ -124,7 +125,7 @@ impl Receiver<'_> {
                 }
             }
         }
-        if let [only] = echoes.as_mut_slice()
+        if let [only] = &mut echoes[..]
             && rays.iter().all(SurfaceHit::is_hit)
         {
             // The whole beam meets surfaces close to its centre hit: the echo gets the centre's range.
@@ -152,7 +153,7 @@ impl Receiver<'_> {
         for (falling, purpose, status) in self.optics.weather.falls() {
             let reach = f64::from(model.table.range()).min(target);
             let fallen = falling.beam(model.response.divergence, reach, chance.draws(purpose));
-            for echo in &mut echoes.as_mut_slice()[..surfaces] {
+            for echo in &mut echoes[..surfaces] {
                 echo.power *= fallen.passed;
             }
             let Some(flake) = fallen.flake else { continue };
@@ -245,7 +246,7 @@ impl Receiver<'_> {
 /// Adds a flake's or drop's echo to those of a beam, the first `surfaces` of which are of surfaces: the strongest
 /// of these near it adds up with it.
 fn join(flake: &Flake, status: Status, surfaces: usize, echoes: &mut EchoList) {
-    let lit = echoes.as_mut_slice()[..surfaces].iter_mut().map(|echo| {
+    let lit = echoes[..surfaces].iter_mut().map(|echo| {
         let joined = flake.join(echo.range, echo.power);
         (echo, joined)
     });
@@ -272,8 +273,6 @@ struct Echo {
 }
 
 impl Echo {
-    const NONE: Self = Self { range: 0.0, power: 0.0, ray: None, status: Status::Miss };
-
     /// Echo of fog, snow or rain.
     fn of_medium(range: f64, power: f64, status: Status) -> Self {
         Self { range, power, ray: None, status }
@@ -289,38 +288,4 @@ impl Echo {
 }
 
 /// The echoes of a beam: at most one of each of its rays, one of fog, of snow and of rain each.
-struct EchoList {
-    list: [Echo; RAYS + 3],
-    len: usize,
-}
-
-impl Default for EchoList {
-    fn default() -> Self {
-        Self { list: [Echo::NONE; RAYS + 3], len: 0 }
-    }
-}
-
-impl EchoList {
-    fn push(&mut self, echo: Echo) {
-        if let Some(place) = self.list.get_mut(self.len) {
-            *place = echo;
-            self.len += 1;
-        }
-    }
-
-    fn len(&self) -> usize {
-        self.len
-    }
-
-    fn last_mut(&mut self) -> Option<&mut Echo> {
-        self.as_mut_slice().last_mut()
-    }
-
-    fn as_slice(&self) -> &[Echo] {
-        &self.list[..self.len]
-    }
-
-    fn as_mut_slice(&mut self) -> &mut [Echo] {
-        &mut self.list[..self.len]
-    }
-}
+type EchoList = ArrayVec<Echo, { RAYS + 3 }>;

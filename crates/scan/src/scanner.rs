@@ -86,9 +86,6 @@ fn bytes_of_a_scan(sensors: &Sensors, placement: &Placement) -> Result<u64, Unkn
 
 impl<'a> Scanner<'a> {
     /// Finds every reason for which [`Self::new`] would fail, except memory for the trees, before any work is done.
-    ///
-    /// # Errors
-    /// See [`Self::new`].
     pub fn check(
         scene: &Scene,
         placement: &Placement,
@@ -97,13 +94,19 @@ impl<'a> Scanner<'a> {
         Stage::check(scene)?;
         let actors = scene.tracks().len();
         if actors >= usize::from(EGO_INSTANCE) {
-            return Err(ScanError::TooManyActors { scene: scene.name().to_owned(), actors });
+            return Err(ScanError::Refused(format!(
+                "the scene `{}` has {actors} actors, a scan tells at most 65534 apart; leave some out",
+                scene.name()
+            )));
         }
         let sensors = scene.sensors()?;
         memory::check("the beams of a scan", bytes_of_a_scan(&sensors, placement)?)?;
         conditions::weather(&scanning.conditions)?;
         match scanning.conditions.first().filter(|_| scanning.ideal) {
-            Some(condition) => Err(ScanError::Ideal { condition: condition.to_string() }),
+            Some(condition) => Err(ScanError::Refused(format!(
+                "the condition `{condition}` acts on beams, of which an ideal scan has the geometry alone; leave out one of \
+                 the two"
+            ))),
             None => Ok(()),
         }
     }

@@ -61,7 +61,10 @@ impl Stage {
     pub(super) fn check(scene: &Scene) -> Result<(), ScanError> {
         match scene.has_geometry() {
             true => Ok(()),
-            false => Err(ScanError::NoGeometry { scene: scene.name().to_owned() }),
+            false => Err(ScanError::Refused(format!(
+                "the scene `{}` has no geometry; a scan needs `static`, `actors` or a body",
+                scene.name()
+            ))),
         }
     }
 

@@ -101,7 +101,9 @@ impl Sweeper {
             vec![Station::new(motions, all, ego_from_sensor, 0.0, self.reach())]
         };
         match &self.walk {
-            Some(walk) if rolling && !device.is_at_work() => self.windows(stage, walk, stations),
+            Some(walk) if rolling && device.at_work().is_none() => {
+                self.windows(stage, walk, stations)
+            }
             _ => {
                 let hits = if moves {
                     self.columns(stage, device, &stations)
@@ -247,9 +249,9 @@ impl ScanDevice {
         Self { caster: Some(Mutex::new(caster)), failure: OnceLock::new() }
     }
 
-    /// True if the device casts.
-    fn is_at_work(&self) -> bool {
-        self.caster.is_some() && self.failure.get().is_none()
+    /// The device, where it casts.
+    fn at_work(&self) -> Option<&Mutex<Box<dyn FiringCaster>>> {
+        self.caster.as_ref().filter(|_| self.failure.get().is_none())
     }
 
     /// Why the device casts no more, where it does not.
@@ -266,7 +268,7 @@ impl ScanDevice {
         range: f32,
         firings: impl FnOnce() -> Vec<Firing<'a>>,
     ) -> Option<Vec<Hit>> {
-        let caster = self.caster.as_ref().filter(|_| self.failure.get().is_none())?;
+        let caster = self.at_work()?;
         let firings = firings();
         // A thread that panicked in the driver leaves the lock poisoned.
         let found = match caster.lock() {

@@ -11,8 +11,7 @@ use sightline_scene::scene::{Coverage, Scene};
 use sightline_scene::vehicle::{Echoes, Response};
 
 use super::ScanError;
-use super::conditions;
-use super::conditions::{Condition, FallEffect, Flake, JoinedEcho};
+use super::conditions::{self, Condition, FallEffect, Flake, JoinedEcho};
 use super::optics::{Optics, is_seen};
 use super::stage::Stage;
 use crate::fires::{Chance, Purpose};
@@ -79,7 +78,11 @@ impl Visibility {
         conditions: &[Condition],
     ) -> Result<Arc<Self>, ScanError> {
         if scene.coverage() == Coverage::Through || !scene.has_geometry() {
-            return Err(ScanError::Through { scene: scene.name().to_owned() });
+            return Err(ScanError::Refused(format!(
+                "the scene `{}` has no geometry that ends beams (coverage `through`); conditions need `\"coverage\": \
+                 \"first-hit\"`",
+                scene.name()
+            )));
         }
         let optics = Optics::new(scene, conditions::weather(conditions)?);
         let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
@@ -108,7 +111,7 @@ impl Visibility {
         let fallen = self.fallen(beam, range);
         let power = self.optics.power(beam.seed, class, instance, cosine, range);
         let mut power = power * fallen.passed;
-        let mut other = self.fog(range);
+        let mut other = self.optics.of_fog(range);
         if let Some(flake) = fallen.flake {
             match flake.join(range, power) {
                 JoinedEcho::Apart => other = other.max(flake.power),
@@ -136,11 +139,6 @@ impl Visibility {
             let range = f64::from(range);
             reach(beam.response, &self.optics, range, &self.fallen(beam, range), draw) as f32
         }
-    }
-
-    /// Power that fog sends back from before a range.
-    fn fog(&self, range: f64) -> f64 {
-        self.optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range))
     }
 
     /// Light that passes snow and rain up to `range`, and the strongest of their echoes, dimmed by fog on its way.
@@ -221,8 +219,7 @@ fn reach(response: &Response, optics: &Optics, range: f64, fallen: &FallEffect, 
     let flake = fallen.flake.map_or(0.0, |flake| flake.power);
     let seen = |r: f64| {
         let power = fallen.passed * TARGET / (r * r) * optics.through_fog(r);
-        let fog = optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(r));
-        let hidden = response.echoes == Echoes::Strongest && fog.max(flake) > power;
+        let hidden = response.echoes == Echoes::Strongest && optics.of_fog(r).max(flake) > power;
         !hidden && is_seen(response, power, || draw)
     };
     if seen(range) {

@@ -18,84 +18,29 @@ pub use lidar_cast::task::{
 /// Error of parts that make no problem.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
-#[allow(missing_docs, reason = "the message tells the fields")]
 pub enum ProblemError {
-    /// The P-SOG and the scene do not describe the same voxels.
-    #[error(
-        "the P-SOG has {psog} and the scene's roi {scene}; build the P-SOG with the same roi or \
-         correct the roi"
-    )]
-    GridMismatch { psog: String, scene: String },
-    /// A part of space that must be seen has no voxel.
-    #[error(
-        "require[{index}]: `{name}` holds no voxel of the scene's roi, so that no share of it can be seen; move it \
-         into the roi, or take less of it away with `without`"
-    )]
-    EmptyArea { index: usize, name: String },
-    /// A target must be met at places that all lie in the own body.
-    #[error(
-        "require[{index}]: every place of `{name}` lies in the own body, so that no share of them can be seen; raise \
-         `within` beyond the body, or turn `bearing`"
-    )]
-    NoPlace { index: usize, name: String },
-    /// A target must be met on the surface of a scene, where no place is free ground.
-    #[error(
-        "require[{index}]: no place of `{name}` is free ground of the scene beside the own body: {why}; change `within` or \
-         `bearing`, or leave `ground` out for level ground"
-    )]
-    NoPlaceInScene { index: usize, name: String, why: String },
-    /// A target must be met on the surface of a scene, and there is none.
-    #[error(
-        "require[{index}].ground: `{name}` stands on the ground of a scene, and there is none; give the command a scene, \
-         or leave `ground` out for level ground"
-    )]
-    TargetWithoutScene { index: usize, name: String },
-    /// Ground must be seen nearer to the own body than the middle of any cell.
-    #[error(
-        "require[{index}].{key}: `{name}` holds no cell of ground, so that no share of it can be seen: cells are 0.25 m \
-         wide, and the middle of the nearest one lies {least} m from the own body; give {least} or more"
-    )]
-    NoCell { index: usize, name: String, key: &'static str, least: f64 },
-    /// A blind zone must end where no lane of cells lies before the edge.
-    #[error(
-        "require[{index}].blind_zone: no lane of `{name}` lies before the own body, which is narrower there than the \
-         0.25 m of a lane; leave it out of `require`, or correct the body"
-    )]
-    NoLane { index: usize, name: String },
-    /// Ground must be seen around a body far larger than any vehicle.
-    #[error(
-        "the vehicle requires `{name}`, and its body is {length:.0} m long or wide, more than the {most:.0} m around \
-         which ground is counted; give `body` in metres, or leave the ground out of `require`"
-    )]
-    LargeBody { name: String, length: f64, most: f64 },
-    /// Targets, ground or overlap are required where beams end at nothing.
-    #[error(
-        "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
-         \"coverage\": \"first-hit\", or leave `{name}` out of `require`"
-    )]
-    TargetWithoutHits { name: String },
-    /// Ground must be seen where there is no own body, or no ground.
-    #[error(
-        "the vehicle requires `{name}`, and the scene has no {lacks}; give it one, or leave the ground out of `require`"
-    )]
-    GroundWithout { name: String, lacks: &'static str },
+    /// A rule of the vehicle's `require` that nothing could keep; the sentence tells its place and the mend.
+    #[error("require[{0}]{1}")]
+    Rule(usize, String),
+    /// A scene, a P-SOG and a vehicle that do not go together; the sentence tells the mend.
+    #[error("{0}")]
+    Refused(String),
     /// The trees do not fit into memory.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
 }
 
 impl ProblemError {
+    /// Ground must be seen where there is no own body, or no ground: `lacks` says which.
+    pub fn ground_without(rule: &str, lacks: &str) -> Self {
+        Self::Refused(format!(
+            "the vehicle requires `{rule}`, and the scene has no {lacks}; give it one, or leave the ground out of `require`"
+        ))
+    }
+
     /// True if a requirement of the vehicle is at fault.
     pub fn is_of_vehicle(&self) -> bool {
-        matches!(
-            self,
-            Self::EmptyArea { .. }
-                | Self::NoPlace { .. }
-                | Self::NoPlaceInScene { .. }
-                | Self::TargetWithoutScene { .. }
-                | Self::NoCell { .. }
-                | Self::NoLane { .. }
-        )
+        matches!(self, Self::Rule(..))
     }
 }
 

@@ -10,7 +10,6 @@ mod classes;
 pub(crate) mod description;
 mod doubts;
 mod parts;
-mod polygon;
 mod reading;
 mod route;
 mod settings;
@@ -33,8 +32,8 @@ use description::{ActorDescription, EgoDescription, ShapeDescription};
 use parts::{OwnBodies, OwnBody};
 use route::Motion;
 use shapes::Builder;
-pub(crate) use solid::clipped;
-use solid::{Solid, around};
+use solid::Solid;
+pub(crate) use solid::{around, clipped};
 
 pub use classes::{ActorKind, DEFAULT_CLASSES, Ground, Reflectances};
 pub use parts::{PartOwner, Track};
@@ -198,9 +197,6 @@ impl Scene {
     }
 
     /// Checks that the `classes` of a P-SOG hold every name of the scene's `detection`.
-    ///
-    /// # Errors
-    /// The first missing name.
     pub fn check_detection(&self, classes: &[String]) -> Checked<()> {
         self.classes.check_detection(classes)
     }

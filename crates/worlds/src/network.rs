@@ -268,23 +268,42 @@ pub(crate) const KERB: f64 = 0.13;
 
 /// Ids in [`sightline_scene::scene::DEFAULT_CLASSES`].
 pub(crate) mod class {
-    pub(crate) const BUILDING: u16 = 0;
-    pub(crate) const FENCE: u16 = 1;
-    pub(crate) const OTHER: u16 = 2;
-    pub(crate) const POLE: u16 = 4;
-    pub(crate) const ROAD_LINE: u16 = 5;
-    pub(crate) const ROAD: u16 = 6;
-    pub(crate) const SIDEWALK: u16 = 7;
-    pub(crate) const VEGETATION: u16 = 8;
-    pub(crate) const WALL: u16 = 10;
-    pub(crate) const TRAFFIC_SIGN: u16 = 11;
-    pub(crate) const GROUND: u16 = 12;
-    pub(crate) const BRIDGE: u16 = 13;
-    pub(crate) const RAIL_TRACK: u16 = 14;
-    pub(crate) const GUARD_RAIL: u16 = 15;
-    pub(crate) const TRAFFIC_LIGHT: u16 = 16;
-    pub(crate) const STATIC: u16 = 17;
-    pub(crate) const TERRAIN: u16 = 20;
+    use sightline_scene::scene::DEFAULT_CLASSES;
+
+    /// Id of the class of a name; another name does not compile.
+    const fn id(name: &str) -> u16 {
+        let mut id = 0;
+        while !is_same(DEFAULT_CLASSES[id].as_bytes(), name.as_bytes()) {
+            id += 1;
+        }
+        id as u16
+    }
+
+    const fn is_same(a: &[u8], b: &[u8]) -> bool {
+        let mut k = 0;
+        while k < a.len() && k < b.len() && a[k] == b[k] {
+            k += 1;
+        }
+        k == a.len() && k == b.len()
+    }
+
+    pub(crate) const BUILDING: u16 = id("building");
+    pub(crate) const FENCE: u16 = id("fence");
+    pub(crate) const OTHER: u16 = id("other");
+    pub(crate) const POLE: u16 = id("pole");
+    pub(crate) const ROAD_LINE: u16 = id("road_line");
+    pub(crate) const ROAD: u16 = id("road");
+    pub(crate) const SIDEWALK: u16 = id("sidewalk");
+    pub(crate) const VEGETATION: u16 = id("vegetation");
+    pub(crate) const WALL: u16 = id("wall");
+    pub(crate) const TRAFFIC_SIGN: u16 = id("traffic_sign");
+    pub(crate) const GROUND: u16 = id("ground");
+    pub(crate) const BRIDGE: u16 = id("bridge");
+    pub(crate) const RAIL_TRACK: u16 = id("rail_track");
+    pub(crate) const GUARD_RAIL: u16 = id("guard_rail");
+    pub(crate) const TRAFFIC_LIGHT: u16 = id("traffic_light");
+    pub(crate) const STATIC: u16 = id("static");
+    pub(crate) const TERRAIN: u16 = id("terrain");
 }
 
 /// A rectangle in plan: its middle, the direction of its length, half its length and half its width.

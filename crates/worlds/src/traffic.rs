@@ -280,12 +280,19 @@ pub(crate) fn model(kind: &'static str, number: usize, rng: &mut ChaCha8Rng) -> 
     ActorModel { name: format!("{kind}-{number}"), kind, size, parts }
 }
 
-fn wheels(parts: &mut Vec<BodyPart>, size: [f64; 2], axles: &[f64], radius: f64) {
+/// A body of some length, width and height with pairs of wheels at shares of its length.
+fn wheeled(
+    size: [f64; 3],
+    mut parts: Vec<BodyPart>,
+    axles: &[f64],
+    radius: f64,
+) -> ([f64; 3], Vec<BodyPart>) {
     let side = 0.5 * size[1] - 0.12;
     let mut wheel = cuboid(VEHICLE, [0.0; 3], [2.0 * radius, 0.22, 2.0 * radius]);
     let axle = |x: &f64| [[round(x * size[0]), side], [round(x * size[0]), -side]];
     wheel.at = axles.iter().flat_map(axle).map(|p| p.map(round)).collect();
     parts.push(wheel);
+    (size, parts)
 }
 
 /// Limousine, estate or hatchback, by number.
@@ -303,52 +310,47 @@ fn car(number: usize, length: f64, width: f64, height: f64) -> ([f64; 3], Vec<Bo
         prism(VEHICLE, &[[a, -y], [b, -y], [b, y], [a, y]], z)
     };
     let middle = 0.5 * (waist + height);
-    let mut parts = vec![lower, cabin(0.0, [waist, middle]), cabin(0.12, [middle, height])];
-    wheels(&mut parts, [length, width], &[0.3, -0.3], 0.32);
-    ([length, width, height], parts)
+    let parts = vec![lower, cabin(0.0, [waist, middle]), cabin(0.12, [middle, height])];
+    wheeled([length, width, height], parts, &[0.3, -0.3], 0.32)
 }
 
 fn van(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let bonnet = 0.9;
     let box_length = length - bonnet;
-    let mut parts = vec![
+    let parts = vec![
         cuboid(VEHICLE, [-0.5 * bonnet, 0.0, 0.3], [box_length, width, height - 0.3]),
         cuboid(VEHICLE, [0.5 * (length - bonnet), 0.0, 0.3], [bonnet, width - 0.1, 0.85]),
     ];
-    wheels(&mut parts, [length, width], &[0.32, -0.3], 0.35);
-    ([length, width, height], parts)
+    wheeled([length, width, height], parts, &[0.32, -0.3], 0.35)
 }
 
 fn truck(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
     let cab = 2.1;
     let load = length - cab - 0.5;
-    let mut parts = vec![
+    let parts = vec![
         cuboid(VEHICLE, [0.5 * (length - cab), 0.0, 0.5], [cab, width, 2.3]),
         cuboid(VEHICLE, [-0.5 * length + 0.5 * load, 0.0, 1.0], [load, width, height - 1.0]),
         cuboid(VEHICLE, [-0.3, 0.0, 0.55], [length - 0.8, 0.9, 0.4]),
     ];
-    wheels(&mut parts, [length, width], &[0.36, -0.26, -0.38], 0.5);
-    ([length, width, height], parts)
+    wheeled([length, width, height], parts, &[0.36, -0.26, -0.38], 0.5)
 }
 
 fn bus(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
-    let mut parts = vec![
+    let parts = vec![
         cuboid(VEHICLE, [0.0, 0.0, 0.3], [length, width, height - 0.55]),
         cuboid(VEHICLE, [-0.1 * length, 0.0, height - 0.25], [0.4 * length, 0.7 * width, 0.25]),
     ];
-    wheels(&mut parts, [length, width], &[0.28, -0.25], 0.48);
-    ([length, width, height], parts)
+    wheeled([length, width, height], parts, &[0.28, -0.25], 0.48)
 }
 
 fn forklift(length: f64, width: f64, height: f64) -> ([f64; 3], Vec<BodyPart>) {
-    let mut parts = vec![
+    let parts = vec![
         cuboid(VEHICLE, [-0.12 * length, 0.0, 0.2], [0.56 * length, width, 0.9]),
         cuboid(VEHICLE, [-0.1 * length, 0.0, height - 0.1], [0.35 * length, 0.9 * width, 0.1]),
         cuboid(VEHICLE, [0.2 * length, 0.0, 0.1], [0.12, 0.6 * width, height - 0.1]),
         cuboid(VEHICLE, [0.35 * length, 0.0, 0.15], [0.3 * length, 0.5 * width, 0.08]),
     ];
-    wheels(&mut parts, [length, width], &[0.1, -0.3], 0.3);
-    ([length, width, height], parts)
+    wheeled([length, width, height], parts, &[0.1, -0.3], 0.3)
 }
 
 /// A bicycle or a motorcycle with its rider.

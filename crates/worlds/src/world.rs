@@ -27,7 +27,7 @@ pub struct GeneratedWorld {
     pub(crate) frames: usize,
     houses: Vec<[DVec2; 4]>,
     trees: Vec<DVec2>,
-    network: Network,
+    pub(crate) network: Network,
 }
 
 impl GeneratedWorld {
@@ -41,11 +41,6 @@ impl GeneratedWorld {
         &self.network.notes
     }
 
-    /// Things that move or are parked, the ego not counted.
-    pub fn actors(&self) -> usize {
-        self.people.actors.len()
-    }
-
     /// Corners of the houses in plan, in metres.
     pub fn houses(&self) -> &[[DVec2; 4]] {
         &self.houses
@@ -54,11 +49,6 @@ impl GeneratedWorld {
     /// Feet of the trees in plan, in metres.
     pub fn trees(&self) -> &[DVec2] {
         &self.trees
-    }
-
-    /// Middle lines of the lanes in plan, in metres, in the direction of driving.
-    pub fn lanes(&self) -> impl Iterator<Item = Vec<DVec2>> + '_ {
-        self.network.lanes.iter().map(|l| l.centre.points().iter().map(|p| p.truncate()).collect())
     }
 }
 
@@ -93,9 +83,6 @@ pub fn generate(kind: WorldKind, seed: u64, frames: usize) -> Result<GeneratedWo
 ///
 /// Coordinates are the document's. Houses, trees, lamps and signs stand along its roads,
 /// vehicles drive on its lanes, and the ego follows one of them for 100 m or more by lot.
-///
-/// # Errors
-/// See [`WorldError`].
 pub fn import_opendrive(
     text: &str,
     file: &str,
@@ -316,9 +303,6 @@ fn motion(track: &Trajectory, frames: usize) -> (&'static str, Value) {
 }
 
 /// Writes a mesh as binary PLY with the class of each face as `label`.
-///
-/// # Errors
-/// Errors of the writer.
 pub fn write_ply(soup: &TriangleSoup, file: &mut impl Write) -> std::io::Result<()> {
     write!(
         file,

@@ -346,7 +346,7 @@ impl Scoring<'_> {
     /// Refuses a file without any placement.
     fn check(&mut self, is_empty: bool) -> Result<(), RunError> {
         match is_empty && self.reader.peek().is_none() {
-            true => Err(PlacementFileError::Empty { path: self.placements.to_owned() }.into()),
+            true => Err(PlacementFileError::empty(self.placements).into()),
             false => Ok(()),
         }
     }

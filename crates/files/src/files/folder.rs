@@ -18,6 +18,12 @@ use super::{FileError, guard, is_forced};
 /// Pause between two looks at a folder that another program holds.
 const BETWEEN_TRIES: Duration = Duration::from_millis(50);
 
+/// Error of a file in the place of a folder.
+fn file_as_folder(path: &Path) -> FileError {
+    let message = "is a file where a folder is wanted; name another place";
+    FileError::write(path)(std::io::Error::other(message))
+}
+
 /// Folders that are missing before a run makes them; those that are empty at its end go again.
 pub(super) struct MissingFolders(Vec<PathBuf>);
 
@@ -59,10 +65,8 @@ pub(super) fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File
             // One that its last holder has taken away with its lock is made again.
             Ok(()) if !is_at(&folder, path) => {}
             Err(TryLockError::WouldBlock) if Instant::now() >= until => {
-                return Err(FileError::Refused(format!(
-                    "{}: another run writes into it; wait for its end, or name another folder",
-                    path.display()
-                )));
+                let words = "another run writes into it; wait for its end, or name another folder";
+                return Err(FileError::refused(path, words));
             }
             Err(TryLockError::WouldBlock) => std::thread::sleep(BETWEEN_TRIES),
             Ok(()) | Err(TryLockError::Error(_)) => return Ok(Some(folder)),
@@ -90,10 +94,10 @@ pub(super) fn is_empty(path: &Path) -> Result<(), FileError> {
     let mut entries = std::fs::read_dir(path).map_err(FileError::io(path))?;
     match entries.next() {
         None => Ok(()),
-        Some(_) => Err(FileError::Refused(format!(
-            "{}: is not empty, and files in it might be overwritten; name a new folder, or give --force",
-            path.display()
-        ))),
+        Some(_) => Err(FileError::refused(
+            path,
+            "is not empty, and files in it might be overwritten; name a new folder, or give --force",
+        )),
     }
 }
 
@@ -101,8 +105,7 @@ pub(super) fn is_empty(path: &Path) -> Result<(), FileError> {
 /// killed processes.
 pub fn shared_folder(path: &Path) -> Result<(), FileError> {
     if path.exists() && !path.is_dir() {
-        let message = "is a file where a folder is wanted; name another place";
-        return Err(FileError::write(path)(std::io::Error::other(message)));
+        return Err(file_as_folder(path));
     }
     std::fs::create_dir_all(path).map_err(FileError::write(path))?;
     guard::sweep(path);
@@ -179,11 +182,13 @@ impl Input {
         let is_new = |input: &&Self| !before.contains(input);
         match now.iter().find(is_new).or(before.iter().find(|input| !now.contains(input))) {
             None => Ok(()),
-            Some(Self { file, .. }) => Err(FileError::Refused(format!(
-                "{}: has changed; {} was begun with another one, so put that back or start a new run",
-                file.display(),
-                folder.display()
-            ))),
+            Some(Self { file, .. }) => {
+                let words = format!(
+                    "has changed; {} was begun with another one, so put that back or start a new run",
+                    folder.display()
+                );
+                Err(FileError::refused(file, words))
+            }
         }
     }
 }
@@ -203,8 +208,7 @@ pub fn writable_folder(path: &Path) -> Result<(), FileError> {
         }
     } else if target.exists() {
         is_no_input(path)?;
-        let message = "is a file where a folder is wanted; name another place";
-        return Err(FileError::write(path)(std::io::Error::other(message)));
+        return Err(file_as_folder(path));
     }
     let around = folder_of(&target);
     let there = around.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));

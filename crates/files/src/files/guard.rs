@@ -123,9 +123,6 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
 }
 
 /// Like [`read`], for a file of the command's own folder.
-///
-/// # Errors
-/// See [`read`].
 pub fn read_own(path: &Path, most: u64) -> Result<Vec<u8>> {
     read_all(open_own(path)?, most)
 }
@@ -185,10 +182,8 @@ pub fn is_no_input(path: &Path) -> std::result::Result<(), FileError> {
     let by_place =
         cfg!(not(unix)) && path.canonicalize().is_ok_and(|p| guard.read.contains_key(&p));
     if by_number || by_place {
-        return Err(FileError::Refused(format!(
-            "{}: is read by this command and would be overwritten; name another file",
-            path.display()
-        )));
+        let words = "is read by this command and would be overwritten; name another file";
+        return Err(FileError::refused(path, words));
     }
     Ok(())
 }
@@ -198,11 +193,9 @@ pub(super) fn holds_no_input(folder: &Path) -> std::result::Result<(), FileError
     let Ok(place) = folder.canonicalize() else { return Ok(()) };
     let inside = guard().read.keys().find(|file| file.parent() == Some(&place)).cloned();
     inside.map_or(Ok(()), |file| {
-        Err(FileError::Refused(format!(
-            "{}: holds {}, which this command reads; name another folder",
-            folder.display(),
-            file.file_name().unwrap_or_default().display()
-        )))
+        let name = file.file_name().unwrap_or_default().display();
+        let words = format!("holds {name}, which this command reads; name another folder");
+        Err(FileError::refused(folder, words))
     })
 }
 
@@ -230,20 +223,15 @@ pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
     let place = folder.join(target.file_name().unwrap_or_default());
     let mut guard = guard();
     if guard.sessions > 0 && !guard.outputs.insert(place) {
-        return Err(FileError::Refused(format!(
-            "{}: is named for two outputs of this command; name another file for one of them",
-            path.display()
-        )));
+        let words = "is named for two outputs of this command; name another file for one of them";
+        return Err(FileError::refused(path, words));
     }
     Ok(())
 }
 
 /// The refusal of a file that exists.
 pub(super) fn exists(path: &Path) -> FileError {
-    FileError::Refused(format!(
-        "{}: already exists; give --force to overwrite it, or name another file",
-        path.display()
-    ))
+    FileError::refused(path, "already exists; give --force to overwrite it, or name another file")
 }
 
 /// Start of the names of files that this process is writing.

@@ -92,19 +92,17 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
     pub fn resume(command: &'static str, path: &Path) -> Result<(Self, S), FileError> {
         let file = path.join(CHECKPOINT);
         if !holds_run(path) {
-            return Err(FileError::Refused(format!(
-                "{}: holds no run to go on with ({CHECKPOINT} is missing); name the folder of one, or \
-                 start a new run",
-                path.display()
-            )));
+            let words = format!(
+                "holds no run to go on with ({CHECKPOINT} is missing); name the folder of one, or start a new run"
+            );
+            return Err(FileError::refused(path, words));
         }
         let lock = lock_folder(path, PATIENCE)?;
         let text = read_own(&file, MOST_BYTES).map_err(FileError::io(&file))?;
         let text = String::from_utf8(text)
             .map_err(|_| FileError::io(&file)(std::io::ErrorKind::InvalidData.into()))?;
-        let refuse = |words: String| {
-            Err(FileError::Refused(format!("{}: {words}; start a new run", file.display())))
-        };
+        let refuse =
+            |words: String| Err(FileError::refused(&file, format!("{words}; start a new run")));
         let json = |source| FileError::Json { path: file.clone(), source };
         let Head { checkpoint } = serde_json::from_str(&text).map_err(json)?;
         if checkpoint != VERSION {
@@ -155,8 +153,7 @@ impl<S> RunDir<S> {
 
     /// Refusal of a state that was read and does not fit.
     pub fn refusal(&self, why: &str) -> FileError {
-        let file = self.path.join(CHECKPOINT);
-        FileError::Refused(format!("{}: {why}; start a new run", file.display()))
+        FileError::refused(&self.path.join(CHECKPOINT), format!("{why}; start a new run"))
     }
 
     /// The folder.
@@ -250,10 +247,9 @@ pub fn check_new_folder(path: &Path) -> Result<(), FileError> {
 /// Refuses a folder that holds a run or anything else.
 fn is_free(path: &Path) -> Result<(), FileError> {
     if holds_run(path) {
-        return Err(FileError::Refused(format!(
-            "{}: already holds a run; go on with --resume, name another folder, or give --force",
-            path.display()
-        )));
+        let words =
+            "already holds a run; go on with --resume, name another folder, or give --force";
+        return Err(FileError::refused(path, words));
     }
     is_empty(path)
 }

@@ -297,11 +297,9 @@ pub fn writable_file(path: &Path) -> Result<(), FileError> {
     }
     let folder = folder_of(&target);
     if !folder.is_dir() {
-        return Err(FileError::Refused(format!(
-            "{}: there is no folder {}; make it, or name another file",
-            path.display(),
-            folder.display()
-        )));
+        let words =
+            format!("there is no folder {}; make it, or name another file", folder.display());
+        return Err(FileError::refused(path, words));
     }
     guard::claim(path)?;
     guard::sweep(folder);

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::{FileKind, ForeignJson, nearest};
+use super::{FileKind, nearest, quoted};
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub const MAX_METRES: f64 = 1.0e9;
@@ -17,8 +17,16 @@ pub const MOST_CHARACTERS: usize = 200;
 /// Longest value printed as it is: longer numbers are printed with an exponent.
 const MOST_DIGITS: usize = 20;
 
+/// Result of a reader: a checked value, or the first fault of the description.
+pub type Checked<T> = Result<T, DescriptionError>;
+
+/// Error of the thing at `at`, in words.
+pub fn refused(at: &Location, told: impl fmt::Display) -> DescriptionError {
+    DescriptionError::Refused(format!("{at}: {told}"))
+}
+
 /// Error of a value that `at` does not allow.
-pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> DescriptionError {
+pub fn bad(at: &Location, value: impl ToString, wanted: impl fmt::Display) -> DescriptionError {
     let mut value = value.to_string();
     // 1e300 prints with 301 digits, and was most likely written with an exponent.
     if value.len() > MOST_DIGITS
@@ -26,60 +34,43 @@ pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> De
     {
         value = format!("{number:e}");
     }
-    DescriptionError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
+    refused(at, format_args!("{value} is not {wanted}"))
 }
 
-/// Result of a reader: a checked value, or the first fault of the description.
-pub type Checked<T> = Result<T, DescriptionError>;
-
 /// Error of a key that the object at `at` lacks; `mend` says what to write.
-pub fn missing(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
-    DescriptionError::Missing { at: Box::new(at.clone()), key, mend: mend.into() }
+pub fn missing(at: &Location, key: &str, mend: impl fmt::Display) -> DescriptionError {
+    refused(at, format_args!("`{key}` is missing: {mend}"))
 }
 
 /// Error of a key that has no meaning in the object at `at`.
-pub fn misplaced(at: &Location, key: &'static str, mend: impl Into<String>) -> DescriptionError {
-    DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.into() }
+pub fn misplaced(at: &Location, key: &str, mend: impl fmt::Display) -> DescriptionError {
+    refused(at, format_args!("`{key}` cannot stand here: {mend}"))
 }
 
 /// Error of none or several of the keys `of` in the object at `at`, of which it has `found`.
-pub fn choice(
-    at: &Location,
-    found: Vec<&'static str>,
-    of: &'static [&'static str],
-) -> DescriptionError {
-    DescriptionError::Choice { at: Box::new(at.clone()), found, of }
+pub fn choice(at: &Location, found: &[&str], of: &[&str]) -> DescriptionError {
+    let found = if found.is_empty() { "none of the keys".to_owned() } else { quoted(found) };
+    refused(at, format_args!("has {found}; give exactly one of {}", quoted(of)))
 }
 
 /// Error of a name that is none of the `known` ones, each of which is a `kind`.
 pub fn unknown_name<'a>(
     at: &Location,
-    kind: &'static str,
+    kind: &str,
     name: &str,
     known: impl Iterator<Item = &'a str> + Clone,
 ) -> DescriptionError {
-    DescriptionError::UnknownName {
-        at: Box::new(at.clone()),
-        kind,
-        name: name.to_owned(),
-        nearest: nearest(name, known.clone()),
-        known: known.map(str::to_owned).collect(),
-    }
+    let mend = did_you_mean(&nearest(name, known.clone()), known);
+    refused(at, format_args!("no {kind} is called `{name}`{mend}"))
 }
 
 /// Error of more things of a kind than a place holds.
-pub fn too_many(
-    at: &Location,
-    what: &'static str,
-    count: u64,
-    limit: u64,
-    mend: &'static str,
-) -> DescriptionError {
-    DescriptionError::TooMany { at: Box::new(at.clone()), what, count, limit, mend }
+pub fn too_many(at: &Location, what: &str, count: u64, limit: u64, mend: &str) -> DescriptionError {
+    refused(at, format_args!("{count} {what} are more than the limit of {limit}; {mend}"))
 }
 
 /// A text for tables and drawings, without control characters.
-pub fn text(at: &Location, value: String) -> Result<String, DescriptionError> {
+pub fn text(at: &Location, value: String) -> Checked<String> {
     if !value.contains(char::is_control) {
         return Ok(value);
     }
@@ -87,7 +78,7 @@ pub fn text(at: &Location, value: String) -> Result<String, DescriptionError> {
 }
 
 /// A name for tables and drawings: a [`text`] of at most 200 characters.
-pub fn name(at: &Location, value: String) -> Result<String, DescriptionError> {
+pub fn name(at: &Location, value: String) -> Checked<String> {
     let length = value.chars().count();
     if length > MOST_CHARACTERS {
         let wanted = format!("a name of at most {MOST_CHARACTERS} characters");
@@ -97,33 +88,33 @@ pub fn name(at: &Location, value: String) -> Result<String, DescriptionError> {
 }
 
 /// A value where it `fits`; else the error that it is not `wanted`.
-fn fitting(at: &Location, value: f64, fits: bool, wanted: &str) -> Result<f64, DescriptionError> {
+fn fitting(at: &Location, value: f64, fits: bool, wanted: &str) -> Checked<f64> {
     if fits { Ok(value) } else { Err(bad(at, value, wanted)) }
 }
 
 /// A coordinate in metres.
-pub fn metres(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub fn metres(at: &Location, value: f64) -> Checked<f64> {
     fitting(at, value, value.abs() <= MAX_METRES, "a coordinate within 1e9 m of the origin")
 }
 
 /// A length in metres above 0.
-pub fn length(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub fn length(at: &Location, value: f64) -> Checked<f64> {
     fitting(at, value, value > 0.0 && value <= MAX_METRES, "a positive length")
 }
 
 /// So many a second, above 0.
-pub fn rate(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub fn rate(at: &Location, value: f64) -> Checked<f64> {
     fitting(at, value, (1e-3..=1e4).contains(&value), "a number a second from 0.001 to 10000")
 }
 
 /// A heading in radians; logs add up turns.
-pub fn heading(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub fn heading(at: &Location, value: f64) -> Checked<f64> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.
     fitting(at, value, value.abs() <= MAX_METRES, "a heading in radians within ±1e9")
 }
 
 /// An angle in radians.
-pub fn radians(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub fn radians(at: &Location, value: f64) -> Checked<f64> {
     let radians = value.to_radians();
     let wanted = format!(
         "an angle in radians within one turn (-6.2832 to 6.2832); {value}° are {radians:.4} rad"
@@ -131,12 +122,21 @@ pub fn radians(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     fitting(at, value, value.abs() <= MAX_RADIANS, &wanted)
 }
 
-/// A point `[x, y, z]` in metres.
-pub fn point(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
-    for (i, v) in value.into_iter().enumerate() {
-        metres(&at.item(i), v)?;
+/// A list of numbers that each pass a check.
+fn each<const N: usize>(
+    at: &Location,
+    values: [f64; N],
+    check: fn(&Location, f64) -> Checked<f64>,
+) -> Checked<[f64; N]> {
+    for (i, value) in values.into_iter().enumerate() {
+        check(&at.item(i), value)?;
     }
-    Ok(value)
+    Ok(values)
+}
+
+/// A point `[x, y, z]` in metres.
+pub fn point(at: &Location, value: [f64; 3]) -> Checked<[f64; 3]> {
+    each(at, value, metres)
 }
 
 /// Lower and upper corner of a box, in metres; `empty` ends the error of one without an extent.
@@ -151,15 +151,12 @@ pub fn corners(at: &Location, min: [f64; 3], max: [f64; 3], empty: &str) -> Chec
 }
 
 /// A size `[x, y, z]` in metres, each above 0.
-pub fn size(at: &Location, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
-    for (i, v) in value.into_iter().enumerate() {
-        length(&at.item(i), v)?;
-    }
-    Ok(value)
+pub fn size(at: &Location, value: [f64; 3]) -> Checked<[f64; 3]> {
+    each(at, value, length)
 }
 
 /// A point written `[x, y]` or `[x, y, z]`, in metres; z is 0 when it is left out.
-pub fn point_2_or_3(at: &Location, value: &[f64]) -> Result<[f64; 3], DescriptionError> {
+pub fn point_2_or_3(at: &Location, value: &[f64]) -> Checked<[f64; 3]> {
     let xyz = match *value {
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
@@ -172,7 +169,7 @@ pub fn point_2_or_3(at: &Location, value: &[f64]) -> Result<[f64; 3], Descriptio
 }
 
 /// A whole number in `lo..=hi`.
-pub fn count(at: &Location, value: u64, lo: u64, hi: u64) -> Result<u32, DescriptionError> {
+pub fn count(at: &Location, value: u64, lo: u64, hi: u64) -> Checked<u32> {
     if (lo..=hi).contains(&value) {
         return Ok(value as u32);
     }
@@ -196,27 +193,21 @@ pub fn within(
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.
-pub fn radian_range(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
-    for (i, v) in value.into_iter().enumerate() {
-        radians(&at.item(i), v)?;
-    }
-    ordered(at, value)
+pub fn radian_range(at: &Location, value: [f64; 2]) -> Checked<[f64; 2]> {
+    ordered(at, each(at, value, radians)?)
 }
 
 /// A vertical field of view `[lower, upper]` in degrees.
-pub fn fov(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
-    for (i, v) in value.into_iter().enumerate() {
-        elevation(&at.item(i), v)?;
-    }
-    ordered(at, value)
+pub fn fov(at: &Location, value: [f64; 2]) -> Checked<[f64; 2]> {
+    ordered(at, each(at, value, elevation)?)
 }
 
 /// An elevation in degrees.
-pub fn elevation(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub fn elevation(at: &Location, value: f64) -> Checked<f64> {
     fitting(at, value, value.abs() <= 90.0, "an elevation from -90 to 90 degrees")
 }
 
-fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+fn ordered(at: &Location, value: [f64; 2]) -> Checked<[f64; 2]> {
     if value[0] <= value[1] {
         return Ok(value);
     }
@@ -224,7 +215,7 @@ fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError>
 }
 
 /// Range of a LiDAR in metres.
-pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
+pub fn range(at: &Location, value: f64) -> Checked<f64> {
     fitting(at, value, value > 0.0 && value <= 1.0e5, "a range above 0 and at most 100000 m")
 }
 
@@ -239,92 +230,17 @@ pub enum DescriptionError {
     Read { file: PathBuf, source: std::io::Error },
     #[error("{at}: {source}")]
     InFile { at: Box<Location>, source: Box<DescriptionError> },
-    #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
-    TooLarge { file: PathBuf, limit: u64 },
-    #[error("{file}: is UTF-16 text; save it as UTF-8")]
-    Utf16 { file: PathBuf },
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json { at: Box<Location>, problem: String, line: usize, column: usize },
-    #[error("{file}: line {line} is a comment, and JSON has no comments; remove it")]
-    Comment { file: String, line: usize },
     #[error("{file}: {told}; a {} file begins with {{", .wanted.words()[0])]
     NotJson { file: String, told: String, wanted: FileKind },
-    #[error(
-        "{at}: unknown key `{key}`{} (line {line}, column {column})",
-        did_you_mean(.nearest, .known)
-    )]
-    UnknownKey {
-        at: Box<Location>,
-        key: String,
-        nearest: Option<String>,
-        known: Vec<String>,
-        line: usize,
-        column: usize,
-    },
-    #[error("{at}: {found}; this program reads version 1, write `\"sightline\": 1`")]
-    Version { at: Box<Location>, found: String },
     #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
     OtherKind { file: String, found: FileKind, wanted: String },
-    #[error("{file}: is {found}, where {wanted} belongs; {}", .found.mend())]
-    Foreign { file: String, found: ForeignJson, wanted: String },
-    #[error("{at}: {value} is not {wanted}")]
-    Value { at: Box<Location>, value: String, wanted: String },
-    #[error("{at}: `{key}` is missing: {mend}")]
-    Missing { at: Box<Location>, key: &'static str, mend: String },
-    #[error("{at}: `{key}` cannot stand here: {mend}")]
-    Misplaced { at: Box<Location>, key: &'static str, mend: String },
-    #[error("{at}: has {}; give exactly one of {}", listed(.found, "none of the keys"), listed(.of, ""))]
-    Choice { at: Box<Location>, found: Vec<&'static str>, of: &'static [&'static str] },
-    #[error("{at}: no {kind} is called `{name}`{}", did_you_mean(.nearest, .known))]
-    UnknownName {
-        at: Box<Location>,
-        kind: &'static str,
-        name: String,
-        nearest: Option<String>,
-        known: Vec<String>,
-    },
-    #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
-    TooMany { at: Box<Location>, what: &'static str, count: u64, limit: u64, mend: &'static str },
-    /// The mount leaves the ROI of `scene` sideways, or lies below it or more than 10 m above; corners in metres.
-    #[error(
-        "{at}: the mount runs from {min:?} to {max:?}, outside of the region of {scene} ({roi_min:?} to \
-         {roi_max:?}) in {axis}; {}",
-        in_metres(min, max)
-    )]
-    MountOutside {
-        at: Box<Location>,
-        scene: String,
-        axis: char,
-        min: [f64; 3],
-        max: [f64; 3],
-        roi_min: [f64; 3],
-        roi_max: [f64; 3],
-    },
     #[error("{at}: mesh {mesh}: {element}: {problem}")]
     Mesh { at: Box<Location>, mesh: PathBuf, element: String, problem: String },
-    #[error(
-        "{at}: mesh {mesh}: material `{material}` has no class; name it in `classes` or give the \
-         shape a `class` for the rest"
-    )]
-    Unclassed { at: Box<Location>, mesh: PathBuf, material: String },
-}
-
-/// Metres from the origin from which on a place of a vehicle was written in millimetres.
-const MILLIMETRES: f64 = 100.0;
-
-/// Mend of a mount outside the ROI.
-fn in_metres(min: &[f64; 3], max: &[f64; 3]) -> String {
-    let far = min
-        .iter()
-        .chain(max)
-        .copied()
-        .fold(0.0, |far: f64, v| if v.abs() > far.abs() { v } else { far });
-    match far.abs() >= MILLIMETRES {
-        true => {
-            format!("is it in millimetres? lengths are in metres, {far} mm are {}", far / 1000.0)
-        }
-        false => "move the mount or enlarge the `roi`".to_owned(),
-    }
+    /// Any other file, key, name or value; the sentence tells its place and the mend.
+    #[error("{0}")]
+    Refused(String),
 }
 
 impl DescriptionError {
@@ -334,16 +250,15 @@ impl DescriptionError {
     }
 }
 
-fn listed(keys: &[&str], none: &str) -> String {
-    if keys.is_empty() { none.to_owned() } else { super::quoted(keys) }
-}
-
 /// End of an error about an unknown name: the nearest known name, or the list of known ones.
-pub fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
-    match nearest {
-        Some(name) => format!("; did you mean `{name}`?"),
-        None if known.is_empty() => "; nothing is known here".to_owned(),
-        None => format!("; known are {}", super::quoted(known)),
+pub fn did_you_mean<T: fmt::Display>(
+    nearest: &Option<String>,
+    known: impl IntoIterator<Item = T>,
+) -> String {
+    match (nearest, quoted(known)) {
+        (Some(name), _) => format!("; did you mean `{name}`?"),
+        (None, known) if known.is_empty() => "; nothing is known here".to_owned(),
+        (None, known) => format!("; known are {known}"),
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! The kind of a JSON file is known by its keys, to explain a file given in the wrong place on the command line.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::io::Read;
 use std::path::Path;
@@ -10,6 +11,7 @@ use serde::de::{DeserializeOwned, Error as _, IgnoredAny, MapAccess, SeqAccess, 
 use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
+use super::check::{did_you_mean, refused};
 use super::objects::{IS_A_LIST, Objects};
 use super::{
     DescriptionError, Location, from_text, is_utf_16, kind_of_bytes, leading_comment, nearest,
@@ -89,6 +91,9 @@ impl<'de> Visitor<'de> for AnyValue {
     }
 }
 
+/// End of an error about the version of a file.
+const VERSION_1: &str = "this program reads version 1, write `\"sightline\": 1`";
+
 /// Checks the version key, and that the file is none of another kind: a file of a later version is refused for its
 /// version, one of another kind for its kind, not for their keys.
 pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), DescriptionError> {
@@ -107,16 +112,14 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
     let top = Location::top(file);
     let other = FileKind::of(text).filter(|kind| *kind != wanted);
     match (version.sightline, other) {
-        (Some(v), _) if v != 1 => Err(DescriptionError::Version {
-            at: Box::new(top.key("sightline")),
-            found: format!("version {v} is unknown"),
-        }),
+        (Some(v), _) if v != 1 => {
+            Err(refused(&top.key("sightline"), format_args!("version {v} is unknown; {VERSION_1}")))
+        }
         (_, Some(found)) => Err(other_kind(file, found, &wanted.to_string())),
         (Some(_), None) => Ok(()),
-        (None, None) => Err(DescriptionError::Version {
-            at: Box::new(top),
-            found: "the key `sightline` is missing".to_owned(),
-        }),
+        (None, None) => {
+            Err(refused(&top, format_args!("the key `sightline` is missing; {VERSION_1}")))
+        }
     }
 }
 
@@ -127,9 +130,7 @@ pub fn check_version(text: &str, file: &str, wanted: FileKind) -> Result<(), Des
 pub fn version_1<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
     match u64::deserialize(from)? {
         1 => Ok(Some(1)),
-        other => Err(serde::de::Error::custom(format!(
-            "version {other} is unknown; this program reads version 1, write `\"sightline\": 1`"
-        ))),
+        other => Err(D::Error::custom(format!("version {other} is unknown; {VERSION_1}"))),
     }
 }
 
@@ -140,7 +141,7 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
     let told = full.rsplit_once(" at line ").map_or(full.as_str(), |(told, _)| told);
     // The path ends in a question mark before the first key is read.
     let path = path.trim_end_matches('?').trim_end_matches('.');
-    let at = Box::new(Location { file: file.to_owned(), path: path.to_owned() });
+    let place = |path: &str| Box::new(Location { file: file.to_owned(), path: path.to_owned() });
     // serde_json says "trailing characters" after the whole object and after a list that is too long.
     let told = match told {
         "trailing characters" if path.is_empty() => "something follows the end of the object",
@@ -150,18 +151,13 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
     let Some((key, known)) = unknown_key(told) else {
         let problem = comma_too_many(text, error).or_else(|| comment(text, error));
         let problem = problem.unwrap_or_else(|| plain_words(told));
-        return DescriptionError::Json { at, problem, line, column };
+        return DescriptionError::Json { at: place(path), problem, line, column };
     };
     // The path of an unknown key ends in the key itself; the message names it anyway.
     let parent = path.strip_suffix(key).map_or(path, |p| p.strip_suffix('.').unwrap_or(p));
-    DescriptionError::UnknownKey {
-        at: Box::new(Location { file: file.to_owned(), path: parent.to_owned() }),
-        nearest: nearest(key, known.iter().map(String::as_str)),
-        key: key.to_owned(),
-        known,
-        line,
-        column,
-    }
+    let mend = did_you_mean(&nearest(key, known.iter().map(String::as_str)), &known);
+    let problem = format!("unknown key `{key}`{mend}");
+    DescriptionError::Json { at: place(parent), problem, line, column }
 }
 
 /// Fault of a comma before a closing bracket; `None` for any other error of this text. In values that are skipped serde_json
@@ -240,11 +236,14 @@ pub fn plain_words(text: &str) -> String {
 /// Reads a whole file; refuses folders, devices and files larger than `limit` bytes.
 pub fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, DescriptionError> {
     crate::files::read(file, limit).map_err(|source| match source.kind() {
-        std::io::ErrorKind::FileTooLarge => {
-            DescriptionError::TooLarge { file: file.to_owned(), limit }
-        }
+        std::io::ErrorKind::FileTooLarge => too_large(file, limit),
         _ => DescriptionError::Read { file: file.to_owned(), source },
     })
+}
+
+fn too_large(file: &Path, limit: u64) -> DescriptionError {
+    let told = format_args!("is larger than the limit of {limit} bytes; split or simplify it");
+    refused(&Location::top(&file.display().to_string()), told)
 }
 
 /// Line and column, both from 1, of the place behind a text.
@@ -262,33 +261,30 @@ pub fn read_text(file: &Path, limit: u64) -> Result<String, DescriptionError> {
 }
 
 /// Like [`read_text`], from a stream that errors call `name`, as `standard input`.
-///
-/// # Errors
-/// See [`read_text`].
 pub fn stream_text(stream: impl Read, name: &str, limit: u64) -> Result<String, DescriptionError> {
     let (file, mut bytes) = (Path::new(name), Vec::new());
     let read = stream.take(limit + 1).read_to_end(&mut bytes);
     read.map_err(|source| DescriptionError::Read { file: file.to_owned(), source })?;
     if bytes.len() as u64 > limit {
-        return Err(DescriptionError::TooLarge { file: file.to_owned(), limit });
+        return Err(too_large(file, limit));
     }
     decoded(bytes, file)
 }
 
 /// The text of a file's bytes, without a byte order mark.
 fn decoded(bytes: Vec<u8>, file: &Path) -> Result<String, DescriptionError> {
+    let at = Location::top(&file.display().to_string());
     if is_utf_16(&bytes) {
-        return Err(DescriptionError::Utf16 { file: file.to_owned() });
+        return Err(refused(&at, "is UTF-16 text; save it as UTF-8"));
     }
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let (line, column) = line_and_column(&String::from_utf8_lossy(before));
-        let at = Box::new(Location::top(&file.display().to_string()));
         let other = kind_of_bytes(error.as_bytes(), file);
         let other = other.map(|kind| format!("is no text, it looks like {kind}; give a text file"));
         // Latin-1, for example.
         let problem = other.unwrap_or_else(|| "is not UTF-8 text; save it as UTF-8".to_owned());
-        DescriptionError::Json { at, problem, line, column }
+        DescriptionError::Json { at: Box::new(at), problem, line, column }
     })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
@@ -301,10 +297,12 @@ fn other_kind(file: &str, found: FileKind, wanted: &str) -> DescriptionError {
 /// Refuses a text of JSON that begins with a comment.
 ///
 /// # Errors
-/// [`DescriptionError::Comment`], with its line.
+/// Such a comment, with its line.
 pub fn refuse_comment(text: &str, file: &str) -> Result<(), DescriptionError> {
-    let refused = |line| Err(DescriptionError::Comment { file: file.to_owned(), line });
-    leading_comment(text).map_or(Ok(()), refused)
+    leading_comment(text).map_or(Ok(()), |line| {
+        let told = format_args!("line {line} is a comment, and JSON has no comments; remove it");
+        Err(refused(&Location::top(file), told))
+    })
 }
 
 /// Refuses a text that is a [`ForeignJson`], where a thing of another kind is `wanted`.
@@ -312,9 +310,10 @@ pub fn refuse_comment(text: &str, file: &str) -> Result<(), DescriptionError> {
 /// # Errors
 /// One of these kinds, named with the advice for it.
 pub fn refuse_foreign(text: &str, file: &str, wanted: &str) -> Result<(), DescriptionError> {
-    let (file, wanted) = (file.to_owned(), wanted.to_owned());
-    ForeignJson::of(text)
-        .map_or(Ok(()), |found| Err(DescriptionError::Foreign { file, found, wanted }))
+    ForeignJson::of(text).map_or(Ok(()), |found| {
+        let told = format_args!("is {found}, where {wanted} belongs; {}", found.mend());
+        Err(refused(&Location::top(file), told))
+    })
 }
 
 /// Refuses a text that is a scene, a vehicle, placements, a target or a [`ForeignJson`], where a thing of another kind is
@@ -386,30 +385,17 @@ pub enum FileKind {
 impl FileKind {
     /// The kind of a text, if it is JSON and its keys tell it.
     pub fn of(text: &str) -> Option<Self> {
-        /// Keys that only one kind of file has, or that the kinds before it lack.
-        #[derive(Deserialize)]
-        struct FileKeys {
-            roi: Option<IgnoredAny>,
-            mounts: Option<IgnoredAny>,
-            sensors: Option<IgnoredAny>,
-            placements: Option<IgnoredAny>,
-            shapes: Option<IgnoredAny>,
-            lidar: Option<IgnoredAny>,
-            mount: Option<IgnoredAny>,
-            settings: Option<IgnoredAny>,
-            stopped: Option<IgnoredAny>,
-        }
-        let keys: FileKeys = from_text(text).ok()?;
-        // A result has mounts and is no vehicle.
-        if keys.settings.is_some() && keys.stopped.is_some() {
-            return None;
-        }
-        let vehicle = keys.mounts.or(keys.sensors);
-        let scene = keys.roi.map(|_| Self::Scene);
-        let kind = scene.or(vehicle.map(|_| Self::Vehicle));
-        let kind = kind.or(keys.placements.map(|_| Self::Placements));
-        let is_scene = keys.lidar.or(keys.mount).is_some();
-        kind.or(keys.shapes.filter(|_| !is_scene).map(|_| Self::Target))
+        let keys: HashMap<String, Option<IgnoredAny>> = from_text(text).ok()?;
+        let has = |key: &str| keys.get(key).is_some_and(Option::is_some);
+        // Keys that only one kind of file has, or that the kinds before it lack. A result has mounts and is no vehicle.
+        let kinds = [
+            (has("settings") && has("stopped"), None),
+            (has("roi"), Some(Self::Scene)),
+            (has("mounts") || has("sensors"), Some(Self::Vehicle)),
+            (has("placements"), Some(Self::Placements)),
+            (has("shapes") && !has("lidar") && !has("mount"), Some(Self::Target)),
+        ];
+        kinds.into_iter().find_map(|(is_one, kind)| is_one.then_some(kind))?
     }
 
     /// How such a file is given to the program.

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 use super::numbers::{Quantity, shown};
 use super::objects::Objects;
-use super::{DescriptionError, Location, numbers, plain_words};
+use super::{DescriptionError, Location, check, numbers, plain_words};
 
 /// Most bytes of a YAML file; vendors' files have 40 000.
 const MAX_YAML: usize = 1 << 20;
@@ -118,13 +118,9 @@ pub fn parse_documents(
     quantities: Quantities,
 ) -> Result<Vec<YamlDocument>, DescriptionError> {
     if text.len() > MAX_YAML {
-        return Err(DescriptionError::TooMany {
-            at: Box::new(Location::top(file)),
-            what: "bytes of YAML",
-            count: text.len() as u64,
-            limit: MAX_YAML as u64,
-            mend: "split or simplify the file",
-        });
+        let (at, count, limit) = (Location::top(file), text.len() as u64, MAX_YAML as u64);
+        let mend = "split or simplify the file";
+        return Err(check::too_many(&at, "bytes of YAML", count, limit, mend));
     }
     let (parts, anchors) = parts(text).map_err(|fault| fault.in_file(file))?;
     let budget = REPEATS.0 * text.len() + REPEATS.1;

@@ -6,6 +6,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
+use arrayvec::ArrayVec;
 use lidar_cast::maths;
 
 use super::fog::{LIGHT, interpolated, overlap};
@@ -64,7 +65,7 @@ pub(crate) struct FallEffect {
 }
 
 /// A flake drawn by itself.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct DrawnFlake {
     range: f64,
     /// Share of the beam's light that it takes.
@@ -169,8 +170,7 @@ struct Fall<'a> {
     arrived: f64,
     /// x of the last flake: the rest is below.
     x: f64,
-    drawn: [DrawnFlake; MOST],
-    len: usize,
+    drawn: ArrayVec<DrawnFlake, MOST>,
     /// Power of the strongest echo so far, shaded by the flakes drawn.
     strongest: f64,
 }
@@ -186,26 +186,22 @@ impl<'a> Fall<'a> {
             scale,
             arrived: 0.0,
             x: f64::INFINITY,
-            drawn: [DrawnFlake::default(); MOST],
-            len: 0,
+            drawn: ArrayVec::new(),
             strongest: 0.0,
         }
     }
 
     fn add(&mut self, flake: Option<DrawnFlake>) {
         let Some(flake) = flake else { return };
-        self.drawn[self.len] = flake;
-        self.len += 1;
-        let powers =
-            (0..self.len).map(|k| self.drawn[k].power(self.reflectance) * self.light_at(k));
-        self.strongest = powers.fold(0.0, f64::max);
+        self.drawn.push(flake);
+        self.strongest = (0..self.drawn.len()).map(|k| self.power(k)).fold(0.0, f64::max);
     }
 
-    /// Share of the light that the nearer flakes drawn leave to one of them.
-    fn light_at(&self, k: usize) -> f64 {
-        let nearer =
-            self.drawn[..self.len].iter().filter(|other| other.range < self.drawn[k].range);
-        nearer.map(|other| 1.0 - other.share).product()
+    /// Echo power of a flake drawn, in the light that the nearer ones leave to it.
+    fn power(&self, k: usize) -> f64 {
+        let nearer = self.drawn.iter().filter(|other| other.range < self.drawn[k].range);
+        let light: f64 = nearer.map(|other| 1.0 - other.share).product();
+        self.drawn[k].power(self.reflectance) * light
     }
 
     /// Draws the next flake; whether another may still win.
@@ -213,7 +209,7 @@ impl<'a> Fall<'a> {
         self.arrived -= maths::ln(1.0 - draw());
         let share = 3.0 * self.arrived / self.scale;
         let is_flake = share < 1.0;
-        if !is_flake || self.len == MOST {
+        if !is_flake || self.drawn.is_full() {
             // No flakes are left; or the limit of drawn flakes is reached, and the rest is haze.
             self.x = if is_flake { self.x } else { 0.0 };
             return false;
@@ -241,15 +237,15 @@ impl<'a> Fall<'a> {
     }
 
     fn passed(&self) -> f64 {
-        let drawn: f64 = self.drawn[..self.len].iter().map(|flake| 1.0 - flake.share).product();
+        let drawn: f64 = self.drawn.iter().map(|flake| 1.0 - flake.share).product();
         drawn * self.haze(self.reach)
     }
 
     fn best(&self) -> Option<Flake> {
-        let power = |k: usize| self.drawn[k].power(self.reflectance) * self.light_at(k);
-        let best = (0..self.len).max_by(|&a, &b| power(a).total_cmp(&power(b)))?;
+        let by_power = |a: &usize, b: &usize| self.power(*a).total_cmp(&self.power(*b));
+        let best = (0..self.drawn.len()).max_by(by_power)?;
         let DrawnFlake { range, .. } = self.drawn[best];
-        let power = power(best) * self.haze(range);
+        let power = self.power(best) * self.haze(range);
         (power > 0.0).then_some(Flake { range, power })
     }
 }
@@ -312,12 +308,6 @@ impl Balls {
 pub(super) const LENGTH: f64 = LIGHT * 10e-9;
 /// Metres between peak and target from which on an echo belongs to the snow before it.
 pub(super) const APART: f64 = 0.2;
-
-/// The echo of a unit pulse by its phase, from 0 where it begins to 1 where it ends.
-#[cfg(test)]
-pub(super) fn swell(phase: f64) -> f64 {
-    if phase > 0.0 && phase < 1.0 { (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
-}
 
 /// Sum of a flake's echo and a target's echo.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -152,10 +152,11 @@ impl Problem {
             let words = |min: [f64; 3], voxel: [f64; 3], shape: [u32; 3]| {
                 format!("{shape:?} voxels of {voxel:?} m from {min:?} on")
             };
-            return Err(ProblemError::GridMismatch {
-                psog: words(roi.min(), roi.voxel(), roi.shape()),
-                scene: words(bounds.min, bounds.voxel, bounds.shape),
-            });
+            return Err(ProblemError::Refused(format!(
+                "the P-SOG has {} and the scene's roi {}; build the P-SOG with the same roi or correct the roi",
+                words(roi.min(), roi.voxel(), roi.shape()),
+                words(bounds.min, bounds.voxel, bounds.shape)
+            )));
         }
         Self::on_grid_of(psog, scene, sensors, frames)
     }
@@ -193,8 +194,12 @@ impl Problem {
         let content = content.with_areas(roi, required);
         if let Some(index) = content.areas().iter().position(|area| area.voxels == 0) {
             let position = scene.vehicle().require_order.get(index).copied();
-            let name = required[index].name.clone();
-            return Err(ProblemError::EmptyArea { index: position.unwrap_or(index), name });
+            let told = format!(
+                ": `{}` holds no voxel of the scene's roi, so that no share of it can be seen; move it into the roi, or take \
+                 less of it away with `without`",
+                required[index].name
+            );
+            return Err(ProblemError::Rule(position.unwrap_or(index), told));
         }
         let sensors = sensors.into();
         let far = Task::far_range_of(roi, sensors.longest_range());
@@ -206,7 +211,10 @@ impl Problem {
         let names = names.chain(ground.iter().map(|rule| &rule.name));
         let mut names = names.chain(overlap.iter().map(|rule| &rule.name));
         if let Some(name) = names.next().filter(|_| !task.ends_at_hits()) {
-            return Err(ProblemError::TargetWithoutHits { name: name.clone() });
+            return Err(ProblemError::Refused(format!(
+                "the vehicle requires `{name}`, and beams end at nothing in this scene; give the scene geometry and \
+                 \"coverage\": \"first-hit\", or leave `{name}` out of `require`"
+            )));
         }
         let own = scene.triangles(EgoBody::Exclude);
         let required = Arc::new(Required {
@@ -229,10 +237,15 @@ impl Problem {
 fn surface_required(scene: &Scene, task: &Task) -> Result<Option<SceneSurface>, ProblemError> {
     let Vehicle { targets, require, require_order, .. } = scene.vehicle();
     let Some(first) = targets.iter().position(|rule| rule.on_scene) else { return Ok(None) };
-    let (index, name) = (require.len() + first, targets[first].name.clone());
-    let index = require_order.get(index).copied().unwrap_or(index);
+    let (index, name) = (require.len() + first, &targets[first].name);
     let geometry = task.geometry(0).filter(|_| !scene.is_level_ground()).cloned();
-    let geometry = geometry.ok_or(ProblemError::TargetWithoutScene { index, name })?;
+    let geometry = geometry.ok_or_else(|| {
+        let told = format!(
+            ".ground: `{name}` stands on the ground of a scene, and there is none; give the command a scene, or leave \
+             `ground` out for level ground"
+        );
+        ProblemError::Rule(require_order.get(index).copied().unwrap_or(index), told)
+    })?;
     let mut is_ground = ground_triangles(scene);
     is_ground.resize(scene.triangles(EgoBody::Include), false);
     Ok(Some(SceneSurface { geometry, frame: task.number_of(0), is_ground }))
@@ -245,7 +258,7 @@ fn surface_required(scene: &Scene, task: &Task) -> Result<Option<SceneSurface>, 
 fn ground_required(scene: &Scene) -> Result<GroundRequired, ProblemError> {
     let rules = scene.vehicle().ground.clone();
     let Some(first) = rules.first() else { return Ok(GroundRequired::default()) };
-    let without = |lacks| ProblemError::GroundWithout { name: first.name.clone(), lacks };
+    let without = |lacks| ProblemError::ground_without(&first.name, lacks);
     let is_ground = ground_triangles(scene);
     if scene.triangles(EgoBody::Include) == scene.triangles(EgoBody::Exclude) {
         return Err(without("own body (`ego.body` of the scene, or `body` of the vehicle)"));

@@ -1,11 +1,51 @@
-//! Frames counted per voxel and class: the P-SOG, and the limits that it and its grid keep.
+//! Frames counted per voxel and class: the P-SOG, the limits that it and its grid keep, and why one was refused.
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
-use super::error::refused;
-use super::{PsogError, Roi};
+use super::Roi;
 use crate::scene::RoiBounds;
+use lidar_cast::grid::GridError;
+use lidar_cast::memory::OutOfMemory;
 use sightline_files::json::check::MOST_CHARACTERS;
+
+/// Why a grid, a P-SOG, its file or a vote was refused.
+///
+/// Field names (`roi_min`, `voxel`, `shape`, `frames`, `classes`, `index`, `counts`) match the P-SOG file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages name every field
+pub enum PsogError {
+    /// The voxel grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The trees of a scene that is scanned do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
+    /// A scan of a scene that was stopped after `done` of its frames.
+    #[error(
+        "stopped after {done} of {frames} frames were scanned for the P-SOG; nothing of it is kept, give it more time"
+    )]
+    Stopped { done: usize, frames: usize },
+    #[error("{}: cannot be read: {source}; give a P-SOG file, as `sightline psog build` writes it", path.display())]
+    Open { path: PathBuf, source: std::io::Error },
+    /// Any other setting, number, class, vote or file; the sentence names it and the mend.
+    #[error("{0}")]
+    Refused(String),
+}
+
+/// A [`PsogError::Refused`] of a format string and its values.
+macro_rules! refused {
+    ($($sentence:tt)*) => { PsogError::Refused(format!($($sentence)*)) };
+}
+pub(super) use refused;
+
+impl PsogError {
+    /// Names the file that has the fault.
+    pub(super) fn in_file(self, path: &Path) -> Self {
+        refused!("{}: {self}", path.display())
+    }
+}
 
 impl RoiBounds {
     /// The region as a grid of voxels.
@@ -36,9 +76,6 @@ impl Psog {
 
     /// A P-SOG from its parts: T `frames`, M `classes` (without "empty"), K linear voxel indices in
     /// rising order, and `counts` `[K, M]`, row-major.
-    ///
-    /// # Errors
-    /// Every broken rule of the P-SOG file, named with its place; see [`PsogError`].
     pub fn new(
         roi: Roi,
         frames: u32,

@@ -3,50 +3,23 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io;
-use std::io::{BufReader, Read as _, Seek, Write};
+use std::io::{self, BufReader, Read as _, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use bytemuck::NoUninit;
 use npyz::{
-    AutoSerialize, DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar, WriteOptions,
-    WriterBuilder,
+    AutoSerialize, DType, Deserialize, NpyFile, Order, TypeChar, WriteOptions, WriterBuilder,
 };
 use sightline_files::npy::{read_header, transpose};
 use zip::read::ZipFile;
 use zip::write::FileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-use super::counts::{check_classes, check_index};
-use super::error::refused;
+use super::counts::{check_classes, check_index, refused};
 use super::{Psog, PsogError, Roi};
 
 /// The arrays of a P-SOG file, in the order they are written.
 const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
-
-/// An element type of the P-SOG file.
-trait Element: Deserialize + Copy {
-    /// NumPy's name of the type.
-    const NAME: &'static str;
-    /// Its kind and bytes.
-    const KIND: (TypeChar, u64);
-}
-
-macro_rules! element {
-    ($($t:ty, $name:literal, $kind:ident;)*) => {$(
-        impl Element for $t {
-            const NAME: &'static str = $name;
-            const KIND: (TypeChar, u64) = (TypeChar::$kind, size_of::<$t>() as u64);
-        }
-    )*};
-}
-element! {
-    f64, "float64", Float;
-    u8, "uint8", Uint;
-    u16, "uint16", Uint;
-    u32, "uint32", Uint;
-    u64, "uint64", Uint;
-}
 
 /// An open archive whose members are the arrays of a P-SOG, each once.
 struct Archive {
@@ -96,7 +69,7 @@ impl Archive {
     /// element as it arrives, with its position, and may refuse it.
     ///
     /// Memory grows with the data that really arrives, never with the size that a header promises.
-    fn read<T: Element>(
+    fn read<T: AutoSerialize + Deserialize + Copy>(
         &mut self,
         array: &'static str,
         shape: impl FnOnce(&[u64]) -> Result<(), String>,
@@ -163,7 +136,7 @@ fn packing(method: CompressionMethod) -> String {
     }
 }
 
-fn read_member<T: Element>(
+fn read_member<T: AutoSerialize + Deserialize + Copy>(
     mut member: ZipFile,
     shape: impl FnOnce(&[u64]) -> Result<(), String>,
     mut value: impl FnMut(usize, T) -> Result<(), PsogError>,
@@ -172,10 +145,12 @@ fn read_member<T: Element>(
         let mend = "write the file with np.savez";
         ArrayFault::OfArray(format!("has no usable .npy header ({cause}); {mend}"))
     })?;
-    check_dtype::<T>(&header).map_err(|found| {
-        let (wanted, mend) = (T::NAME, conversion(&found, T::NAME));
-        ArrayFault::OfArray(format!("has dtype {found}, wanted {wanted}; {mend}"))
-    })?;
+    let (found, wanted) = (name_of(&header.dtype()), name_of(&T::default_dtype()));
+    if found != wanted {
+        let mend = conversion(&found, &wanted);
+        let fault = format!("has dtype {found}, wanted {wanted}; {mend}");
+        return Err(ArrayFault::OfArray(fault));
+    }
     shape(header.shape()).map_err(|wanted| {
         let found = show_shape(header.shape());
         ArrayFault::OfArray(format!("has shape {found}, wanted {wanted}"))
@@ -185,7 +160,7 @@ fn read_member<T: Element>(
             "is promised {need} bytes by its header, the archive holds {have}; write the file again"
         )))
     };
-    let need = header.len() * T::KIND.1; // cannot overflow: read_header bounds the elements
+    let need = header.len() * size_of::<T>() as u64; // cannot overflow: read_header bounds the elements
     let have = member.size().saturating_sub(length as u64);
     if need != have {
         return other_size(need, have);
@@ -209,21 +184,16 @@ fn read_member<T: Element>(
     })
 }
 
-/// The name of the dtype in the file, if it is not `T` (of either byte order).
-fn check_dtype<T: Element>(header: &NpyHeader) -> Result<(), String> {
-    match header.dtype() {
-        DType::Plain(t) if (t.type_char(), t.size_field()) == T::KIND => Ok(()),
-        DType::Plain(t) => {
-            let bits = t.size_field() * 8;
-            Err(match t.type_char() {
-                TypeChar::Bool => "bool".into(),
-                TypeChar::Int => format!("int{bits}"),
-                TypeChar::Uint => format!("uint{bits}"),
-                TypeChar::Float => format!("float{bits}"),
-                _ => t.to_string(),
-            })
-        }
-        _ => Err("of a structured array".into()),
+/// NumPy's name of a dtype, of either byte order.
+fn name_of(dtype: &DType) -> String {
+    let DType::Plain(t) = dtype else { return "of a structured array".to_owned() };
+    let bits = t.size_field() * 8;
+    match t.type_char() {
+        TypeChar::Bool => "bool".to_owned(),
+        TypeChar::Int => format!("int{bits}"),
+        TypeChar::Uint => format!("uint{bits}"),
+        TypeChar::Float => format!("float{bits}"),
+        _ => t.to_string(),
     }
 }
 
@@ -293,9 +263,6 @@ const CLASS_BYTES: u64 = 1 << 24;
 /// | `counts` | u16 \[K, M\] | frames in which the voxel has the class |
 ///
 /// Either byte order and C or Fortran order are read; any other departure is an error.
-///
-/// # Errors
-/// See [`PsogError`]; each names the file, the array and a remedy.
 pub fn read_psog(path: &Path) -> Result<Psog, PsogError> {
     let invalid = |fault: PsogError| fault.in_file(path);
     let mut archive = Archive::open(path)?;
@@ -342,9 +309,6 @@ pub fn read_psog(path: &Path) -> Result<Psog, PsogError> {
 
 /// Writes a P-SOG file that [`read_psog`] and NumPy's `load` read: compressed, the same bytes for the same
 /// P-SOG. The caller flushes `out`.
-///
-/// # Errors
-/// See `out`.
 pub fn write_psog(out: impl Write + Seek, psog: &Psog) -> std::io::Result<()> {
     let roi = psog.roi();
     let names = psog.classes().join("\n");

@@ -3,8 +3,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::counts::check_classes;
-use super::error::refused;
+use super::counts::{check_classes, refused};
 use super::{Psog, PsogError, Roi};
 
 /// Votes that [`FrameVotes`] adds up before it lists them, a power of two.
@@ -26,11 +25,6 @@ impl FrameVotes {
     /// No votes yet.
     pub fn new() -> Self {
         Self::default()
-    }
-
-    /// Adds the vote of one point; `None` is a point outside the grid, which is only counted.
-    pub fn push(&mut self, voxel: Option<u64>, class: u16) {
-        self.extend([(voxel, class)]);
     }
 
     /// Adds the votes of points found in parallel.
@@ -59,6 +53,7 @@ impl FrameVotes {
     }
 }
 
+/// Adds votes of points; `None` is a point outside the grid, which is only counted.
 impl Extend<(Option<u64>, u16)> for FrameVotes {
     fn extend<I: IntoIterator<Item = (Option<u64>, u16)>>(&mut self, votes: I) {
         self.recent.resize(RECENT, 0);
@@ -139,11 +134,6 @@ impl PsogBuilder {
     pub fn new(roi: Roi, classes: Vec<String>) -> Result<Self, PsogError> {
         check_classes(&classes)?;
         Ok(Self { roi, classes, runs: Vec::new(), report: BuildReport::default() })
-    }
-
-    /// The voxel grid.
-    pub fn roi(&self) -> &Roi {
-        &self.roi
     }
 
     /// Votes one frame and adds its SOG to the counts. A frame without votes is empty everywhere.

@@ -213,9 +213,6 @@ pub struct Reflectances {
 
 impl Reflectances {
     /// From `reflectance` of a scene and of its actors.
-    ///
-    /// # Errors
-    /// A class that the scene does not have, a number that is no share.
     pub(super) fn new(
         top: &Location,
         classes: &Classes,

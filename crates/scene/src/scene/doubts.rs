@@ -353,6 +353,12 @@ mod tests {
         ))
     }
 
+    /// All notes on a scene.
+    fn notes(text: &str) -> String {
+        let scene = Scene::from_json(text, std::path::Path::new(""), "s.json").unwrap();
+        scene.notes().iter().map(Note::text).collect::<Vec<_>>().join("\n")
+    }
+
     const CAR: &str = r#"{"foot": [0, 0, 0.2], "size": [4.4, 1.8, 1.3]}"#;
     const AHEAD: &str = r#""route": {"points": [[0, 0], [10, 0]], "spacing": 1}"#;
     const ROOF: &str = r#"{"min": [-0.6, -0.6, 2], "max": [0.6, 0.6, 2.6], "lidars": 1}"#;
@@ -373,10 +379,7 @@ mod tests {
                 "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
             )
         };
-        let told = |low: f64, class: &str| {
-            let scene = Scene::from_json(&text(low, class), std::path::Path::new(""), "s.json");
-            scene.unwrap().notes().iter().map(|note| note.text().to_owned()).collect::<String>()
-        };
+        let told = |low: f64, class: &str| notes(&text(low, class));
         assert_eq!(told(-0.5, "vehicle"), "");
         let cut = told(1.0, "vehicle");
         assert!(cut.contains("roi reaches from z = 1 to 5.5 m, and the ground under"), "{cut}");
@@ -403,18 +406,13 @@ mod tests {
             "lidar": {"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100},
             "mount": {"min": [0, 0, 2], "max": [0, 0, 2], "lidars": 1},
             "static": [{"class": "road", "plane": {"min": [-50, -50], "max": [50, 50], "z": 0}}]}"#;
-        let scene = Scene::from_json(text, std::path::Path::new(""), "s.json").unwrap();
-        let told: Vec<&str> = scene.notes().iter().map(Note::text).collect();
-        assert!(told.join("\n").contains("roi.voxel[2] is 4 m, more than half"), "{told:?}");
+        let told = notes(text);
+        assert!(told.contains("roi.voxel[2] is 4 m, more than half"), "{told}");
         let millimetres =
             text.replace("20, 20", "20000, 20000").replace("-20, -20", "-20000, -20000");
         let millimetres = millimetres.replace("[0.4, 0.4, 4]", "[500, 500, 1]");
-        let scene = Scene::from_json(&millimetres, std::path::Path::new(""), "s").unwrap();
-        let told: Vec<&str> = scene.notes().iter().map(Note::text).collect();
-        assert!(
-            told.join("\n").contains("roi.voxel[0] is 500 m; lengths are in metres"),
-            "{told:?}"
-        );
+        let told = notes(&millimetres);
+        assert!(told.contains("roi.voxel[0] is 500 m; lengths are in metres"), "{told}");
     }
 
     #[test]

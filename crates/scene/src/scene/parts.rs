@@ -273,9 +273,6 @@ pub(crate) struct OwnBody {
 
 impl OwnBody {
     /// Checks for one pose a frame of the scene at `scene`.
-    ///
-    /// # Errors
-    /// Another number of poses.
     pub(crate) fn check_frames(&self, scene: &Location, frames: usize) -> Checked<()> {
         match &self.motion {
             Motion::Poses(poses) if poses.len() != frames => {
@@ -315,9 +312,6 @@ pub(crate) struct OwnBodies {
 
 impl OwnBodies {
     /// Reads `body` and `bodies` of the object at `at`.
-    ///
-    /// # Errors
-    /// A body without parts, triangles or poses; a shape that is wrong.
     pub(crate) fn new(
         builder: &mut Builder<'_>,
         at: &Location,

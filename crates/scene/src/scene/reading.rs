@@ -17,8 +17,7 @@ use super::doubts::SceneLocations;
 use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;
-use crate::vehicle;
-use crate::vehicle::{Vehicle, VehicleDescription, read_vehicle};
+use crate::vehicle::{self, Vehicle, VehicleDescription, read_vehicle};
 
 /// Scene of [`Scene::level_ground`]. The ground lies in the middle of a layer of voxels, so that an area of the ground has
 /// some.
@@ -32,17 +31,11 @@ impl Scene {
     /// Reads a scene file and every sensor and mesh file that it names.
     ///
     /// File names in the scene are relative to the folder of the scene. A P-SOG file is not opened.
-    ///
-    /// # Errors
-    /// Any [`DescriptionError`]; each names the file, the place in it and a remedy.
     pub fn read(path: impl AsRef<Path>) -> Checked<Self> {
         Self::read_with(path, None)
     }
 
     /// A copy with the vehicle of another file in place of the scene's own, and of the ego body if the file has one.
-    ///
-    /// # Errors
-    /// See [`Self::read`].
     pub fn read_with(path: impl AsRef<Path>, vehicle: Option<&Path>) -> Checked<Self> {
         let path = path.as_ref();
         let (text, name) = (json::read_text(path, MAX_FILE)?, path.display().to_string());
@@ -54,9 +47,6 @@ impl Scene {
 
     /// Level ground of 600 by 600 m around a vehicle of a file, in one frame. Bodies with a pose for each frame stand as
     /// in frame 0, with a note.
-    ///
-    /// # Errors
-    /// See [`Self::read`].
     pub fn level_ground(vehicle: &Path) -> Checked<Self> {
         let mut scene =
             Self::from_text(LEVEL_GROUND, (Path::new(""), "level ground"), Some(vehicle), true)?;
@@ -77,9 +67,6 @@ impl Scene {
     /// File names are relative to `dir`; error messages call the text `name_for_errors`.
     ///
     /// A scene without a name, or with a blank one, is called `name_for_errors` without folder and ending.
-    ///
-    /// # Errors
-    /// See [`Scene::read`].
     pub fn from_json(text: &str, dir: &Path, name_for_errors: &str) -> Checked<Self> {
         Self::from_text(text, (dir, name_for_errors), None, false)
     }

@@ -40,9 +40,7 @@ impl Motion {
             (None, Some(route)) => {
                 Ok(Some(Self::Route(Route::new(&at.key("route"), route, upright)?)))
             }
-            (Some(_), Some(_)) => {
-                Err(check::choice(at, vec!["poses", "route"], &["poses", "route"]))
-            }
+            (Some(_), Some(_)) => Err(check::choice(at, &["poses", "route"], &["poses", "route"])),
         }
     }
 

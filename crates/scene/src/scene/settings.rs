@@ -7,7 +7,7 @@ use crate::vehicle::Vehicle;
 
 use super::description::{PsogDescription, RoiDescription, ScanDescription};
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{Checked, DescriptionError, Location};
+use sightline_files::json::{Checked, Location};
 
 /// Largest distance in metres from the top of the ROI up to the mount.
 const MOUNT_HEADROOM: f64 = 10.0;
@@ -77,19 +77,31 @@ impl RoiBounds {
             let inside = |i: usize| self.min[i] <= min[i] && max[i] <= self.max[i];
             let fits = [('x', inside(0)), ('y', inside(1)), ('z', over)];
             if let Some((axis, _)) = fits.into_iter().find(|(_, fits)| !fits) {
-                return Err(DescriptionError::MountOutside {
-                    at: Box::new(place(k)),
-                    scene: scene.file.clone(),
-                    axis,
-                    min,
-                    max,
-                    roi_min: self.min,
-                    roi_max: self.max,
-                });
+                let told = format!(
+                    "the mount runs from {min:?} to {max:?}, outside of the region of {} ({:?} to {:?}) in {axis}; {}",
+                    scene.file,
+                    self.min,
+                    self.max,
+                    in_metres(min.iter().chain(&max))
+                );
+                return Err(check::refused(&place(k), told));
             }
         }
         Ok(())
     }
+}
+
+/// Metres from the origin from which on a place of a vehicle was written in millimetres.
+const MILLIMETRES: f64 = 100.0;
+
+/// Mend of a mount with some coordinates that lies outside the ROI.
+fn in_metres<'a>(coordinates: impl Iterator<Item = &'a f64>) -> String {
+    let farthest = |far: f64, v: &f64| if v.abs() > far.abs() { *v } else { far };
+    let far = coordinates.fold(0.0, farthest);
+    if far.abs() < MILLIMETRES {
+        return "move the mount or enlarge the `roi`".to_owned();
+    }
+    format!("is it in millimetres? lengths are in metres, {far} mm are {}", far / 1000.0)
 }
 
 /// Voxels that a beam covers.
@@ -204,7 +216,7 @@ impl PsogSource {
             }
             Some(PsogDescription { file: None, scan: Some(scan) }) => scan,
             Some(PsogDescription { file, .. }) => {
-                let found = if file.is_some() { vec!["file", "scan"] } else { Vec::new() };
+                let found = if file.is_some() { &["file", "scan"][..] } else { &[] };
                 return Err(check::choice(&at, found, &["file", "scan"]));
             }
         };

@@ -7,14 +7,13 @@ use std::rc::Rc;
 use glam::DVec3;
 use sightline_files::Note;
 use sightline_files::json::check::bad;
-use sightline_files::json::{Checked, DescriptionError, Location, check, nearest};
+use sightline_files::json::{Checked, Location, check, nearest};
 
 use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription, UrdfDescription};
 use super::solid::{Solid, copies, cuboid, cylinder, plane, prism};
-use crate::mesh;
 use crate::mesh::{
-    Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile, RobotShapes,
+    self, Geometry, MOST_TRIANGLES, OriginAngles, Placing, RawMesh, RobotFile, RobotShapes,
 };
 use crate::vehicle;
 
@@ -158,7 +157,7 @@ impl<'a> Builder<'a> {
         let found = there.iter().zip(KINDS).filter_map(|(&there, &kind)| there.then_some(kind));
         let found: Vec<_> = found.collect();
         if found.len() != 1 {
-            return Err(check::choice(at, found, KINDS));
+            return Err(check::choice(at, &found, KINDS));
         }
         let copies = copies(at, shape)?;
         if shape.repeat.as_ref().is_some_and(|repeat| repeat.count > 1 && repeat.step == [0.0; 3]) {
@@ -256,10 +255,13 @@ impl<'a> Builder<'a> {
         self.note_unused(&at.key("classes"), &file, &map, &raw);
         let class_of = |name: &Option<String>| {
             let mapped = name.as_deref().and_then(|n| map.get(n).copied());
-            mapped.or(default).ok_or_else(|| DescriptionError::Unclassed {
-                at: Box::new(at.clone()),
-                mesh: file.clone(),
-                material: name.clone().unwrap_or_else(|| "(none)".to_owned()),
+            mapped.or(default).ok_or_else(|| {
+                let told = format_args!(
+                    "mesh {}: material `{}` has no class; name it in `classes` or give the shape a `class` for the rest",
+                    file.display(),
+                    name.as_deref().unwrap_or("(none)")
+                );
+                check::refused(at, told)
             })
         };
         let ids = raw.materials.iter().map(class_of).collect::<Result<Vec<_>, _>>()?;

@@ -153,21 +153,16 @@ impl Target {
                 error => error,
             });
         }
-        let known = preset_targets().iter().map(|preset| preset.name.as_str());
-        let mut error = check::unknown_name(at, "preset or file of a target", text, known);
-        let meant = OTHER_NAMES.iter().find(|(name, _)| *name == text);
-        if let (json::DescriptionError::UnknownName { nearest, .. }, Some((_, preset))) =
-            (&mut error, meant)
-        {
-            *nearest = Some((*preset).to_owned());
+        let kind = "preset or file of a target";
+        if let Some((_, preset)) = OTHER_NAMES.iter().find(|(name, _)| *name == text) {
+            let told = format_args!("no {kind} is called `{text}`; did you mean `{preset}`?");
+            return Err(check::refused(at, told));
         }
-        Err(error)
+        let known = preset_targets().iter().map(|preset| preset.name.as_str());
+        Err(check::unknown_name(at, kind, text, known))
     }
 
     /// Reads a target file.
-    ///
-    /// # Errors
-    /// Any [`DescriptionError`](super::DescriptionError); each names the file, the place in it and the mend.
     pub fn read(path: &Path) -> Checked<Self> {
         let text = json::read_text(path, MAX_FILE)?;
         let dir = path.parent().unwrap_or(Path::new(""));

@@ -3,9 +3,12 @@
 use std::cmp::Ordering;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::doubts::stands_on;
 use super::pairing::{SLACK, not_mirrored};
 use super::{Placement, Region, SensorName, SensorPose};
+use crate::scene::around;
 use sightline_files::json::counted;
 
 /// Rules for a placement: a region and a model for each LiDAR, distances, keep-out boxes, ties.
@@ -109,13 +112,8 @@ impl Constraints {
 
     /// Corners of the smallest box around all regions, in the ego frame.
     pub fn corners(&self) -> [[f64; 3]; 2] {
-        let corners = self.slots.iter().map(|slot| slot.region.corners());
-        let joined = corners.reduce(|[low, high], [other_low, other_high]| {
-            let of =
-                |f: fn(f64, f64) -> f64, a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| f(a[k], b[k]));
-            [of(f64::min, low, other_low), of(f64::max, high, other_high)]
-        });
-        joined.unwrap_or_default()
+        let corners = self.slots.iter().flat_map(|slot| slot.region.corners());
+        around(corners.map(DVec3::from)).unwrap_or_default().map(|corner| corner.to_array())
     }
 }
 
@@ -420,11 +418,15 @@ impl Violation {
 /// Words for a mount whose `count` is 0.
 pub(super) const HOLDS_NONE: &str = "holds no LiDAR (`count` is 0)";
 
+fn unit_of(field: &str) -> &'static str {
+    if matches!(field, "x" | "y" | "z") { "m" } else { "rad" }
+}
+
 impl std::fmt::Display for Violation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::OutsideMount { lidar, mount, field, by } => {
-                let unit = if matches!(*field, "x" | "y" | "z") { "m" } else { "rad" };
+                let unit = unit_of(field);
                 let name = if mount.is_empty() { "" } else { " " };
                 write!(f, "LiDAR {lidar}: {field} is {by:.3} {unit} outside the mount{name}{mount}")
             }
@@ -468,7 +470,7 @@ impl std::fmt::Display for Violation {
                     true => write!(f, "LiDAR {lidar}")?,
                     false => write!(f, "LiDARs {} and {}", lidar.min(partner), lidar.max(partner))?,
                 }
-                let unit = if matches!(*field, "x" | "y" | "z") { "m" } else { "rad" };
+                let unit = unit_of(field);
                 write!(
                     f,
                     ": {field} is off by {off:.3} {unit} from a mirror image at the plane y = 0"

@@ -301,9 +301,6 @@ pub(crate) enum CountDescription {
 
 impl<B, M> VehicleDescription<B, M> {
     /// Takes the shapes of the body out; none where `body` is left out.
-    ///
-    /// # Errors
-    /// An empty list, which says neither that there is no body nor which one it is.
     pub(crate) fn take_body(&mut self, at: &Location) -> Checked<Vec<B>> {
         let wanted = "a list of shapes; leave `body` out to keep the body of the scene, or give boxes or a mesh";
         match self.body.take() {
@@ -317,9 +314,6 @@ impl<B, M> VehicleDescription<B, M> {
 
 impl RequirementDescription {
     /// Name of the rule at `at`; `default` where it gives itself none.
-    ///
-    /// # Errors
-    /// A name that is not one.
     pub(crate) fn named(&self, at: &Location, default: String) -> Checked<String> {
         match &self.name {
             Some(name) => check::name(&at.key("name"), name.clone()),
@@ -361,9 +355,6 @@ impl RequirementDescription {
     }
 
     /// Share that is required.
-    ///
-    /// # Errors
-    /// None is given.
     pub(crate) fn share(&self, at: &Location) -> Checked<f64> {
         let mend = "say which share must be seen, `\"share\": 0.9` for example";
         self.share.ok_or_else(|| check::missing(at, "share", mend))

@@ -10,8 +10,8 @@ use super::{Constraints, Lidar, Placement, Region, SensorPose};
 pub const FARTHEST: f64 = 100.0;
 /// Smallest whole number of radians that is more likely degrees.
 const WHOLE: f64 = 2.0;
-/// Metres beside a mount that poses lose where they are written with three decimals.
-const SLACK: f64 = 2e-3;
+/// Metres and radians beside a mount that poses lose where they are written with three decimals.
+pub(super) const SLACK: f64 = 2e-3;
 
 /// Ranges in metres that LiDARs have.
 const RANGE: [f64; 2] = [1.0, 1000.0];
@@ -234,6 +234,11 @@ mod tests {
         doubts.about(&placement).join("; ")
     }
 
+    fn lidar(elevations: [f64; 2], azimuth: Option<[f64; 2]>, range: f64) -> Lidar {
+        let (elevations, azimuth_offsets) = (elevations.to_vec(), vec![0.0; 2]);
+        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps: 100, azimuth, range }
+    }
+
     #[test]
     fn whole_numbers_from_2_and_more_than_a_turn_are_degrees() {
         assert!([90.0, -180.0, 5.0, 2.0, 7.5].into_iter().all(is_degrees));
@@ -257,13 +262,6 @@ mod tests {
 
     #[test]
     fn views_in_radians_and_ranges_in_kilometres_are_doubted() {
-        let lidar = |elevations: [f64; 2], azimuth, range| Lidar::Spinning {
-            elevations: elevations.to_vec(),
-            azimuth_offsets: vec![0.0; 2],
-            azimuth_steps: 100,
-            azimuth,
-            range,
-        };
         assert!(of_lidar("a", &lidar([-25.0, 15.0], Some([-60.0, 60.0]), 100.0)).is_empty());
         for (lidar, word) in [
             (lidar([-25.0, 15.0], Some([-1.0, 1.0]), 100.0), "2.000° (`azimuth`)"),
@@ -334,14 +332,7 @@ mod tests {
              response.rated_range: 150000 m; millimetres? 150000 mm are 150 m\n\
              response.rate: 600 turns a second; a minute? 600 rpm are 10"
         );
-        let up = Lidar::Spinning {
-            elevations: vec![75.0, 88.0],
-            azimuth_offsets: vec![0.0; 2],
-            azimuth_steps: 100,
-            azimuth: None,
-            range: 100.0,
-        };
-        let told = of_lidar("a", &up).join("; ");
+        let told = of_lidar("a", &lidar([75.0, 88.0], None, 100.0)).join("; ");
         assert!(told.contains("75° from the zenith are 15°"), "{told}");
     }
 

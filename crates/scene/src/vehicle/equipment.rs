@@ -195,14 +195,19 @@ impl Vehicle {
         self.constraints(&all.collect()).corners()
     }
 
-    /// The rules of a placement with some equipment, mount after mount.
-    pub fn constraints(&self, equipment: &Equipment) -> Constraints {
+    /// Equipment mount after mount, and model after model of each.
+    pub(super) fn sorted(&self, equipment: &Equipment) -> Equipment {
         let mut sorted = equipment.clone();
         sorted.sort_by_key(|&(mount, sensor)| {
             (mount, self.sensors.iter().position(|model| model.name == sensor))
         });
-        let slots: Vec<Slot> =
-            sorted.iter().map(|&(mount, sensor)| self.slot(mount, sensor)).collect();
+        sorted
+    }
+
+    /// The rules of a placement with some equipment, mount after mount.
+    pub fn constraints(&self, equipment: &Equipment) -> Constraints {
+        let sorted = self.sorted(equipment).into_iter();
+        let slots: Vec<Slot> = sorted.map(|(mount, sensor)| self.slot(mount, sensor)).collect();
         self.with_slots(if self.ties.symmetric { Slot::in_pairs(slots) } else { slots })
     }
 

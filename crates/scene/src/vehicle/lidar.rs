@@ -65,9 +65,6 @@ impl Lidar {
     }
 
     /// Beam table of the sensor.
-    ///
-    /// # Errors
-    /// Like [`BeamTable::spinning`], [`BeamTable::sector`] and [`BeamTable::from_directions`].
     pub fn table(&self) -> Result<BeamTable, SensorError> {
         match self {
             Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range, .. } => {
@@ -244,10 +241,7 @@ impl OtherSensor {
         (0..count * count).map(move |k| {
             let (azimuth, elevation) =
                 (angle(k / count, self.fov[0]), angle(k % count, self.fov[1]));
-            let ([sin, cos], [up, level]) = (
-                [maths::sin(azimuth), maths::cos(azimuth)],
-                [maths::sin(elevation), maths::cos(elevation)],
-            );
+            let ((sin, cos), (up, level)) = (maths::sin_cos(azimuth), maths::sin_cos(elevation));
             self.ego_from_sensor.rotation * DVec3::new(level * cos, level * sin, up)
         })
     }

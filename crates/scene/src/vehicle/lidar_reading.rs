@@ -156,7 +156,7 @@ fn form(at: &Location, lidar: &LidarDescription) -> Checked<&'static str> {
     found.extend(lidar.file.as_ref().map(|_| "file"));
     found.extend(lidar.directions.as_ref().map(|_| "directions"));
     let [form] = found[..] else {
-        return Err(check::choice(at, found, &["channels", "file", "directions"]));
+        return Err(check::choice(at, &found, &["channels", "file", "directions"]));
     };
     spare(at, "fov", lidar.fov.is_some() && form != "channels", "it belongs to `channels`")?;
     let of_file = "it belongs to `file`";

@@ -137,10 +137,7 @@ fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
     let back = frame.inverse();
     let kept =
         facets.iter().zip(&areas).filter(|(_, area)| area.dot(normal) > STEEP * area.length());
-    let moved = kept.map(|(facet, _)| Facet {
-        corners: facet.corners.map(|corner| back.apply(corner)),
-        normals: facet.normals.map(|normal| back.rotation * normal),
-    });
+    let moved = kept.map(|(facet, _)| facet.moved(&back));
     let Some(surface) = Surface::new(axes, moved.collect()) else {
         return Err("a patch with an area; all its triangles are thin or steep");
     };

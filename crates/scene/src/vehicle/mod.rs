@@ -42,6 +42,8 @@ pub use lidar_cast::sensor::{
 };
 pub use lidar_cast::task::Requirement;
 pub use mount::MountRules;
+#[cfg(all(test, feature = "mesh"))]
+pub(crate) use pairing::tests::check_pairs;
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use placements::{
     SensorChoice, in_millimetres, millimetres, name_lidars, placement_to_nanometres,

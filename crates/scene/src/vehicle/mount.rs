@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::description::{KeepOutDescription, LidarDescription, MountDescription};
+use super::doubts;
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar::stated;
 use super::lidar_reading::DescribedLidar;
@@ -214,9 +215,6 @@ pub(super) fn keep_out_boxes(
     boxes.iter().enumerate().map(corners).collect()
 }
 
-/// Metres and radians beside a mount that poses lose where they are written with three decimals.
-const BESIDE: f64 = 2e-3;
-
 impl Constraints {
     /// Mount of each LiDAR of a placement: its slot's if it stands there, else one that holds it, else `None`. Empty if
     /// there is one mount, which has no name of its own.
@@ -244,7 +242,7 @@ impl Vehicle {
 }
 
 fn holds(region: &Region, pose: &SensorPose) -> bool {
-    region.outside(pose).iter().all(|(_, by)| *by <= BESIDE)
+    region.outside(pose).iter().all(|(_, by)| *by <= doubts::SLACK)
 }
 
 fn holder<'a>(mut regions: impl Iterator<Item = &'a Region>, pose: &SensorPose) -> Option<&'a str> {

@@ -15,7 +15,7 @@ use super::{MAX_LIDARS, Outline, Region, SensorName};
 use lidar_cast::geom::crossing;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
-use sightline_files::json::{Checked, Location};
+use sightline_files::json::{Checked, Location, quoted};
 
 const MOST_CORNERS: usize = 256;
 /// Metres that corners of a polygon may lie off its plane.
@@ -74,10 +74,7 @@ fn allowed_models(
     names: Option<&[String]>,
     sensors: &[VehicleSensor],
 ) -> Checked<Vec<SensorName>> {
-    let known = || {
-        let names: Vec<String> = sensors.iter().map(|model| format!("`{}`", model.name)).collect();
-        names.join(", ")
-    };
+    let known = || quoted(sensors.iter().map(|model| model.name));
     let mut allowed = Vec::new();
     for (i, name) in names.iter().copied().flatten().enumerate() {
         let found = sensors.iter().find(|model| model.name.as_str() == name);

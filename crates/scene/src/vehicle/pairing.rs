@@ -248,14 +248,14 @@ pub(super) fn pairs(lidars: &[SensorPose]) -> Pairs {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::sync::Arc;
 
     use glam::DVec3;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    use super::super::{Placement, PoseGrid, SensorName, Spacing, Ties};
+    use super::super::{Placement, PoseGrid, SensorName, Spacing, Ties, random_placements};
     use super::*;
 
     /// A roof along the middle, and a door on each side whose corners are written from another one.
@@ -321,45 +321,54 @@ mod tests {
         assert_eq!(told(&[at(0.3, wide), at(-0.3, wide)]), [""; 0]);
     }
 
+    /// Checks that poses of drawn variables are mirrored pairs that keep all rules, or miss an outline alone, are found again
+    /// in any order, and have images on a grid.
+    pub(crate) fn check_pairs(rules: &Constraints, lidars: usize) {
+        assert_eq!(rules.lidars(), lidars);
+        let grid = PoseGrid::new(rules, Spacing { metres: 0.11, radians: 0.13 }).unwrap();
+        let image = |pose: &SensorPose| pose.mirrored().ego_from_sensor();
+        let far = |a: &Pose, b: &SensorPose| {
+            let off = a.rotation - b.ego_from_sensor().rotation;
+            let turned = off.to_cols_array().into_iter().fold(0.0, |far: f64, v| far.max(v.abs()));
+            a.translation.distance(b.position()).max(turned)
+        };
+        let has_outline = rules.slots.iter().any(|slot| !slot.region.outline.corners.is_empty());
+        for mut placement in random_placements(rules, 200, 3) {
+            for pair in placement.lidars[..rules.paired()].chunks_exact(2) {
+                assert!(far(&image(&pair[0]), &pair[1]) < 1e-9, "{pair:?}");
+            }
+            if let [odd] = placement.lidars.chunks_exact(2).remainder() {
+                assert!(odd.y.abs() < 1e-12 && odd.roll.abs() < 1e-9, "{odd:?}");
+            }
+            let broken = rules.violations(&placement);
+            let is_beside = |v: &Violation| matches!(v, Violation::OutsideMount { .. });
+            assert!(broken.is_empty() || has_outline && broken.iter().all(is_beside), "{broken:?}");
+            if !broken.is_empty() {
+                continue;
+            }
+            placement.lidars.rotate_left(lidars / 2);
+            let back = rules.poses_of(&rules.variables_of(&placement).expect("it keeps the ties"));
+            for pose in &placement.lidars {
+                let found = back.iter().any(|b| far(&b.ego_from_sensor(), pose) < 1e-9);
+                assert!(found, "{pose:?} is not among {back:?}");
+            }
+            let ordered = rules.ordered(&placement.lidars).unwrap();
+            let ordered = Placement { lidars: ordered, ..placement };
+            for pair in grid.numbers_of(&ordered, rules.ties)[..rules.paired()].chunks_exact(2) {
+                assert_eq!([grid.mirrored(pair[0]), grid.mirrored(pair[1])], [pair[1], pair[0]]);
+                let off = far(&image(&grid.pose(pair[0])), &grid.pose(pair[1]));
+                assert!(off < 1e-9, "{off} m");
+            }
+        }
+    }
+
     #[test]
     fn pairs_over_several_mounts_are_kept_by_variables_and_grids() {
         let rules = rules();
         assert_eq!(rules.paired(), 6);
         // Two free fields of the roof's odd one; five of its pair; y, z, pitch, yaw and offset of a door.
-        let bounds = rules.variable_bounds();
-        assert_eq!(bounds.len(), 6 + 3 + 2 * 5);
-        let grid = PoseGrid::new(&rules, Spacing { metres: 0.13, radians: 0.07 }).unwrap();
-        let mut rng = ChaCha8Rng::seed_from_u64(5);
-        for _ in 0..100 {
-            let draw = |&(low, high): &(f64, f64)| low + rng.random::<f64>() * (high - low);
-            let variables: Vec<f64> = bounds.iter().map(draw).collect();
-            let mut placement =
-                Placement { name: "drawn".into(), lidars: rules.poses_of(&variables) };
-            let broken = rules.violations(&placement);
-            let off = |v: &crate::vehicle::Violation| v.to_string().contains("outside the mount");
-            assert!(broken.iter().all(off), "beside a door's outline at most: {broken:?}");
-            for (first, second) in [(0, 1), (2, 3), (4, 5)] {
-                let image = placement.lidars[first].mirrored();
-                assert!(image.difference(&placement.lidars[second]) < 1e-9);
-            }
-            let own = placement.lidars.clone();
-            if !broken.is_empty() {
-                continue;
-            }
-            placement.lidars.rotate_left(3);
-            let back = rules.poses_of(&rules.variables_of(&placement).expect("it keeps the ties"));
-            let near = |pose: &SensorPose| own.iter().any(|o| o.difference(pose) < 1e-9);
-            assert!(back.iter().all(near), "{back:?}");
-            let ordered =
-                Placement { lidars: rules.ordered(&placement.lidars).unwrap(), ..placement };
-            let numbers = grid.numbers_of(&ordered, rules.ties);
-            for pair in numbers[..6].chunks(2) {
-                assert_eq!(grid.mirrored(pair[0]), pair[1]);
-                assert_eq!(grid.mirrored(pair[1]), pair[0]);
-                let [a, b] = [grid.pose(pair[0]), grid.pose(pair[1])];
-                assert!(a.mirrored().difference(&b) < 1e-9, "{a:?} {b:?}");
-            }
-        }
+        assert_eq!(rules.variable_bounds().len(), 6 + 3 + 2 * 5);
+        check_pairs(&rules, 7);
     }
 
     #[test]

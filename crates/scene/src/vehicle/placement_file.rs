@@ -1,6 +1,7 @@
 //! Placement files: `.json` as one document, `.jsonl` as a stream.
 
 use std::collections::HashSet;
+use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -8,7 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::{ForeignLidar, Placement, SensorError};
+use super::{Placement, SensorError};
 use PlacementFileError::Refused;
 use sightline_files::files;
 use sightline_files::json::{
@@ -31,17 +32,33 @@ const MOST_KNOWN: usize = 20;
 pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
-    Io { path: PathBuf, source: std::io::Error },
+    Io { path: PathBuf, source: io::Error },
     #[error("{}: {source}; give a file of placements, such as the placements.json of a run", path.display())]
-    Folder { path: PathBuf, source: std::io::Error },
-    /// A LiDAR of a model that the vehicle does not have.
-    #[error("{}: {source}", path.display())]
-    Sensor { path: PathBuf, source: ForeignLidar },
-    #[error("{}: holds no placement; add at least one", path.display())]
-    Empty { path: PathBuf },
+    Folder { path: PathBuf, source: io::Error },
     /// Any other text or placement; the sentence names file, line and mend.
     #[error("{0}")]
     Refused(String),
+}
+
+impl PlacementFileError {
+    /// A fault of a file, in words.
+    pub fn of(path: &Path, told: impl Display) -> Self {
+        Refused(format!("{}: {told}", path.display()))
+    }
+
+    /// A folder in place of a file.
+    pub fn folder(path: &Path) -> Self {
+        Self::Folder { path: path.to_owned(), source: io::ErrorKind::IsADirectory.into() }
+    }
+
+    /// A file without any placement.
+    pub fn empty(path: &Path) -> Self {
+        Self::of(path, "holds no placement; add at least one")
+    }
+
+    fn io(path: &Path) -> impl Fn(io::Error) -> Self + Copy {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
 }
 
 fn at_line(line: Option<u64>) -> String {
@@ -55,10 +72,8 @@ fn no_json(path: &Path, line: Option<u64>, told: &str) -> PlacementFileError {
 }
 
 fn too_large(path: &Path) -> PlacementFileError {
-    Refused(format!(
-        "{}: larger than {MAX_DOCUMENT} bytes; give one placement a line in a .jsonl file, which is read as a stream",
-        path.display()
-    ))
+    let mend = "give one placement a line in a .jsonl file, which is read as a stream";
+    PlacementFileError::of(path, format!("larger than {MAX_DOCUMENT} bytes; {mend}"))
 }
 
 /// The `index`-th name in a text that need not be JSON: an error in the text still names its placement.
@@ -73,18 +88,16 @@ fn name_in(text: &str, index: usize) -> Option<String> {
 fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
     // Parsing with the place takes longer, so it runs on errors alone.
     from_text(text).map_err(|error| {
-        let shown = path.display();
         if let Some(at) = leading_comment(text) {
             let line = line + at as u64 - 1;
-            return Refused(format!(
-                "{shown}: line {line} is a comment, and JSON has no comments; remove it"
-            ));
+            let told = format!("line {line} is a comment, and JSON has no comments; remove it");
+            return PlacementFileError::of(path, told);
         }
         if let Some(told) = not_json(text) {
             return no_json(path, (line > 1).then_some(line), &told);
         }
         if let Some(found) = ForeignJson::of(text) {
-            return Refused(format!("{shown}: is {found}; {}", found.mend()));
+            return PlacementFileError::of(path, format!("is {found}; {}", found.mend()));
         }
         let mut json = serde_json::Deserializer::from_str(text);
         let place = match serde_path_to_error::deserialize::<_, T>(Objects(&mut json)) {
@@ -94,10 +107,9 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         let full = error.to_string();
         let words = full.rsplit_once(" at line ").map_or(&full[..], |(words, _)| words);
         if let Some(found) = FileKind::of(text).filter(|kind| *kind != FileKind::Placements) {
-            return Refused(format!(
-                "{shown}: is {found}; give a file of placements, {{\"placements\": [ … ]}}, here, and this one {}",
-                found.place()
-            ));
+            let wanted = "give a file of placements, {\"placements\": [ … ]}, here, and this one";
+            let told = format!("is {found}; {wanted} {}", found.place());
+            return PlacementFileError::of(path, told);
         }
         let problem = match unknown_key(words) {
             Some((key, known)) => {
@@ -117,7 +129,9 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         let near = near.and_then(|index| name_in(text, index));
         let near = near.map(|name| format!(", placement `{name}`")).unwrap_or_default();
         let place = if place.is_empty() { String::new() } else { format!("{place}: ") };
-        Refused(format!("{shown}, line {line}, column {column}{near}: {place}{problem}"))
+        let shown = path.display();
+        let place = format!("{shown}, line {line}, column {column}{near}: {place}");
+        Refused(place + &problem)
     })
 }
 
@@ -251,10 +265,9 @@ impl PlacementReader {
         let picked =
             name.map(|name| Picked { name: name.to_owned(), is_found: false, known: Vec::new() });
         if path.is_dir() {
-            let source = io::ErrorKind::IsADirectory.into();
-            return Err(PlacementFileError::Folder { path: path.to_owned(), source });
+            return Err(PlacementFileError::folder(path));
         }
-        let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
+        let io = PlacementFileError::io(path);
         let mut length = 0;
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
             Box::new(BufReader::new(io::stdin()))
@@ -302,10 +315,8 @@ impl PlacementReader {
             }
         });
         let place = || format!("{}{}", self.path.display(), at_line(line));
-        Some(match checked {
-            Ok(()) => Ok(placement),
-            Err(fault) => Err(Refused(format!("{}: {fault}", place()))),
-        })
+        let refused = |fault| Refused(format!("{}: {fault}", place()));
+        Some(checked.map(|()| placement).map_err(refused))
     }
 }
 
@@ -318,23 +329,22 @@ fn foreign(bytes: &[u8], path: &Path) -> Option<PlacementFileError> {
 fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, PlacementFileError> {
     let mut bytes = Vec::new();
     let read = reader.take(MAX_DOCUMENT + 1).read_to_end(&mut bytes);
-    read.map_err(|source| PlacementFileError::Io { path: path.to_owned(), source })?;
+    read.map_err(PlacementFileError::io(path))?;
     if bytes.len() as u64 > MAX_DOCUMENT {
         return Err(too_large(path));
     }
-    let shown = path.display();
     let text = std::str::from_utf8(&bytes).map_err(|error| {
         let (byte, mend) = (error.valid_up_to(), "save it as UTF-8");
-        let told = format!("{shown}: is not UTF-8 text from byte {byte} on; {mend}");
-        foreign(&bytes, path).unwrap_or(Refused(told))
+        let told = format!("is not UTF-8 text from byte {byte} on; {mend}");
+        foreign(&bytes, path).unwrap_or_else(|| PlacementFileError::of(path, told))
     })?;
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     if text.trim_ascii().is_empty() {
-        return Err(PlacementFileError::Empty { path: path.to_owned() });
+        return Err(PlacementFileError::empty(path));
     }
     if text.trim_start().starts_with('[') {
         let mend = "write {\"placements\": [ … ]} around it";
-        return Err(Refused(format!("{shown}: is a bare list; {mend}")));
+        return Err(PlacementFileError::of(path, format!("is a bare list; {mend}")));
     }
     parse(text, 1, path)
 }
@@ -345,26 +355,24 @@ fn next_line(
     path: &Path,
 ) -> Option<Result<Placement, PlacementFileError>> {
     let mut bytes = Vec::new();
+    let at = |line: u64, told: String| Refused(format!("{}, line {line}: {told}", path.display()));
     loop {
         bytes.clear();
         match reader.by_ref().take(MAX_LINE + 1).read_until(b'\n', &mut bytes) {
-            Err(source) => {
-                return Some(Err(PlacementFileError::Io { path: path.to_owned(), source }));
-            }
+            Err(source) => return Some(Err(PlacementFileError::io(path)(source))),
             Ok(0) => return None,
             Ok(_) => *line += 1,
         }
         if bytes.len() as u64 > MAX_LINE {
             let told = format!("longer than {MAX_LINE} bytes; give one placement a line");
-            return Some(Err(Refused(format!("{}, line {line}: {told}", path.display()))));
+            return Some(Err(at(*line, told)));
         }
         let text = match std::str::from_utf8(&bytes) {
             Ok(text) => text.trim_start_matches(BYTE_ORDER_MARK),
             Err(_) => {
                 let other = (*line == 1).then(|| foreign(&bytes, path)).flatten();
-                let told = "is not UTF-8 text; save it as UTF-8";
-                let told = format!("{}, line {line}: {told}", path.display());
-                return Some(Err(other.unwrap_or(Refused(told))));
+                let told = "is not UTF-8 text; save it as UTF-8".to_owned();
+                return Some(Err(other.unwrap_or_else(|| at(*line, told))));
             }
         };
         if text.starts_with('#') {
@@ -398,9 +406,8 @@ impl Iterator for PlacementReader {
                 None if !picked.is_found && !self.names.is_empty() => {
                     picked.is_found = true;
                     let (name, known) = (&picked.name, picked.known.join(", "));
-                    let path = self.path.display();
-                    let told = format!("{path}: has no placement `{name}`; it has {known}");
-                    return Some(Err(Refused(told)));
+                    let told = format!("has no placement `{name}`; it has {known}");
+                    return Some(Err(PlacementFileError::of(&self.path, told)));
                 }
                 other => return other,
             }
@@ -416,15 +423,12 @@ pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, Placeme
     let path = path.as_ref();
     let placements = PlacementReader::open(path)?.collect::<Result<Vec<_>, _>>()?;
     if placements.is_empty() {
-        return Err(PlacementFileError::Empty { path: path.to_owned() });
+        return Err(PlacementFileError::empty(path));
     }
     Ok(placements)
 }
 
 /// Placements of a file, each read and checked once; none is kept.
-///
-/// # Errors
-/// See [`read_placements`].
 pub fn count_placements(path: &Path) -> Result<u64, PlacementFileError> {
     let mut count = 0;
     for placement in PlacementReader::open(path)? {
@@ -432,7 +436,7 @@ pub fn count_placements(path: &Path) -> Result<u64, PlacementFileError> {
         count += 1;
     }
     if count == 0 {
-        return Err(PlacementFileError::Empty { path: path.to_owned() });
+        return Err(PlacementFileError::empty(path));
     }
     Ok(count)
 }

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::pairing::{ROUNDED, SLACK};
 use super::{SensorName, SensorPose, Surface};
+use crate::scene::around;
 use lidar_cast::geom::Pose;
 use lidar_cast::maths;
 
@@ -223,25 +224,25 @@ impl Region {
 
     /// Corners of the smallest box in the ego frame around all positions.
     pub fn corners(&self) -> [[f64; 3]; 2] {
-        let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
-        if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
-            for mut point in surface.corners() {
-                let foot = point[surface.along()];
-                for offset in [self.lower, self.upper].map(|bound| bound[surface.along()]) {
-                    point[surface.along()] = foot + offset;
-                    let at = frame.apply(point);
-                    (low, high) = (low.min(at), high.max(at));
-                }
+        let bounds = [self.lower, self.upper];
+        let points: Vec<DVec3> = match &self.surface {
+            Some(surface) => {
+                let lifted = |mut point: DVec3, offset: f64| {
+                    point[surface.along()] += offset;
+                    point
+                };
+                let offsets = bounds.map(|bound| bound[surface.along()]);
+                let corners = surface.corners();
+                corners.flat_map(|point| offsets.map(|offset| lifted(point, offset))).collect()
             }
-            return [low.to_array(), high.to_array()];
-        }
-        for corner in 0..8 {
-            let side = |k: usize| if corner >> k & 1 == 1 { self.upper[k] } else { self.lower[k] };
-            let at = DVec3::new(side(0), side(1), side(2));
-            let at = self.ego_from_region.map_or(at, |frame| frame.apply(at));
-            (low, high) = (low.min(at), high.max(at));
-        }
-        [low.to_array(), high.to_array()]
+            None => {
+                let side = |corner: usize, k: usize| bounds[corner >> k & 1][k];
+                (0..8).map(|c| DVec3::new(side(c, 0), side(c, 1), side(c, 2))).collect()
+            }
+        };
+        let place = |point| self.ego_from_region.map_or(point, |frame| frame.apply(point));
+        let ends = around(points.into_iter().map(place));
+        ends.unwrap_or_default().map(|corner| corner.to_array())
     }
 }
 
@@ -279,12 +280,11 @@ mod tests {
         let frame = Pose::new(DVec3::new(0.5, 0.9, 1.0), 0.0, -0.2, std::f64::consts::FRAC_PI_2);
         let outline = Outline { axes: [1, 2], corners: vec![[-0.5, 0.0], [0.5, 0.0], [0.0, 0.4]] };
         Region {
-            name: "door".into(),
             ego_from_region: Some(frame),
             lower: [0.0, -0.5, 0.0, 0.0, -0.1, -0.3],
             upper: [0.0, 0.5, 0.4, 0.0, 0.1, 0.3],
             outline,
-            surface: None,
+            ..Region::default()
         }
     }
 
@@ -318,12 +318,9 @@ mod tests {
     #[test]
     fn a_yaw_of_few_digits_and_of_another_turn_is_that_of_the_bounds() {
         let back = Region {
-            name: "rear".into(),
-            ego_from_region: None,
             lower: [0.0, 0.0, 0.0, 0.0, 0.0, PI + 7e-6],
             upper: [0.0, 0.0, 0.0, 0.0, 0.0, 3.3],
-            outline: Outline::default(),
-            surface: None,
+            ..Region::default()
         };
         let at = |yaw| SensorPose { yaw, ..SensorPose::default() };
         // Written as 3.1416, 3.14159, -3.1416.

@@ -14,27 +14,12 @@ use super::{
     Constraints, Equipment, Placement, Region, SensorPose, Vehicle, VehicleMount, Violation,
 };
 use sightline_files::json::check::bad;
-use sightline_files::json::{Checked, Location, counted};
+use sightline_files::json::{Checked, Location, counted, quoted};
 
-/// No rig was found that keeps the rules of the mounts.
+/// No rig was found that keeps the rules of the mounts: key of the file that describes them, LiDARs, mounts and rules, in words.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error(
-    "{field}: no placement of {} on {} was found that keeps its rules ({}); relax them, widen the mount, \
-     or lower its number of LiDARs",
-    counted(*lidars, "LiDAR"),
-    mounts.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "),
-    rules.join("; ")
-)]
-pub struct NoRoom {
-    /// Key of the file that describes the mounts: `mount` of a scene, `mounts` of a vehicle.
-    pub field: &'static str,
-    /// LiDARs that the mounts must hold.
-    pub lidars: usize,
-    /// Names of the mounts.
-    pub mounts: Vec<String>,
-    /// The rules in words.
-    pub rules: Vec<String>,
-}
+#[error("{0}")]
+pub struct NoRoom(String);
 
 /// A mount with its number in the file.
 type Numbered<'a> = (usize, &'a VehicleMount);
@@ -112,19 +97,11 @@ impl Vehicle {
 
     /// A rig of few and cheap sensors that keeps every rule: models and mounts, and a placement of them in the order of
     /// the slots.
-    ///
-    /// # Errors
-    /// None is found.
     pub fn rig_by_the_rules(&self) -> Result<(Equipment, Placement), NoRoom> {
         let few = self.few();
         for equipment in &few {
-            let mut sorted = equipment.clone();
-            let constraints = self.constraints(equipment);
-            if let Some(placement) = constraints.placement_by_the_rules() {
-                sorted.sort_by_key(|&(mount, sensor)| {
-                    (mount, self.sensors.iter().position(|model| model.name == sensor))
-                });
-                return Ok((sorted, placement));
+            if let Some(placement) = self.constraints(equipment).placement_by_the_rules() {
+                return Ok((self.sorted(equipment), placement));
             }
         }
         // A mount that leaves no room by itself is the one to name.
@@ -137,10 +114,14 @@ impl Vehicle {
         let equipment = narrow.unwrap_or(must);
         let mut mounts: Vec<usize> = equipment.iter().map(|(mount, _)| *mount).collect();
         mounts.dedup();
-        let mounts = mounts.into_iter().map(|k| self.mounts[k].region.name.clone()).collect();
-        let rules = self.constraints(&equipment).ties_in_words();
-        let field = if self.is_nameless() { "mount" } else { "mounts" };
-        Err(NoRoom { field, lidars: equipment.len(), mounts, rules })
+        Err(NoRoom(format!(
+            "{}: no placement of {} on {} was found that keeps its rules ({}); relax them, widen the mount, or lower its \
+             number of LiDARs",
+            if self.is_nameless() { "mount" } else { "mounts" },
+            counted(equipment.len(), "LiDAR"),
+            quoted(mounts.into_iter().map(|k| &self.mounts[k].region.name)),
+            self.constraints(&equipment).ties_in_words().join("; ")
+        )))
     }
 
     /// Rigs of few sensors: [`Self::cheapest`] first, then with one more on a mount where pairs leave no room for an odd one,

@@ -112,22 +112,18 @@ impl GroundRule {
                 GroundAsked::BlindZone(side, distance(at, "depth", depth)?)
             }
         };
-        let (default, share) = match asked {
-            GroundAsked::Within(metres) => (format!("ground to {metres} m"), required.share(at)?),
+        let (default, share, own) = match asked {
+            GroundAsked::Within(metres) => {
+                (format!("ground to {metres} m"), required.share(at)?, &["ground"][..])
+            }
             GroundAsked::BlindZone(side, metres) => {
                 let name = format!("blind zone {} to {metres} m", side.name());
-                (name, required.share.unwrap_or(1.0))
+                (name, required.share.unwrap_or(1.0), &["blind_zone", "depth"][..])
             }
         };
-        let own: &[&str] = match asked {
-            GroundAsked::Within(_) => &["ground", "share", "without_any_one"],
-            GroundAsked::BlindZone(..) => &["blind_zone", "depth", "share", "without_any_one"],
-        };
-        required.has_only(
-            at,
-            own,
-            |_| "a rule on the ground has `ground` and `share`, or `blind_zone` and `depth`",
-        )?;
+        let own = [own, &["share", "without_any_one"]].concat();
+        let mend = "a rule on the ground has `ground` and `share`, or `blind_zone` and `depth`";
+        required.has_only(at, &own, |_| mend)?;
         let without_any_one = required.without_any_one;
         let name = required.named(at, default_name(default, without_any_one))?;
         Ok(Some(Self { name, asked, share, without_any_one }))

@@ -1,6 +1,5 @@
 //! Sensor files of the vendors, told apart by content.
 
-mod column_window;
 mod csv;
 mod isaac;
 mod isaac_profile;
@@ -11,7 +10,6 @@ mod table;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::Deserialize;
 use serde::de::IgnoredAny;
 use sightline_files::Note;
 use sightline_files::json;
@@ -103,19 +101,13 @@ fn parse_any(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<S
 
 /// JSON of several owners: one key of each tells them apart.
 fn parse_json(at: &Location, text: &str) -> Checked<SensorPattern> {
-    #[derive(Deserialize)]
-    struct VendorKeys {
-        elevation_deg: Option<IgnoredAny>,
-        beam_altitude_angles: Option<IgnoredAny>,
-        beam_intrinsics: Option<IgnoredAny>,
-        profile: Option<IgnoredAny>,
-    }
-    let keys: VendorKeys = json::parse(text, &at.file)?;
-    if keys.elevation_deg.is_some() {
+    let keys: BTreeMap<String, Option<IgnoredAny>> = json::parse(text, &at.file)?;
+    let has = |key: &str| keys.get(key).is_some_and(Option::is_some);
+    if has("elevation_deg") {
         table::parse(at, text)
-    } else if keys.beam_altitude_angles.is_some() || keys.beam_intrinsics.is_some() {
+    } else if has("beam_altitude_angles") || has("beam_intrinsics") {
         ouster::parse(at, text)
-    } else if keys.profile.is_some() {
+    } else if has("profile") {
         isaac::parse(at, text)
     } else {
         json::refuse_own_kinds(text, &at.file, "the table of a sensor")?;

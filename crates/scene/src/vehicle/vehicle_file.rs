@@ -41,9 +41,6 @@ pub(crate) fn read<B: DeserializeOwned, M: DeserializeOwned>(
 
 impl Vehicle {
     /// Reads a vehicle file; its body is left to the scenes that name it.
-    ///
-    /// # Errors
-    /// Any [`DescriptionError`](json::DescriptionError); each names the file, the place in it and a remedy.
     pub fn read(path: &Path) -> Checked<Self> {
         let dir = path.parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -420,10 +420,6 @@ mod tests {
         assert!(!at(-2.0).contains("the whole mount"), "{}", at(-2.0));
     }
 
-    fn told_of_mount(mount: &str) -> String {
-        told_of_mount_beside(mount, "")
-    }
-
     fn told_of_mount_beside(mount: &str, bodies: &str) -> String {
         told(&format!(
             r#""frames": 2, "vehicle": {{"sightline": 1, {bodies}
@@ -439,7 +435,7 @@ mod tests {
         let side = "[[-1, 1, 0.5], [-1, 1, 1.5], [1, 1, 1.5], [1, 1, 0.5]]";
         let turned = "[[1, 1, 0.5], [1, 1, 1.5], [-1, 1, 1.5], [-1, 1, 0.5]]";
         let patch = |corners: &str, offset: &str| {
-            told_of_mount(&format!(r#""polygon": {corners}{offset}"#))
+            told_of_mount_beside(&format!(r#""polygon": {corners}{offset}"#), "")
         };
         let away = r#", "offset": [0, 0.1]"#;
         for sound in [patch(side, ""), patch(turned, ""), patch(side, away)] {

@@ -83,13 +83,7 @@ fn the_bodies_of_a_vehicle_take_the_place_of_the_scenes() {
     let vehicle = r#"{ "sensors": [{ "name": "a", "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 50 } }],
         "mounts": [{ "name": "roof", "min": [0, 0, 2], "max": [0, 0, 2], "count": 1 }],
         "bodies": [{ "parts": [{ "class": "vehicle", "box": { "min": [-1, -1, 0], "max": [1, 1, 1] } }], "poses": [{ "x": -4, "y": 0 }] }] }"#;
-    let text = full(
-        "",
-        r#", "ego": { "body": [{ "class": "vehicle", "box": { "min": [-2, -1, 0], "max": [2, 1, 1.5] } }] }"#,
-    );
-    let start = text.find("\"lidar\"").unwrap();
-    let end = text.find("\"static\"").unwrap();
-    let text = format!("{}\"vehicle\": {vehicle}, {}", &text[..start], &text[end..]);
+    let text = with_vehicle(vehicle, "", &format!(r#", "ego": {{ "body": [{TRACTOR}] }}"#));
     let scene = read(&text).unwrap();
     let least = scene.body().into_iter().flatten().map(|corner| corner[0]).fold(f32::MAX, f32::min);
     assert_eq!((scene.body().len(), least), (12, -5.0));

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::*;
-use crate::vehicle::{PoseGrid, Region, SensorName, SensorPose, Spacing};
+use crate::vehicle::{PoseGrid, Region, SensorName, SensorPose, Spacing, check_pairs};
 
 /// A van whose one mount is `mount` on the roof of `tests/data/roof.obj`.
 fn van(mount: &str) -> Checked<Scene> {
@@ -19,10 +19,7 @@ fn van_with(mounts: &str, rules: &str, dir: &Path) -> Checked<Scene> {
         r#"{{ "name": "van", "sensors": [{{ "name": "a", "lidar": {{ "directions": [[1, 0, 0]], "range": 30 }} }}],
           "mounts": [{mounts}]{rules} }}"#
     );
-    let scene = full(BOX, "");
-    let (from, to) = (scene.find("\"lidar\"").unwrap(), scene.find("\"static\"").unwrap());
-    let text = format!("{}\"vehicle\": {vehicle}, {}", &scene[..from], &scene[to..]);
-    Scene::from_json(&text, dir, "van.json")
+    Scene::from_json(&with_vehicle(&vehicle, BOX, ""), dir, "van.json")
 }
 
 /// An OBJ file of a grid of `count` × `count` squares whose corners are at `at` of two shares from 0 to 1.
@@ -204,38 +201,6 @@ fn sensors_on_a_cylinder_stand_and_rest_as_its_formula_says() {
     }
 }
 
-/// Poses of drawn variables are mirrored pairs that keep all rules, are found again, and have images on a grid.
-fn check_pairs(scene: &Scene, lidars: usize) {
-    let rules = scene.constraints();
-    assert_eq!(rules.lidars(), lidars);
-    let grid = PoseGrid::new(&rules, Spacing { metres: 0.11, radians: 0.13 }).unwrap();
-    for placement in crate::vehicle::random_placements(&rules, 200, 3) {
-        assert_eq!(rules.violations(&placement), [], "{placement:?}");
-        let back = rules.poses_of(&rules.variables_of(&placement).expect("it keeps the ties"));
-        for pose in &placement.lidars {
-            let found = back.iter().any(|b| b.position().distance(pose.position()) < 1e-9);
-            assert!(found, "{pose:?} is not among {back:?}");
-        }
-        for pair in placement.lidars.chunks_exact(2) {
-            let image = pair[0].mirrored().ego_from_sensor();
-            let off = image.rotation - pair[1].ego_from_sensor().rotation;
-            assert!(off.to_cols_array().iter().all(|v| v.abs() < 1e-9), "{pair:?}");
-            assert!(image.translation.distance(pair[1].position()) < 1e-9, "{pair:?}");
-        }
-        if let [odd] = placement.lidars.chunks_exact(2).remainder() {
-            assert!(odd.y.abs() < 1e-12 && odd.roll.abs() < 1e-9, "{odd:?}");
-        }
-        let ordered = rules.ordered(&placement.lidars).unwrap();
-        let ordered = crate::vehicle::Placement { lidars: ordered, ..placement };
-        for pair in grid.numbers_of(&ordered, rules.ties).chunks_exact(2) {
-            assert_eq!(grid.mirrored(pair[0]), pair[1]);
-            let image = grid.pose(pair[0]).mirrored().ego_from_sensor();
-            let off = image.translation.distance(grid.pose(pair[1]).position());
-            assert!(off < 1e-9, "{off} m");
-        }
-    }
-}
-
 #[test]
 fn mirrored_pairs_stand_on_a_roof_that_is_about_its_own_image() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data");
@@ -243,7 +208,7 @@ fn mirrored_pairs_stand_on_a_roof_that_is_about_its_own_image() {
     for count in [2, 3] {
         let mount = format!(r#"{{ "name": "roof", {ROOF}, "count": {count} }}"#);
         let scene = van_with(&mount, symmetric, &data).unwrap();
-        check_pairs(&scene, count);
+        check_pairs(&scene.constraints(), count);
         // The left half equals the mesh; the right half mirrors it, though the mesh's diagonals all run one way.
         let (own, mesh) = (&scene.constraints().slots[0].region, roof());
         let name = SensorName::default();
@@ -262,7 +227,7 @@ fn mirrored_pairs_stand_on_a_roof_that_is_about_its_own_image() {
     std::fs::write(dir.path().join("layers.obj"), grid_obj(20, layers)).unwrap();
     let mount = r#"{ "name": "roof", "count": 2, "roll": [-0.1, 0.1],
         "mesh": { "file": "layers.obj", "facing": { "direction": [0, 0, 1] } } }"#;
-    check_pairs(&van_with(mount, symmetric, dir.path()).unwrap(), 2);
+    check_pairs(&van_with(mount, symmetric, dir.path()).unwrap().constraints(), 2);
     let level = van_with(
         &format!(r#"{{ "name": "roof", {ROOF}, "count": 2 }}"#),
         ", \"equal_height\": true",
@@ -303,7 +268,7 @@ fn mirrored_pairs_stand_on_two_doors_and_a_tail() {
     write("right.obj", grid_obj(13, door(-1.0, 0.001)));
     let scene = van().unwrap();
     assert!(scene.constraints().kinds().len() == 3);
-    check_pairs(&scene, 7);
+    check_pairs(&scene.constraints(), 7);
     write("right.obj", grid_obj(13, door(-1.0, 0.02)));
     let message = van().unwrap_err().to_string();
     assert!(message.contains("possible with `left`, which has no mirror image"), "{message}");

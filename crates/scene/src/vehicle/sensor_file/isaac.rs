@@ -8,9 +8,8 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check};
 use sightline_files::{Note, json};
 
-use super::pattern;
 use super::pattern::{
-    Beams, Channel, MAX_BEAMS, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth,
+    self, Beams, Channel, MAX_BEAMS, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth,
     channel, check_count, direction, quoted,
 };
 
@@ -350,8 +349,7 @@ impl WindowColumns {
             let from = self.first as f64 * self.step;
             let to = from + (turns - 1) as f64 * states.len() as f64 * self.step;
             pattern.beams = Beams::Channels(channels);
-            pattern.azimuth =
-                Some(if to > 360.0 { [from - 360.0, to - 360.0] } else { [from, to] });
+            pattern.azimuth = Some(within_a_turn([from, to]));
             return Ok(());
         }
         let mut directions = Vec::new();
@@ -389,6 +387,11 @@ fn whole_columns(at: &Location, [from, to]: [f64; 2], step: f64) -> Checked<[f64
     Ok([first, last])
 }
 
+/// A window that ends within a turn from ahead, a turn earlier if need be.
+fn within_a_turn([from, to]: [f64; 2]) -> [f64; 2] {
+    if to > 360.0 { [from - 360.0, to - 360.0] } else { [from, to] }
+}
+
 fn cut_to([from, to]: [f64; 2]) -> Note {
     Note::fact(format!(
         "The profile measures from {from} to {to} degrees; only columns of this window are cast."
@@ -401,8 +404,7 @@ fn cut(at: &Location, pattern: &mut SensorPattern, window: [f64; 2]) -> Checked<
     // Without columns of its own the window ends where the file says.
     let step = pattern.azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
     let [first, last] = whole_columns(at, [from, to], step)?.map(|column| column * step);
-    pattern.azimuth =
-        Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
+    pattern.azimuth = Some(within_a_turn([first, last]));
     pattern.notes.push(cut_to(window));
     Ok(())
 }

@@ -271,24 +271,13 @@ pub(super) fn quoted(text: &str) -> String {
 pub(super) type Rest = BTreeMap<Key, IgnoredAny>;
 
 /// The start of a key: YAML repeats a long one by an alias of two letters.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize)]
+#[serde(from = "String")]
 pub(super) struct Key(String);
 
-impl<'de> Deserialize<'de> for Key {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct KeyVisitor;
-        impl Visitor<'_> for KeyVisitor {
-            type Value = Key;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a key")
-            }
-
-            fn visit_str<E>(self, text: &str) -> Result<Key, E> {
-                Ok(Key(text.chars().take(LONGEST + 1).collect()))
-            }
-        }
-        deserializer.deserialize_str(KeyVisitor)
+impl From<String> for Key {
+    fn from(text: String) -> Self {
+        Self(text.chars().take(LONGEST + 1).collect())
     }
 }
 

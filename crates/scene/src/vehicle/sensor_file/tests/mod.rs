@@ -1,9 +1,6 @@
 //! Samples of each format, written by hand, and the tables of real sensors.
 
-mod doubts;
-mod isaac_out;
 mod own_word;
-mod real;
 mod samples;
 
 use super::{SensorPattern, parse};

@@ -1,7 +1,11 @@
-//! A small file of each format, and errors of broken ones.
+//! A small file of each format, and errors of broken ones; profiles for Isaac that are read back; tables of real sensors,
+//! and directions that a vendor's own library gives.
 
-use super::super::{Beams, SensorFormat, SensorPattern, parse};
+use std::path::{Path, PathBuf};
+
+use super::super::{self as sensor_file, Beams, SensorFormat, SensorPattern, isaac_profile, parse};
 use super::{message, notes, read};
+use crate::vehicle::{BeamTable, Lidar, Response};
 use sightline_files::json::Location;
 
 /// Elevation and offset of each channel.
@@ -280,4 +284,153 @@ fn the_unknown_is_told_what_is_read() {
         );
     }
     assert!(message(b"").contains("the file is empty"));
+}
+
+/// A sensor of two channels, one of them off to the left.
+fn spinning(azimuth_steps: u32, azimuth: Option<[f64; 2]>) -> Lidar {
+    Lidar::Spinning {
+        elevations: vec![-24.123456789, 15.0],
+        azimuth_offsets: vec![0.0, 1.7],
+        azimuth_steps,
+        azimuth,
+        range: 120.0,
+    }
+}
+
+/// The beams that a profile is read as.
+fn beams(profile: &serde_json::Value) -> (BeamTable, bool) {
+    let pattern = read(profile.to_string()).unwrap();
+    assert_eq!(pattern.format, SensorFormat::Isaac);
+    assert_eq!(pattern.model.as_deref(), Some("a sensor"));
+    let measures = pattern.measures;
+    assert_eq!((measures.range, measures.min_range), (Some(120.0), Some(0.7)));
+    assert_eq!((measures.noise, measures.rated_range), (Some(0.03), Some(70.0)));
+    assert_eq!(measures.rate, Some(12.5));
+    let (steps, azimuth) = pattern.columns(pattern.azimuth_steps.unwrap_or(1));
+    let lidar = match pattern.beams {
+        Beams::Directions(directions) => Lidar::Directions { directions, range: 120.0 },
+        Beams::Channels(channels) => Lidar::Spinning {
+            elevations: channels.iter().map(|channel| channel.elevation).collect(),
+            azimuth_offsets: channels.iter().map(|channel| channel.azimuth_offset).collect(),
+            azimuth_steps: steps,
+            azimuth,
+            range: 120.0,
+        },
+    };
+    (lidar.table().unwrap(), matches!(lidar, Lidar::Spinning { .. }))
+}
+
+#[test]
+fn profiles_are_read_back_as_the_same_beams_in_the_same_order() {
+    let response = Response {
+        rate: 12.5,
+        rated_range: 70.0,
+        noise: 0.03,
+        min_range: 0.7,
+        ..Response::usual(120.0)
+    };
+    let listed = vec![[1.0, 0.0, 0.0], [0.6, 0.0, 0.8], [-0.48, -0.64, -0.6], [0.0, 0.0, 1.0]];
+    let tilted = Lidar::Spinning {
+        elevations: vec![100.0, 10.0],
+        azimuth_offsets: vec![0.0; 2],
+        azimuth_steps: 36,
+        azimuth: None,
+        range: 120.0,
+    };
+    for (lidar, turns) in [
+        (spinning(900, None), true),
+        // Columns of a turn of 360: a window of it, before and behind 0°.
+        (spinning(121, Some([-60.0, 60.0])), true),
+        (spinning(31, Some([300.0, 330.0])), true),
+        // 120° in 239 steps: no turn has such columns.
+        (spinning(240, Some([-60.0, 60.0])), false),
+        (spinning(61, Some([330.0, 390.0])), false),
+        (spinning(1, Some([5.0, 5.0])), false),
+        (tilted, false),
+        (Lidar::Directions { directions: listed, range: 120.0 }, false),
+    ] {
+        let wanted = lidar.table().unwrap();
+        let (found, is_rotary) = beams(&isaac_profile("a sensor", &lidar, &response));
+        assert_eq!(is_rotary, turns, "{lidar:?}");
+        assert_eq!(found.directions().len(), wanted.directions().len(), "{lidar:?}");
+        for (k, (found, wanted)) in found.directions().iter().zip(wanted.directions()).enumerate() {
+            for (a, b) in found.iter().zip(wanted) {
+                assert!((a - b).abs() < 2e-7, "beam {k} of {lidar:?}: {found:?}, not {wanted:?}");
+            }
+        }
+    }
+}
+
+fn sensors() -> PathBuf {
+    Path::new(env!("REAL_DATA")).join("sensors")
+}
+
+/// Every table and pattern is read; the notes on the two patterns hold no beams.
+#[test]
+#[cfg_attr(not(has_sensors), ignore = "needs sensors in ../shared/data or SIGHTLINE_DATA")]
+fn every_table_of_a_real_sensor_is_read() {
+    let (mut tables, mut patterns) = (0, 0);
+    for entry in std::fs::read_dir(sensors()).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            continue;
+        }
+        let text = std::fs::read(&path).unwrap();
+        if String::from_utf8_lossy(&text).contains("\"non-repetitive scan pattern\"") {
+            continue;
+        }
+        match sensor_file::read(&path, None).unwrap().beams {
+            Beams::Channels(channels) => {
+                let plain: serde_json::Value = serde_json::from_slice(&text).unwrap();
+                assert_eq!(plain["channels"], channels.len(), "{}", path.display());
+                tables += 1;
+            }
+            Beams::Directions(directions) => {
+                assert!(directions.len() >= 20_000, "{}", path.display());
+                patterns += 1;
+            }
+        }
+    }
+    assert_eq!((tables, patterns), (23, 2));
+}
+
+/// (channel, column, unit direction): `ouster.sdk.core.XYZLut(info, use_extrinsics=False)` of ouster-sdk
+/// 1.0.1, at the ranges of 2000 and 1000 mm; the difference, normalized.
+type Golden = [(usize, usize, [f64; 3]); 6];
+
+const OS1: Golden = [
+    (0, 0, [-0.931372864, 0.068559182, 0.357553111]),
+    (0, 1, [-0.930934660, 0.074272688, 0.357553111]),
+    (1, 700, [0.357993134, -0.864431899, 0.352984998]),
+    (63, 512, [0.997289771, 0.073411384, -0.004886902]),
+    (127, 1023, [-0.925428402, -0.073670839, -0.371691916]),
+    (64, 100, [-0.772948389, 0.634370571, -0.011169875]),
+];
+
+const OS0: Golden = [
+    (0, 0, [-0.702898549, 0.134720891, 0.698415285]),
+    (0, 1, [-0.702058686, 0.139031260, 0.698415285]),
+    (1, 700, [0.249859841, -0.677775592, 0.691513056]),
+    (63, 512, [0.989470061, 0.144524446, -0.007853901]),
+    (127, 1023, [-0.679049646, -0.136569727, -0.721276845]),
+    (64, 100, [-0.726350828, 0.687025936, -0.020244436]),
+];
+
+#[test]
+#[cfg_attr(not(has_sensors), ignore = "needs sensors in ../shared/data or SIGHTLINE_DATA")]
+fn ouster_metadata_gives_the_directions_of_its_sdk() {
+    for (file, golden) in [("os1_128", OS1), ("os0_128", OS0)] {
+        let path = sensors().join(format!("raw/ouster_{file}_metadata.json"));
+        let pattern = sensor_file::read(&path, None).unwrap();
+        let steps = pattern.azimuth_steps.unwrap();
+        assert_eq!((pattern.format, steps), (SensorFormat::Ouster, 1024));
+        let table = Lidar::from_sensor_file(&path, steps, 100.0).unwrap().table().unwrap();
+        for (channel, column, want) in golden {
+            // Columns of the sensor go clockwise from behind, ours counter-clockwise from ahead.
+            let step = (512 + 1024 - column) % 1024;
+            let got = table.directions()[channel * 1024 + step];
+            let off = (0..3).map(|axis| (f64::from(got[axis]) - want[axis]).abs());
+            assert!(off.clone().fold(0.0, f64::max) < 1e-6, "{file} {channel} {column}: {got:?}");
+        }
+    }
 }
