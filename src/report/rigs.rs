@@ -137,10 +137,14 @@ fn decided_in_words(scores: &Scores, ours: &Standing, theirs: &Standing) -> Stri
     } else {
         "decided by near_gain".to_owned()
     };
+    let copies = match scores.requirements_hold_in {
+        Some(_) => "then whether copies mounted a little off meet them, ",
+        None => "",
+    };
     match scores.met() {
         [_, 0] => by,
         _ => format!(
-            "{by}; requirements come first, then the number of violated guards, then near_gain"
+            "{by}; requirements come first, {copies}then the number of violated guards, then near_gain"
         ),
     }
 }

@@ -141,12 +141,18 @@ fn alone_in_words(subject: &str, best: &Scored, baselines: &[Scored], objective:
             "no baseline keeps every rule and requirement without a warning ({name}: {reason})"
         ),
     };
+    let least = baselines.iter().min_by(|a, b| a.scores.missing().total_cmp(&b.scores.missing()));
+    let closer = least.filter(|of| of.scores.missing() < best.scores.missing()).map(|of| {
+        let ([met, all], price) = (of.scores.met(), of.price.map_or(String::new(), at_price));
+        format!("{} misses less: {met} of {all} requirements met{price}; ", of.placement.name)
+    });
+    let closer = closer.unwrap_or_default();
     let lidars = counted(best.placement.lidars.len(), "LiDAR");
     let gain = match best.scores.required.is_empty() {
         true => near_gain_in_words(best),
         false => String::new(),
     };
-    format!("{subject} has {lidars}{gain}; {why}")
+    format!("{subject} has {lidars}{gain}; {closer}{why}")
 }
 
 /// The near gain, such as ` with a near gain of 45.32 %`; empty where there is none.

@@ -85,6 +85,9 @@ struct SeenSums {
     by_technologies: Sums,
 }
 
+/// Targets by the LiDARs that see them, and by technologies.
+type TargetsSeen = (Vec<TargetSeenBy<SeenBy>>, Vec<TargetSeenBy<SeenByTechnologies>>);
+
 impl SeenSums {
     fn mean(&self, models: &PlacementModels, cones: Option<&ConeSite>) -> CountedThings {
         CountedThings {
@@ -268,8 +271,7 @@ impl RedundancySite {
         question: &TargetQuestion,
         placement: &Placement,
         models: &PlacementModels,
-    ) -> Result<(Vec<TargetSeenBy<SeenBy>>, Vec<TargetSeenBy<SeenByTechnologies>>), BackendError>
-    {
+    ) -> Result<TargetsSeen, BackendError> {
         let (mut found, mut by_technology) = (Vec::new(), Vec::new());
         let Some(site) = &self.targets else { return Ok((found, by_technology)) };
         let standing = question.on_level();

@@ -78,7 +78,8 @@ impl GroundBelow {
         let [low, high] = target.corners.map(|corner| ground + corner[2]);
         let above: Vec<f64> = others.into_iter().filter(|&z| z >= low).collect();
         let is_free = above.iter().all(|&z| z > high)
-            && (above.len() % 2 == 0 || !self.is_closed(geometry, [x, y, 0.5 * (low + high)]));
+            && (above.len().is_multiple_of(2)
+                || !self.is_closed(geometry, [x, y, 0.5 * (low + high)]));
         is_free.then_some(ground)
     }
 

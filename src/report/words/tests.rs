@@ -321,6 +321,23 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
 }
 
 #[test]
+fn a_baseline_with_a_warning_that_misses_less_is_told() {
+    let rig = |name: &str, share: f64| {
+        let mut of = planted(name, 0.5, 500.0);
+        of.scores.required = vec![Seen::of("child", share), Seen::of("ring", 0.9)];
+        of
+    };
+    let mut warned = rig("warned", 0.9);
+    (warned.price, warned.scores.guards) = (Some(11_400.0), vec![Guard::CoversNothing]);
+    let poor = rig("poor", 0.3);
+    let told = judged(&rig("hand", 0.5), &[poor, warned], "m_sog_scaled");
+    let words = "; warned misses less: 2 of 2 requirements met at a price of 11400; no baseline keeps every rule";
+    assert!(told.contains(words), "{told}");
+    let told = judged(&rig("hand", 0.5), &[rig("poor", 0.3)], "m_sog_scaled");
+    assert!(!told.contains("misses less"), "{told}");
+}
+
+#[test]
 fn the_first_sentence_says_what_a_run_did_not_look_at() {
     let frames = " over 4 of 40 frames, as far as the run got".to_owned();
     let of_run = OfRun { frames, has_copies: true, ..OfRun::default() };
