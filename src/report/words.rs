@@ -39,6 +39,9 @@ pub(crate) fn run_verdict(run: &RunRecord) -> String {
     format!("{sentences} Not tried: {untried}.{list}")
 }
 
+/// Unmet requirements that a verdict tells with share and places; of more it has the names.
+const MOST_LACKING: usize = 2;
+
 /// Parts of a verdict that only a run has; either may be empty.
 #[derive(Default)]
 struct OfRun {
@@ -186,8 +189,15 @@ fn required_in_words(subject: &str, of_run: &OfRun, best: &Scored, cheaper: &str
         [_, 1] => format!("The requirement is not met{facts}"),
         [met, of] => format!("{met} of {of} requirements met{facts}"),
     };
-    let lacking = best.scores.required.iter().filter(|seen| !seen.is_met());
-    let lacking: String = lacking.map(|seen| format!("{seen}. ")).collect();
+    let lacking = || best.scores.required.iter().filter(|seen| !seen.is_met());
+    let lacking = match lacking().count() {
+        // More would hide the sentences behind them; shares and places stand below.
+        count if count > MOST_LACKING => {
+            let names: Vec<String> = lacking().map(|seen| seen.title()).collect();
+            format!("NOT MET: {}. ", names.join("; "))
+        }
+        _ => lacking().map(|seen| format!("{seen}. ")).collect(),
+    };
     format!("{met}{cheaper}. {lacking}")
 }
 

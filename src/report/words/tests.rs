@@ -318,6 +318,10 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     found.price = Some(9200.0);
     let words = judged(&found, &[], "m_sog_scaled");
     assert!(words.starts_with("1 of 2 requirements met at a price of 9200. NOT MET: "), "{words}");
+    found.scores.required.extend([Seen::of("a", 0.1), Seen::of("b", 0.2)]);
+    let words = judged(&found, &[], "m_sog_scaled");
+    let start = "1 of 4 requirements met at a price of 9200. NOT MET: ring; a; b. ";
+    assert!(words.starts_with(start), "{words}");
 }
 
 #[test]

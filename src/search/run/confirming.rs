@@ -249,7 +249,8 @@ impl Run {
     }
 
     /// The best of the ends of the swaps. Fewer frames than all tell the ends apart too badly to take the first, and another
-    /// end is better than a first one that looks at the own body.
+    /// end is better than a first one that looks at the own body. Where the time is over before the others are scored, the
+    /// first one counts alone.
     fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
         let Some(swaps) = self.state.swaps.clone() else { return Ok(Some(None)) };
         let mut ends = vec![swaps.placement];
@@ -257,8 +258,13 @@ impl Run {
             ends.extend(swaps.others);
         }
         let ends: Vec<Placement> = ends.iter().map(|end| self.written(end)).collect();
-        let Some(judged) = self.judged_over_all(&ends, watch)? else { return Ok(None) };
-        let mut scored = self.scored(&ends, judged, watch)?;
+        let (first, others) = ends.split_at(1);
+        let Some(mut judged) = self.judged_over_all(first, watch)? else { return Ok(None) };
+        match self.judged_over_all(others, watch)? {
+            Some(more) => judged.extend(more),
+            None => left_out(&format!("the score of {} more ends of climbs", others.len()), watch),
+        }
+        let mut scored = self.scored(&ends[..judged.len()], judged, watch)?;
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
         let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
         let (evaluations, poses_cast) = (swaps.evaluations, swaps.poses_cast);
