@@ -8,10 +8,11 @@ use super::scene::StudyScene;
 use super::table::{Cases, shown_objective};
 use super::{Row, StudyError, Table, TablePlot};
 use crate::job::{Loss, Losses, without};
+use crate::problem::Problem;
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, SearchError};
 use crate::targets::{BlindSector, RangeCard};
-use crate::vehicle::{Constraints, Placement};
+use crate::vehicle::{Constraints, Placement, SensorPose};
 
 /// Step size at the start, as a share of each range.
 const STEP_SIZE: f64 = 0.3;
@@ -225,8 +226,8 @@ fn after_worst_loss(
     Ok(placements.iter().map(worst).collect())
 }
 
-/// CMA-ES for the placement that is best after its worst loss; it starts from the placements of `rows`
-/// and the ones that searches of the rig start from.
+/// CMA-ES for the placement that is best after its worst loss, no worse than the placements of `rows` and the ones that
+/// searches of the rig start from, at which it begins.
 fn most_robust(
     scene: &StudyScene,
     evaluator: &mut Evaluator,
@@ -236,7 +237,9 @@ fn most_robust(
     let constraints = &rig.constraints;
     let starts = rows.iter().filter_map(|row| row.placement.as_ref()).chain(&rig.starts);
     let usable = starts.filter(|p| constraints.violations(p).is_empty());
-    let starts: Vec<Vec<f64>> = usable.filter_map(|p| constraints.variables_of(p)).collect();
+    let named = |lidars: Vec<SensorPose>| Placement { name: "robust".into(), lidars };
+    let given: Vec<Placement> = usable.map(|start| named(start.lidars.clone())).collect();
+    let starts: Vec<Vec<f64>> = given.iter().filter_map(|p| constraints.variables_of(p)).collect();
     let bounds = constraints.variable_bounds();
     let middle: Vec<f64> = bounds.iter().map(|(low, high)| 0.5 * (low + high)).collect();
     let seed = scene.settings.seed;
@@ -244,26 +247,33 @@ fn most_robust(
     let mut cma = Cma::new(&middle, STEP_SIZE, options).map_err(SearchError::from)?;
     cma.inject(&starts).map_err(SearchError::from)?;
     let mut best: Option<(f64, Placement)> = None;
-    let mut evaluations = 0;
-    while evaluations < scene.settings.evaluations && cma.stop().is_none() && scene.goes_on() {
-        let candidates = cma.ask();
-        let placement = |point: &[f64]| Placement {
-            name: "robust".into(),
-            lidars: constraints.poses_of(point),
-        };
-        let placements: Vec<Placement> =
-            candidates.iter().map(|candidate| placement(candidate.point())).collect();
-        let costs = costs(scene, evaluator, constraints, &placements)?;
-        for (placement, &cost) in placements.iter().zip(&costs) {
-            let counts = cost < NO_VALUE || (MISSED..BROKEN).contains(&cost);
+    let requires = requires(evaluator.problem());
+    let mut keep = |placements: &[Placement], costs: &[f64]| {
+        for (placement, &cost) in placements.iter().zip(costs) {
+            // A rig that meets all requirements comes before one that does not, with a value or without.
+            let counts = cost < NO_VALUE || (requires && cost < BROKEN);
             if counts && best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, placement.clone()));
             }
         }
+    };
+    // The CMA-ES moves starts that are far from its mean.
+    keep(&given, &costs(scene, evaluator, constraints, &given)?);
+    let mut evaluations = given.len() as u64;
+    while evaluations < scene.settings.evaluations && cma.stop().is_none() && scene.goes_on() {
+        let candidates = cma.ask();
+        let poses = candidates.iter().map(|candidate| constraints.poses_of(candidate.point()));
+        let placements: Vec<Placement> = poses.map(named).collect();
+        let costs = costs(scene, evaluator, constraints, &placements)?;
+        keep(&placements, &costs);
         cma.tell(&candidates, &costs).map_err(SearchError::from)?;
         evaluations += candidates.len() as u64;
     }
     Ok(best.map(|(_, placement)| placement))
+}
+
+fn requires(problem: &Problem) -> bool {
+    !problem.content().areas().is_empty() || problem.requires_sight()
 }
 
 /// −objective after the worst loss; rules come before requirements, these before guards, and guards before the objective.
@@ -278,9 +288,7 @@ fn costs(
     let keeps_rules =
         |(placement, &broken): (&Placement, &f64)| (broken == 0.0).then(|| placement.clone());
     let kept: Vec<Placement> = placements.iter().zip(&broken).filter_map(keeps_rules).collect();
-    let problem = evaluator.problem();
-    let requires = !problem.content().areas().is_empty() || problem.requires_sight();
-    let missing: Vec<f64> = match requires {
+    let missing: Vec<f64> = match requires(evaluator.problem()) {
         true => scene.scores(evaluator, &kept)?.iter().map(Scores::missing).collect(),
         false => vec![0.0; kept.len()],
     };
