@@ -59,7 +59,7 @@ fn score_prints_each_scene_and_the_mean() {
     let covers = [&["score", "room.json", "hall.json", "p.json", "--coverage-out", "c"], &CPU[..]];
     ok(&dir, &covers.concat());
     assert!(dir.path().join("c/hall/sides.npy").exists());
-    // Several files of placements are scored together; a name that comes again gets its file behind it.
+    // Several files of placements are scored together; a name that comes twice gets its file behind it on either side.
     fs::copy(dir.path().join("p.json"), dir.path().join("again.json")).unwrap();
     let once = ok(&dir, &[&["score", "room.json", "p.json"], &CPU[..]].concat());
     for scenes in [&["room.json"][..], &["room.json", "hall.json"]] {
@@ -71,9 +71,10 @@ fn score_prints_each_scene_and_the_mean() {
         assert_eq!(all.len(), 2 * once.len() + 1);
         let names: Vec<&str> = all.iter().map(|scores| scores["name"].as_str().unwrap()).collect();
         let again = names.iter().position(|name| *name == "sides (again.json)").unwrap();
-        let sides = names.iter().position(|name| *name == "sides").unwrap();
+        let sides = names.iter().position(|name| *name == "sides (p.json)").unwrap();
         assert_eq!(all[again]["information_gain"], all[sides]["information_gain"]);
-        assert_eq!(names[names.len() - 1], "sides (p.json)", "{names:?}");
+        assert_eq!(names[names.len() - 1], "sides (p.json, 2)", "{names:?}");
+        assert!(!names.contains(&"sides"), "{names:?}");
     }
     let text = stdout(&dir, "score room.json hall.json p.json");
     for words in ["room: first-hit over 3", "hall: first-hit over 4", "mean of room, hall"] {

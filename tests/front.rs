@@ -348,6 +348,9 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     assert_eq!((&made["placement"], &made["price"]), (&json!(first), &met[0]["price"]));
     let readme = fs::read_to_string(dir.path().join("rig/README.txt")).unwrap();
     assert!(readme.contains("Found with seed 1 in the run run"), "{readme}");
+    let words = format!("Result: {first}: meets its requirement (car");
+    let copies = format!(", {of_cheapest:.0} % of copies mounted within the tolerance meet all");
+    assert!(readme.contains(&words) && readme.contains(&copies), "{readme}");
     let kept = read("checkpoint.json");
     // Gone on with at its end, it says where it is; drawings of one placement are refused.
     let told = fails(&dir, "optimize --resume run --gltf a.glb");

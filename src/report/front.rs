@@ -1,18 +1,29 @@
 //! The front of two or three objectives: `result.json`, a table, a drawing.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `text` | the front in words, and its table as text |
+
+mod text;
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::columns::align_columns;
 use super::plot::{Axis, Plot, Series};
 use super::study::lost;
 use super::svg::trimmed;
 use super::tables::{optional, score_rows, score_titles};
 use crate::csv::{csv, number};
-use crate::job::{Front, FrontObjective, FrontPoint, FrontStopped};
-use crate::scan::conditions::under;
+use crate::job::{Front, FrontObjective, FrontPoint};
 use crate::score::{percent_down, percent_up};
 use crate::targets::RangeCard;
+
+pub(crate) use text::front_text;
+pub(super) use text::{front_verdict, refined_in_words};
+use text::{met_in_words, names_in_words};
+
+/// Title of the column of requirements.
+const REQUIRED: &str = "requirements";
 
 /// All of `result.json` of a front.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -187,7 +198,7 @@ pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
     let mut titles = vec!["placement".to_owned()];
     titles.extend(all.iter().map(title));
     titles.extend((!by_number).then(|| "sensors".to_owned()));
-    titles.extend(requires.then(|| "requirements".to_owned()));
+    titles.extend(requires.then(|| REQUIRED.to_owned()));
     let [has_copies, has_blind] =
         [copies, blind].map(|of| all_shown(front).any(|point| of(point).is_some()));
     titles.extend(has_copies.then(|| "copies %".to_owned()));
@@ -199,101 +210,13 @@ pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
             all.iter().zip(&point.values).map(|(objective, value)| shown(objective, *value)),
         );
         cells.extend((!by_number).then(|| point.placement.lidars.len().to_string()));
-        let met = if point.meets { "met" } else { "NOT MET" };
-        cells.extend(requires.then(|| met.to_owned()));
+        cells.extend(requires.then(|| met_in_words(point)));
         cells.extend(has_copies.then(|| optional(copies(point).map(percent_down), 1)));
         cells.extend(has_blind.then(|| blind(point).map_or("–".to_owned(), |of| trimmed(of, 1))));
         cells.push(role_of(front, k));
         cells
     };
     std::iter::once(titles).chain(all_shown(front).enumerate().map(row)).collect()
-}
-
-/// The front in a sentence: how many points, and which is the cheapest that meets all requirements.
-pub(super) fn front_verdict(front: &Front) -> String {
-    let names = front.objectives.names().join(" against ");
-    let mut words = match front.points.len() {
-        0 => return format!("No placement was found for {names}"),
-        1 => {
-            format!("One placement is the best in each of {}", front.objectives.names().join(", "))
-        }
-        count if has_requirements(front) => format!(
-            "{count} placements, {names}: none is beaten in all of them by one that meets the requirements as it does"
-        ),
-        count => format!("{count} placements, {names}: none is beaten by another in all of them"),
-    };
-    if has_requirements(front) {
-        let met = front.points.iter().filter(|point| point.meets);
-        let cheapest = met.min_by(|a, b| a.price.total_cmp(&b.price));
-        words += &match cheapest {
-            Some(point) => {
-                let held = copies(point).map_or(String::new(), |share| {
-                    let on_paper = point.scores.holds_on_paper().map_or("in", |_| "on paper only:");
-                    format!(
-                        ", {on_paper} {} % of copies mounted within the tolerance",
-                        percent_down(share)
-                    )
-                });
-                let (price, name) = (trimmed(point.price, 2), &point.placement.name);
-                format!(". The cheapest that meets all requirements costs {price} ({name}{held})")
-            }
-            None => ". NOT MET: no point meets all requirements".to_owned(),
-        };
-    }
-    words
-}
-
-/// Sentence on how far the poses of the points were searched, and how one is refined.
-pub(super) fn refined_in_words(front: &Front, record: &FrontRecord) -> String {
-    let refined = match record.settings["search"]["evaluations"].as_u64() {
-        Some(evaluations) if evaluations > 0 => {
-            let as_far = match front.stopped {
-                FrontStopped::Complete => "",
-                FrontStopped::Time | FrontStopped::Interrupted => ", as far as the time allowed",
-            };
-            format!("poses of the points were searched with {evaluations} evaluations each{as_far}")
-        }
-        _ => "points of the front stand on the coarse grid of poses and are not refined".to_owned(),
-    };
-    match front.points.iter().any(|point| point.price > 0.0) {
-        true => format!("{refined}; `sightline optimize` with --budget PRICE refines one"),
-        false => refined,
-    }
-}
-
-/// A front and its folder as text: the sentence, the table with the picks, the sensors of each point.
-pub(crate) fn front_text(front: &Front, record: &FrontRecord, folder: &std::path::Path) -> String {
-    let mut text = format!("{}\n\n", front_verdict(front));
-    if !front.points.is_empty() {
-        let under = under(&record.conditions);
-        text +=
-            &format!("{}: front of {}{under}\n", record.scene, front.objectives.names().join(", "));
-        let mut all = front_rows(front);
-        // The picks stand at the left of their column.
-        let picks: Vec<&mut String> = all.iter_mut().filter_map(|row| row.last_mut()).collect();
-        let width = picks.iter().map(|pick| pick.chars().count()).max().unwrap_or(0);
-        picks.into_iter().for_each(|pick| *pick = format!("{pick:width$}"));
-        text += &align_columns(&all);
-        text += "\nsensors\n";
-        for point in all_shown(front) {
-            text += &format!("  {}: {}\n", point.placement.name, point.equipment);
-        }
-        if has_requirements(front) {
-            text += "\ncopies %: copies mounted within the tolerance that meet all requirements; ";
-        } else {
-            text += "\n";
-        }
-        text += &format!("{}\n", blind_in_words(front));
-        text += &format!("{}\n", refined_in_words(front, record));
-    }
-    text + &format!(
-        "\nstopped: {}, after {} placements scored over all frames in {:.1} s on {}; report: {}\n",
-        record.stopped,
-        record.scored,
-        record.seconds,
-        record.backend,
-        folder.join("report.html").display()
-    )
 }
 
 /// A row a point, then a row a baseline: objectives, price, sensors, whether it meets all requirements, its picks or
@@ -350,7 +273,7 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
         other => title(other),
     };
     let [x_title, y_title] = [0, 1].map(|k| unit(&all[k]));
-    let title = format!("front of {}", front.objectives.names().join(", "));
+    let title = format!("Placements by {}", names_in_words(front));
     let series = series.into_iter().chain([baselines_drawn(front, at)]);
     let series = series.filter(|series| !series.points.is_empty()).collect();
     Plot { title, x_title, y_title, x: Axis::Numbers, series }
@@ -374,9 +297,11 @@ fn baselines_drawn(front: &Front, at: impl Fn(&FrontPoint) -> (f64, f64)) -> Ser
 
 #[cfg(test)]
 mod tests {
+    use super::text::front_table;
     use super::*;
-    use crate::job::Pick;
+    use crate::job::{FrontStopped, Pick};
     use crate::report::words::tests::planted;
+    use crate::score::Seen;
 
     #[test]
     fn missing_points_are_rounded_up_as_on_the_page() {
@@ -408,6 +333,10 @@ mod tests {
         };
         let words = "One placement is the best in each of price, near_gain";
         assert_eq!(front_verdict(&front), words);
+        let three = Front { points: vec![front.points[0].clone(); 3], ..front.clone() };
+        let words =
+            "3 placements by price and near gain. No other placement found is better in both";
+        assert_eq!(front_verdict(&three), words);
         let knee = Front { picks: vec![(Pick::Knee, 0)], ..front.clone() };
         let knee_drawn = front_plot(&knee).svg();
         assert!(
@@ -430,6 +359,24 @@ mod tests {
         let rows = front_rows(&beside);
         assert_eq!((&*rows[2][0], &*rows[2][2]), ("mine", "25.00"));
         assert_eq!(rows[2].last().map(String::as_str), Some("baseline"));
+        // Picks and baselines have a line each, and the requirement that is missed most is named.
+        let mut missing = Front { picks: vec![(Pick::Knee, 0)], ..beside.clone() };
+        let required = [("car", 0.7), ("child", 0.25), ("tyre", 1.0)];
+        let required = required.map(|(name, share)| Seen::of(name, share)).to_vec();
+        missing.baselines[0].scores.required = required.clone();
+        missing.points[0].scores.required = required[2..].to_vec();
+        let table = front_table(&missing);
+        let told = "child: 25.0 % seen, 90.0 % required, and 1 more requirement";
+        for words in [&*format!("\n  ! {told}\n"), "\n\nknee: only\nbaseline: mine\n"] {
+            assert!(table.contains(words), "{words}: {table}");
+        }
+        assert!(!table.contains("pick") && table.contains("  NOT MET\n"), "{table}");
+        assert_eq!(front_rows(&missing)[2][4], "NOT MET: child, 25.0 of 90.0 %");
+        let verdict =
+            front_verdict(&Front { points: vec![missing.points[0].clone(); 2], ..missing });
+        let words = "2 placements by price and near gain. No other placement found is better in both and meets the \
+                     requirements as well. The cheapest that meets all requirements costs";
+        assert!(verdict.starts_with(words), "{verdict}");
         // Sensors that reach 20 m: nobody looked farther.
         let words = "blind °: bearings in which a car is lost between 5 and";
         assert_eq!(blind_in_words(&front), format!("{words} 50 m"));

@@ -47,9 +47,11 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
     steps.extend(beyond.iter().map(|words| format!("Out of reach: {words}.")));
     let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
     if !unmet.iter().all(is_beyond) {
-        let room = room_in_words(&run.settings).filter(|_| !is_cut);
-        let budget = if is_cut { String::new() } else { dearer(&run.settings, room.as_deref()) };
-        steps.extend(room);
+        let room = |names_mounts| room_in_words(&run.settings, names_mounts).filter(|_| !is_cut);
+        let budget =
+            if is_cut { String::new() } else { dearer(&run.settings, room(true).as_deref()) };
+        // The fewest sensors leave mounts empty on purpose.
+        steps.extend(room(run.settings["fewest"] != true));
         let evaluations = 2 * run.settings["search"]["evaluations"].as_u64().unwrap_or(180);
         let time = match run.settings["max_seconds"].is_number() {
             true => "more time (--resume goes on), ",
@@ -125,8 +127,8 @@ fn dearer(settings: &Value, room: Option<&str>) -> String {
 }
 
 /// Money that is left, mounts that could hold a LiDAR for it, and the `count` that forces one there; `None` where neither
-/// money nor room is left.
-fn room_in_words(settings: &Value) -> Option<String> {
+/// money nor room is left. Mounts with room are left out where `names_mounts` is false.
+fn room_in_words(settings: &Value, names_mounts: bool) -> Option<String> {
     let equipped = &settings["equipped"];
     let open = Vec::<OpenMount>::deserialize(&equipped["open_mounts"]).unwrap_or_default();
     let [cost, budget] = [&equipped["cost"], &settings["budget"]].map(Value::as_f64);
@@ -141,6 +143,7 @@ fn room_in_words(settings: &Value) -> Option<String> {
     let list = named.iter().take(MOST_MOUNTS).cloned().collect::<Vec<_>>().join(", ") + &more;
     match (unspent, named.is_empty()) {
         (None, true) => None,
+        (unspent, false) if !names_mounts => unspent.map(|unspent| format!("Unspent: {unspent}.")),
         (None, false) => Some(format!("{MOUNTS_WITH_ROOM}: {list}.")),
         (Some(unspent), true) => {
             Some(format!("Unspent: {unspent}; no mount has room for a sensor at that price."))
@@ -251,7 +254,7 @@ mod tests {
             let open = |mount: &str, lidars: u32, most: u32, price: f64| json!({ "mount": mount, "lidars": lidars, "most": most, "price": price });
             let mounts = [open("rear", 0, 1, 900.0), open("roof", 1, 3, 2800.0)];
             let equipped = json!({ "cost": 9100.0, "open_mounts": mounts });
-            room_in_words(&json!({ "budget": budget, "equipped": equipped }))
+            room_in_words(&json!({ "budget": budget, "equipped": equipped }), true)
         };
         let rear = "`rear` holds no LiDAR (`\"count\": 1` forces 1 there)";
         let roof = "`roof` holds 1 of 3 (`\"count\": [2, 3]` forces 2 there)";
@@ -267,9 +270,18 @@ mod tests {
         let none =
             "Unspent: 100.5 of the budget of 9200.5; no mount has room for a sensor at that price.";
         assert_eq!(told(json!(9200.5)).as_deref(), Some(none));
+        let mounts = [json!({ "mount": "rear", "lidars": 0, "most": 1, "price": 900.0 })];
+        let equipped = json!({ "cost": 9100.0, "open_mounts": mounts });
+        let unnamed = |budget: Value| {
+            room_in_words(&json!({ "budget": budget, "equipped": equipped }), false)
+        };
+        assert_eq!(unnamed(Value::Null), None);
+        let words = "Unspent: 2900 of the budget of 12000.";
+        assert_eq!(unnamed(json!(12000)).as_deref(), Some(words));
+        assert_eq!(unnamed(json!(9200.5)).as_deref(), Some(none));
         // Full mounts, and nothing left to spend.
         let full = json!({ "budget": 9100, "equipped": { "cost": 9100.0, "open_mounts": [] } });
-        assert_eq!(room_in_words(&full), None);
-        assert_eq!(room_in_words(&json!({})), None);
+        assert_eq!(room_in_words(&full, true), None);
+        assert_eq!(room_in_words(&json!({}), true), None);
     }
 }

@@ -126,6 +126,7 @@ fn cells_of(change: &Stability) -> [String; 8] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::Lost;
 
     #[test]
     fn requirements_of_one_scene_alone_have_columns_that_are_empty_in_others() {
@@ -143,5 +144,16 @@ mod tests {
         assert_eq!(titles[before..before + 5], named);
         assert_eq!(rows[0][before..], ["0.25", "0.9", "false", "", "", "", "", "", "1"]);
         assert_eq!(rows[1][before..], ["1", "0.9", "true", "", "0.75", "0.9", "false", "", "1"]);
+    }
+
+    #[test]
+    fn the_cell_of_requirements_has_the_names_of_the_columns() {
+        let lost = Some(Lost { intact: 0.75, worst: None, mount: None });
+        let required = vec![Seen { lost, ..Seen::of("car", 0.5) }];
+        assert_ne!(required[0].title(), "car");
+        let scores = Scores { required, ..Scores::default() };
+        let rows = rows_with_requirements(&[&scores], &[], &requirements_of([&scores]));
+        let place = titles_with_requirements(&[], &[]).iter().position(|t| t == "requirements");
+        assert_eq!(rows[0][place.unwrap()], "car: 0.5 of 0.9, intact 0.75");
     }
 }

@@ -67,7 +67,7 @@ pub(crate) fn score_rows<'a>(
             let intact = seen.lost.as_ref().map(|lost| format!(", intact {}", lost.intact));
             let worst = seen.worst_frame.map(|of| format!(", {} in frame {}", of.share, of.frame));
             let more = intact.into_iter().chain(worst).collect::<String>();
-            format!("{}: {} of {}{more}", seen.title(), seen.share, seen.least)
+            format!("{}: {} of {}{more}", seen.name, seen.share, seen.least)
         });
         row.extend([number(scores.near_ring), met.unwrap_or_default()]);
         row.extend([joined(seen), number(scores.requirements_hold_in)]);

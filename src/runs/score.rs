@@ -101,7 +101,7 @@ pub struct ScoreRequest {
     /// Scene files, then placements: .json or, one a line, .jsonl; with :NAME one of them; the folder of a run for its
     /// result; - is stdin
     ///
-    /// Several files of placements are scored one after the other; a name that comes again gets its file behind it. A .jsonl
+    /// Several files of placements are scored one after the other; placements of one name get their file behind it. A .jsonl
     /// file is read as a stream. Several scenes share one LiDAR and mount, and get the mean beside each.
     #[cfg_attr(feature = "cli", arg(value_name = "SCENE… PLACEMENTS", required = true))]
     pub files: Vec<PathBuf>,

@@ -10,6 +10,7 @@ use super::settings::Settings;
 use super::suite::Suite;
 use crate::score::{Objective, Scores, Standing};
 use crate::vehicle::{Constraints, Placement, random_placements};
+use sightline_files::json::counted;
 
 /// Fewest placements by which the frames are chosen: the baselines, or random ones beside them.
 const SAMPLE: usize = 8;
@@ -108,6 +109,15 @@ pub struct WorkByPurpose {
     pub confirm: u64,
     /// For comparison, by a search over all frames.
     pub full: u64,
+}
+
+/// The end of a search, as far as the levels do not hold it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SearchEnd {
+    /// Frames that the result is scored over.
+    pub frames: usize,
+    /// Why it ended early, in words; empty where it did not.
+    pub early: &'static str,
 }
 
 impl FramesOnDemand {
@@ -337,7 +347,13 @@ impl FramesOnDemand {
 
     /// Frames used, saved and risked by a search of `evaluations` placements, whose swaps cast `poses_swapped`
     /// sensor poses, `lidars` of them a placement.
-    pub(crate) fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
+    pub(crate) fn used(
+        &self,
+        evaluations: u64,
+        poses_swapped: u64,
+        lidars: usize,
+        end: SearchEnd,
+    ) -> FramesUsed {
         let all = self.levels[self.levels.len() - 1].len();
         let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);
         let PlacementFrames { levels, search, swaps, confirm } = self.work;
@@ -354,7 +370,7 @@ impl FramesOnDemand {
             share_of_full,
             finalists: self.confirmed_count(),
             worst_loss_seen: self.worst_loss,
-            words: self.words(share_of_full),
+            words: self.words(share_of_full, end),
         }
     }
 
@@ -363,7 +379,7 @@ impl FramesOnDemand {
         self.finalists.iter().filter(confirmed).count()
     }
 
-    fn words(&self, share: f64) -> String {
+    fn words(&self, share: f64, end: SearchEnd) -> String {
         let all = self.levels[self.levels.len() - 1].len();
         if all == 1 {
             return "searched over the only frame that there is".to_owned();
@@ -372,13 +388,23 @@ impl FramesOnDemand {
             return format!("searched over all {all} frames: fewer would not keep the ranking");
         }
         let steps = in_steps(&self.steps, all);
-        let words = format!(
-            "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
-             placements × frames of a search over all",
-            steps.join(", "),
-            self.confirmed_count(),
-            100.0 * share,
+        let took = format!(
+            "this took {:.0} % of the placements × frames of a search over all",
+            100.0 * share
         );
+        let judged = match self.confirmed_count() {
+            0 => {
+                let of = if end.frames < all { format!("{} of", end.frames) } else { "all".into() };
+                let SearchEnd { early, .. } = end;
+                format!(
+                    "its result is scored over {of} {all} frames, and no finalist was confirmed over all{early}; {took}"
+                )
+            }
+            count => {
+                format!("with {} confirmed over all frames {took}", counted(count, "finalist"))
+            }
+        };
+        let words = format!("searched over {}; {judged}", steps.join(", "));
         let loss = self.worst_loss.map(|worst| format!("; {}", loss_in_words(worst)));
         words + &loss.unwrap_or_default()
     }
@@ -390,9 +416,16 @@ fn loss_in_words(worst: f64) -> String {
         loss if loss <= 0.0 => {
             "scores over few frames ranked the best finalist first, as all frames do".to_owned()
         }
-        loss => format!(
-            "the finalist that scores over few frames rank first is {loss:.3} % below the best over all, at most"
-        ),
+        loss if loss < 0.001 => {
+            "ranking the finalists over few frames instead of all lost less than 0.001 % of the best value".to_owned()
+        }
+        loss => {
+            // Two significant digits.
+            let decimals = (1.0 - loss.log10().floor()).clamp(0.0, 4.0) as usize;
+            format!(
+                "ranking the finalists over few frames instead of all lost {loss:.decimals$} % of the best value, at most"
+            )
+        }
     }
 }
 
@@ -437,7 +470,11 @@ mod tests {
     #[test]
     fn a_loss_is_told_only_where_there_was_one() {
         assert!(loss_in_words(0.0).ends_with("as all frames do"));
-        assert!(loss_in_words(0.0012).contains("is 0.120 % below the best over all"));
+        assert!(loss_in_words(1e-9).ends_with("lost less than 0.001 % of the best value"));
+        for (loss, told) in [(0.0012, "0.12 %"), (0.10863, "11 %"), (0.0158, "1.6 %")] {
+            let words = loss_in_words(loss);
+            assert!(words.contains(&format!(" lost {told} of the best value, at most")), "{words}");
+        }
     }
 
     #[test]
@@ -452,7 +489,7 @@ mod tests {
             let mut levels = FramesOnDemand::hurried(vec![0], 4);
             levels.finalists = values.iter().map(|value| finalist(*value)).collect();
             levels.note_last_loss();
-            let used = levels.used(1, 0, 1);
+            let used = levels.used(1, 0, 1, SearchEnd { frames: 4, early: "" });
             (used.worst_loss_seen, used.words)
         };
         let never: [&[Option<f64>]; 3] = [&[], &[None, None], &[Some(0.4)]];
@@ -462,10 +499,32 @@ mod tests {
         // The best stands behind those that a check within the generations looks at.
         let (loss, words) = seen(&[Some(0.4), Some(0.3), Some(0.3), Some(0.3), Some(0.5)]);
         assert!(
-            (loss.unwrap() - 0.2).abs() < 1e-12 && words.ends_with("over all, at most"),
+            (loss.unwrap() - 0.2).abs() < 1e-12 && words.ends_with("of the best value, at most"),
             "{words}"
         );
         let (loss, words) = seen(&[Some(0.4), Some(0.3)]);
         assert!(loss == Some(0.0) && words.ends_with("as all frames do"), "{words}");
+    }
+
+    #[test]
+    fn a_search_without_confirmed_finalists_says_over_how_many_frames_its_result_is_scored() {
+        let levels = FramesOnDemand::hurried(vec![0], 40);
+        let words = |frames, early| levels.used(1, 0, 1, SearchEnd { frames, early }).words;
+        for (frames, early, told) in [
+            (
+                40,
+                " for want of time",
+                "over all 40 frames, and no finalist was confirmed over all for want of time; this",
+            ),
+            (
+                4,
+                ": interrupted",
+                "over 4 of 40 frames, and no finalist was confirmed over all: interrupted; this took",
+            ),
+        ] {
+            let words = words(frames, early);
+            let start = "searched over 1 of 40 frames; its result is scored ";
+            assert!(words.starts_with(&format!("{start}{told}")), "{words}");
+        }
     }
 }

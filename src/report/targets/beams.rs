@@ -61,9 +61,10 @@ impl OfPlacement<'_> {
         let (targets, bearings) = self.names();
         let of_target = |target| distances.iter().map(move |&metres| (target, metres));
         let columns: Vec<(&str, f64)> = targets.into_iter().flat_map(of_target).collect();
-        let title = |(target, metres): &(&str, f64)| format!("{target} {} m", trimmed(*metres, 2));
-        let mut rows = vec![vec![format!("beams, {beams} needed")]];
-        rows[0].extend(columns.iter().map(title));
+        // The targets on a line of their own, the distances below: in wide tables, too, titles are broken alike.
+        let mut rows = vec![vec![String::new()], vec![format!("beams, {beams} needed")]];
+        rows[0].extend(columns.iter().map(|(target, _)| (*target).to_owned()));
+        rows[1].extend(columns.iter().map(|(_, metres)| format!("{} m", trimmed(*metres, 2))));
         for bearing in bearings {
             let mut row = vec![bearing_in_words(bearing)];
             row.extend(columns.iter().map(|(target, metres)| {
@@ -160,7 +161,8 @@ mod tests {
             lines(&table),
             [
                 "rig",
-                "beams, 5 needed tyre 5 m tyre 60 m",
+                "tyre tyre",
+                "beams, 5 needed 5 m 60 m",
                 "ahead 0° in the body 4",
                 "left 90° no ground 0"
             ]

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde_json::Value;
 
+use crate::csv::rounded;
 use crate::job::Tolerance;
 use crate::runs::RunError;
 use crate::runs::inputs::{PLACEMENTS, RESULT, best_of, file_and_name, result_of};
-use crate::score::{BLIND_SECTOR, Lost, RulePlaces, SEEN, Seen, WorstFrame};
+use crate::score::{BLIND_SECTOR, HOLDS, Lost, RulePlaces, SEEN, Seen, WorstFrame, percent_down};
 
 /// Most placements of a front that an error names.
 const MOST_NAMED: usize = 24;
@@ -111,7 +112,9 @@ impl RunFound {
 
 /// Lines about a placement of a run: the result, a line each guard with `BLIND` before a blind sector, and the command. Runs of older programs tell less.
 fn words(result: &Value, found: &Value) -> Vec<String> {
-    let verdict = result["verdict"].as_str().map(|words| format!("Result: {words}"));
+    let verdict = result["verdict"].as_str().map(str::to_owned);
+    let verdict = verdict.unwrap_or_else(|| of_point(found));
+    let verdict = (!verdict.is_empty()).then(|| format!("Result: {verdict}"));
     let guards = found["scores"]["guards"].as_array();
     let guards = guards.into_iter().flatten().filter_map(Value::as_str);
     let command = result["command"].as_str().zip(result["backend"].as_str());
@@ -121,6 +124,35 @@ fn words(result: &Value, found: &Value) -> Vec<String> {
         None => format!("Warning: {guard}"),
     });
     verdict.into_iter().chain(guards).chain(repeat).collect()
+}
+
+/// Sentence on a point of a front: requirements met, price, near gain, and the copies within the tolerance that meet all.
+/// Requirements that it misses have lines of their own.
+fn of_point(point: &Value) -> String {
+    let Some(name) = point["name"].as_str() else { return String::new() };
+    let scores = &point["scores"];
+    let required: Vec<Seen> =
+        scores["requirements"].as_array().into_iter().flatten().map(seen).collect();
+    let met = required.iter().filter(|seen| seen.is_met()).count();
+    let requirements = match (&required[..], required.len()) {
+        ([], _) => "no requirement is set".to_owned(),
+        ([one], _) if met == 1 => format!("meets its requirement ({})", one.title()),
+        ([one], _) => format!("misses its requirement ({})", one.title()),
+        (_, all) if met == all => format!("meets all {all} requirements"),
+        (_, all) => format!("meets {met} of {all} requirements"),
+    };
+    let price = point["price"].as_f64().filter(|price| *price > 0.0);
+    let price = price.map_or(String::new(), |price| format!(", price {}", rounded(price, 2)));
+    let gain = scores["near_gain"].as_f64();
+    let gain = gain.map_or(String::new(), |gain| format!(", near gain {:.2} %", 100.0 * gain));
+    let copies = point["copies_that_meet_all"].as_f64().map_or(String::new(), |share| {
+        let paper = if share < HOLDS { " (ON PAPER ONLY)" } else { "" };
+        format!(
+            ", {} % of copies mounted within the tolerance meet all{paper}",
+            percent_down(share)
+        )
+    });
+    format!("{name}: {requirements}{price}{gain}{copies}.")
 }
 
 /// A requirement as a result has it.
@@ -147,4 +179,34 @@ pub(super) fn command(files: &[String], text: &str, name: &str) -> String {
         files[..files.len() - 1].iter().map(|file| format!("{} ", word(file))).collect();
     let own = word(&format!("{}:{name}", file_and_name(text).0));
     format!("sightline rig handover {scenes}{own}")
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn a_point_of_a_front_has_its_result_in_words() {
+        let requirement = |share: f64| json!({ "name": "car", "required": 0.9, "found": share });
+        let mut point = json!({ "name": "front-2", "price": 11400.0, "copies_that_meet_all": 0.9712,
+            "scores": { "near_gain": 0.56, "requirements": [requirement(1.0), requirement(0.95)] } });
+        let facts = "price 11400, near gain 56.00 %";
+        let copies = "97.1 % of copies mounted within the tolerance meet all";
+        let words = format!("front-2: meets all 2 requirements, {facts}, {copies}.");
+        assert_eq!(of_point(&point), words);
+        point["copies_that_meet_all"] = json!(0.9);
+        assert!(of_point(&point).ends_with(" meet all (ON PAPER ONLY)."));
+        point["copies_that_meet_all"] = Value::Null;
+        point["scores"]["requirements"][1] = requirement(0.5);
+        assert_eq!(of_point(&point), format!("front-2: meets 1 of 2 requirements, {facts}."));
+        point["scores"]["requirements"] = json!([requirement(0.5)]);
+        point["price"] = json!(0.0);
+        let words = "front-2: misses its requirement (car), near gain 56.00 %.";
+        assert_eq!(of_point(&point), words);
+        point["scores"] = json!({});
+        assert_eq!(of_point(&point), "front-2: no requirement is set.");
+        assert_eq!(self::words(&json!({}), &point)[0], "Result: front-2: no requirement is set.");
+    }
 }

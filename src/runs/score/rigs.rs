@@ -37,15 +37,37 @@ impl RigFiles {
     /// # Errors
     /// A file that cannot be read.
     pub(crate) fn count(&self) -> Result<u64, RunError> {
-        let is_file = |path: &PathBuf| {
-            let file = path.to_str().map_or(&**path, |text| Path::new(file_and_name(text).0));
-            path != Path::new("-") && file.is_file()
-        };
-        if !self.files.iter().all(is_file) {
+        if !self.are_files() {
             return Ok(0);
         }
         let counts = self.files.iter().map(|file| Ok(count_placements(file)?));
         counts.sum()
+    }
+
+    /// True if all can be read again: none is a pipe.
+    fn are_files(&self) -> bool {
+        let is_file = |path: &PathBuf| {
+            let file = path.to_str().map_or(&**path, |text| Path::new(file_and_name(text).0));
+            path != Path::new("-") && file.is_file()
+        };
+        self.files.iter().all(is_file)
+    }
+
+    /// Names that come more than once in several files; none where one is a pipe. Errors are left to the reader.
+    fn shared_names(&self) -> HashSet<String> {
+        let (mut once, mut shared) = (HashSet::new(), HashSet::new());
+        if self.files.len() < 2 || !self.are_files() {
+            return shared;
+        }
+        let open = self.files.iter().filter_map(|file| PlacementReader::open(file).ok());
+        for placement in open.flat_map(|reader| reader.map_while(Result::ok)) {
+            if once.contains(&placement.name) {
+                shared.insert(placement.name);
+            } else {
+                once.insert(placement.name);
+            }
+        }
+        shared
     }
 
     /// Opens the first file.
@@ -56,7 +78,8 @@ impl RigFiles {
         let mut rest = self.files.clone().into_iter();
         let first = rest.next().unwrap_or_default();
         let names = (self.files.len() > 1).then(HashSet::new);
-        Ok(RigReader { open: PlacementReader::open(&first)?, file: first, rest, names })
+        let open = PlacementReader::open(&first)?;
+        Ok(RigReader { open, file: first, rest, names, shared: self.shared_names() })
     }
 }
 
@@ -67,19 +90,25 @@ pub(super) struct RigReader {
     rest: std::vec::IntoIter<PathBuf>,
     /// Names so far, where there are several files.
     names: Option<HashSet<String>>,
+    /// Names that come more than once.
+    shared: HashSet<String>,
 }
 
 impl RigReader {
-    /// Gives a placement whose name an earlier file has the name of its own file, too.
+    /// Gives a placement whose name another one has the name of its file, too; behind a pipe the later one alone.
     fn named(&mut self, mut placement: Placement) -> Placement {
         let Some(names) = &mut self.names else { return placement };
         let own = placement.name.clone();
         let file = self.file.to_str().map_or_else(String::new, |text| file_and_name(text).0.into());
-        let mut number = 1;
+        let mut with_file = (1..).map(|number| match number {
+            1 => format!("{own} ({file})"),
+            _ => format!("{own} ({file}, {number})"),
+        });
+        if self.shared.contains(&own) {
+            placement.name = with_file.next().expect("numbers do not end");
+        }
         while !names.insert(placement.name.clone()) {
-            let more = if number > 1 { format!(", {number}") } else { String::new() };
-            placement.name = format!("{own} ({file}{more})");
-            number += 1;
+            placement.name = with_file.next().expect("numbers do not end");
         }
         placement
     }

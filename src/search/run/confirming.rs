@@ -9,7 +9,7 @@ use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::generations::why_left_out;
 use crate::search::observer::Watch;
-use crate::search::on_demand::FramesOnDemand;
+use crate::search::on_demand::{FramesOnDemand, SearchEnd};
 use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
 use crate::search::pilot::Pilot;
 use crate::search::rules::{active_bounds, findings};
@@ -69,8 +69,15 @@ impl Run {
         let evaluations = self.state.generations.evaluations();
         let constraints = self.suite.constraints();
         let swapped = self.state.swaps.as_ref().map_or(0, |swaps| swaps.poses_cast);
+        let (stopped, confirmed_frames) = (self.stopped(watch), self.confirming().frame_count());
+        let early = match stopped {
+            Stopped::Time => " for want of time",
+            Stopped::Interrupted => ": the run was interrupted",
+            Stopped::Generations(_) | Stopped::Settled => "",
+        };
+        let end = SearchEnd { frames: confirmed_frames, early };
         let used =
-            |levels: &FramesOnDemand| levels.used(evaluations, swapped, constraints.lidars());
+            |levels: &FramesOnDemand| levels.used(evaluations, swapped, constraints.lidars(), end);
         let search_frames = self.frames().len();
         let sample = self.state.bounds.as_ref().filter(|_| best.is_some());
         let spread = match &best {
@@ -98,12 +105,12 @@ impl Run {
             findings: sample.map(|bounds| findings(&bounds.sample.scored())).unwrap_or_default(),
             frames_used: self.state.levels.as_ref().map(used),
             search_frames,
-            confirmed_frames: self.confirming().frame_count(),
+            confirmed_frames,
             history: self.state.history.clone(),
             evaluations,
             ended: self.ended_in_words(),
             left_out: self.left_out(),
-            stopped: self.stopped(watch),
+            stopped,
             untried: None,
             backend: engine.map_or_else(String::new, |engine| engine.name().to_owned()),
             adapter: engine.map_or_else(String::new, |engine| engine.adapter().to_owned()),
