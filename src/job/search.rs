@@ -471,11 +471,17 @@ fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observ
     observer.on(&Event::Note(&words));
     if found.missing > 0.0 {
         observer.on(&Event::Note(&format!(
-            "first estimate, over few frames: the sensors chosen miss the requirements by {:.1} percentage points, summed \
-             over those that are not met; the search tries to close it",
-            100.0 * found.missing
+            "first estimate, over few frames: the sensors chosen miss the requirements by {} percentage points, summed; the \
+             search tries to close the gap",
+            points_in_words(found.missing)
         )));
     }
+}
+
+/// A missing share in percentage points, which is more than 0.
+fn points_in_words(missing: f64) -> String {
+    let points = format!("{:.1}", 100.0 * missing);
+    if points == "0.0" { "less than 0.1".to_owned() } else { points }
 }
 
 /// Seed of the random placement that is tried before one is worked out.

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::points_in_words;
 use crate::search::{Equipped, Event, Limits, Observer};
 use crate::vehicle::{Equipment, Vehicle};
 use sightline_files::json::counted;
@@ -86,13 +87,14 @@ pub(super) fn taken(
     observer: &mut dyn Observer,
 ) -> Next {
     let Some(fewest) = fewest else { return Next::Take(Box::new(found)) };
-    let (sensors, short) = (fewest.limits.sensors, 100.0 * found.missing);
+    let (sensors, short) = (fewest.limits.sensors, found.missing);
     let most = vehicle.most_sensors(fewest.limits.budget);
     let next = fewest.next(found, most, vehicle.cost(&vehicle.cheapest()));
     if short > 0.0 && matches!(next, Next::Again(limits) if limits.sensors > sensors) {
         observer.on(&Event::Note(&format!(
-            "no equipment of {} was found that meets all requirements: it misses them by {short:.0} percentage points, summed",
-            counted(sensors, "sensor")
+            "no equipment of {} was found that meets all requirements: it misses them by {} percentage points, summed",
+            counted(sensors, "sensor"),
+            points_in_words(short)
         )));
     }
     next
