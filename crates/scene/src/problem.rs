@@ -28,10 +28,9 @@ pub enum ProblemError {
     GridMismatch { psog: String, scene: String },
     /// A part of space that must be seen has no voxel.
     #[error(
-        "require[{index}]: `{name}` holds no voxel of the scene's roi, so that no share of it can be seen; move it \
-         into the roi, or take less of it away with `without`"
+        "require[{index}]: `{name}` holds no voxel of the scene's roi, so that no share of it can be seen; {mend}"
     )]
-    EmptyArea { index: usize, name: String },
+    EmptyArea { index: usize, name: String, mend: String },
     /// A target must be met at places that all lie in the own body.
     #[error(
         "require[{index}]: every place of `{name}` lies in the own body, so that no share of them can be seen; raise \

@@ -29,6 +29,24 @@ pub fn bad(at: &Location, value: impl ToString, wanted: impl Into<String>) -> De
     DescriptionError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
 }
 
+/// Question about a number that was most likely written in millimetres.
+pub fn millimetres(number: f64) -> String {
+    format!("is it in millimetres? lengths are in metres, {number} mm are {}", number / 1000.0)
+}
+
+/// What is `wanted` in metres, and the question about millimetres where a thousandth of the number fits.
+pub fn or_millimetres(
+    wanted: impl Into<String>,
+    number: f64,
+    fits: impl Fn(f64) -> bool,
+) -> String {
+    let wanted = wanted.into();
+    match fits(number / 1000.0) {
+        true => format!("{wanted}; {}", millimetres(number)),
+        false => wanted,
+    }
+}
+
 /// Result of a reader: a checked value, or the first fault of the description.
 pub type Checked<T> = Result<T, DescriptionError>;
 
@@ -120,6 +138,14 @@ pub fn rate(at: &Location, value: f64) -> Result<f64, DescriptionError> {
 pub fn heading(at: &Location, value: f64) -> Result<f64, DescriptionError> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.
     fitting(at, value, value.abs() <= MAX_METRES, "a heading in radians within ±1e9")
+}
+
+/// The sector counter-clockwise from a first angle in degrees to a smaller last one, as a range that rises; `None` where it
+/// would leave ±360°.
+pub fn rising_sector([first, last]: [f64; 2]) -> Option<[f64; 2]> {
+    let is_rising = |[first, last]: &[f64; 2]| -360.0 <= *first && first <= last && *last <= 360.0;
+    let wound = [[first - 360.0, last], [first, last + 360.0]];
+    wound.into_iter().find(is_rising).filter(|_| last < first)
 }
 
 /// An angle in radians.
@@ -225,7 +251,9 @@ fn ordered(at: &Location, value: [f64; 2]) -> Result<[f64; 2], DescriptionError>
 
 /// Range of a LiDAR in metres.
 pub fn range(at: &Location, value: f64) -> Result<f64, DescriptionError> {
-    fitting(at, value, value > 0.0 && value <= 1.0e5, "a range above 0 and at most 100000 m")
+    let fits = |range: f64| range > 0.0 && range <= 1.0e5;
+    let wanted = or_millimetres("a range above 0 and at most 100000 m", value, fits);
+    fitting(at, value, fits(value), &wanted)
 }
 
 /// Why a scene file, or a sensor or mesh file that it names, could not be read.
@@ -320,9 +348,7 @@ fn in_metres(min: &[f64; 3], max: &[f64; 3]) -> String {
         .copied()
         .fold(0.0, |far: f64, v| if v.abs() > far.abs() { v } else { far });
     match far.abs() >= MILLIMETRES {
-        true => {
-            format!("is it in millimetres? lengths are in metres, {far} mm are {}", far / 1000.0)
-        }
+        true => millimetres(far),
         false => "move the mount or enlarge the `roi`".to_owned(),
     }
 }

@@ -135,11 +135,12 @@ impl GroundRule {
 }
 
 fn distance(at: &Location, key: &'static str, metres: f64) -> Checked<f64> {
-    if metres > 0.0 && metres <= FARTHEST_GROUND {
+    let fits = |metres: f64| metres > 0.0 && metres <= FARTHEST_GROUND;
+    if fits(metres) {
         return Ok(metres);
     }
     let wanted = format!("metres from the own body, above 0 and at most {FARTHEST_GROUND}");
-    Err(bad(&at.key(key), metres, wanted))
+    Err(bad(&at.key(key), metres, check::or_millimetres(wanted, metres, fits)))
 }
 
 /// Distance from which on a rule counts where it does not say, metres.
@@ -225,8 +226,10 @@ impl TargetRule {
         let mend = "say up to which distance, `\"within\": 40` for example";
         let within = required.within.ok_or_else(|| check::missing(at, "within", mend))?;
         let from = required.from.unwrap_or(FROM.min(within.max(0.0)));
-        if !(0.0..=FARTHEST).contains(&from) {
-            return Err(bad(&at.key("from"), from, format!("metres from 0 to {FARTHEST}")));
+        let fits = |metres: f64| metres > 0.0 && metres <= FARTHEST;
+        if from != 0.0 && !fits(from) {
+            let wanted = format!("metres from 0 to {FARTHEST}");
+            return Err(bad(&at.key("from"), from, check::or_millimetres(wanted, from, fits)));
         }
         if !(from..=FARTHEST).contains(&within) || within == 0.0 {
             let least = match required.from {
@@ -234,12 +237,23 @@ impl TargetRule {
                 None => "above 0".to_owned(),
             };
             let wanted = format!("metres {least} to {FARTHEST}");
-            return Err(bad(&at.key("within"), within, wanted));
+            let is_large = |metres| within > FARTHEST && fits(metres);
+            return Err(bad(
+                &at.key("within"),
+                within,
+                check::or_millimetres(wanted, within, is_large),
+            ));
         }
         let [low, high] = required.bearing.unwrap_or([-180.0, 180.0]);
         let is_turn = (-360.0..=360.0).contains(&low) && low <= high && high - low <= 360.0;
         if !is_turn {
-            let wanted = "[first, last] in degrees, the smaller first, at most a turn apart; behind is [170, 190]";
+            let meant = check::rising_sector([low, high]);
+            let meant = meant.map_or("behind is [170, 190]".to_owned(), |[first, last]| {
+                format!("counter-clockwise from {low}° to {high}° is [{first}, {last}]")
+            });
+            let wanted = format!(
+                "[first, last] in degrees, the smaller first, at most a turn apart; {meant}"
+            );
             return Err(bad(&at.key("bearing"), format!("{:?}", [low, high]), wanted));
         }
         let beams = required.beams.unwrap_or(BEAMS);
