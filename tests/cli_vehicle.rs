@@ -428,6 +428,17 @@ fn faults_are_said() {
         .unwrap();
     says(
         &["score", "room.json", "fits.json", "--vehicle", "far.json", "--backend", "cpu"],
-        &["far.json: require[0]: `behind the wall` holds no voxel of the scene's roi"],
+        &[
+            "far.json: require[0]: `behind the wall` holds no voxel of the scene's roi",
+            "; move it into",
+        ],
+    );
+    changed(dir.path(), "mm.json", |vehicle| {
+        let area = json!({ "name": "near", "min": [500, -500, 0], "max": [1500, 500, 1000], "share": 0.5 });
+        vehicle["require"] = json!([area]);
+    });
+    says(
+        &["score", "room.json", "fits.json", "--vehicle", "mm.json", "--backend", "cpu"],
+        &["`near` holds no voxel", "is it in millimetres? lengths are in metres, 1500 mm are 1.5"],
     );
 }

@@ -34,7 +34,7 @@ pub fn millimetres(number: f64) -> String {
     format!("is it in millimetres? lengths are in metres, {number} mm are {}", number / 1000.0)
 }
 
-/// What is `wanted` in metres, and the question about millimetres where a thousandth of the number fits.
+/// Words on a value that is `wanted` in metres, with the question about millimetres where a thousandth of the number fits.
 pub fn or_millimetres(
     wanted: impl Into<String>,
     number: f64,
@@ -144,7 +144,7 @@ pub fn heading(at: &Location, value: f64) -> Result<f64, DescriptionError> {
 /// would leave ±360°.
 pub fn rising_sector([first, last]: [f64; 2]) -> Option<[f64; 2]> {
     let is_rising = |[first, last]: &[f64; 2]| -360.0 <= *first && first <= last && *last <= 360.0;
-    let wound = [[first - 360.0, last], [first, last + 360.0]];
+    let wound = [[first, last + 360.0], [first - 360.0, last]];
     wound.into_iter().find(is_rising).filter(|_| last < first)
 }
 

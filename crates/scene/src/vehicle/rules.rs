@@ -314,3 +314,66 @@ impl OverlapRule {
         Ok(Some(Self { name, share, without_any_one: required.without_any_one }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scene::Scene;
+
+    /// Error of a vehicle with one requirement.
+    fn refused(required: &str) -> String {
+        let text = format!(
+            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+            "vehicle": {{"sightline": 1,
+              "body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
+              "sensors": [{{"name": "a", "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 50}}}}],
+              "mounts": [{{"name": "roof", "min": [0, 0, 2], "max": [0, 0, 2.2], "count": 1}}],
+              "require": [{{{required}}}]}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
+        );
+        Scene::from_json(&text, Path::new(""), "s.json").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn distances_in_millimetres_are_asked_about() {
+        let ends = |required: &str, told: &str| {
+            let error = refused(required);
+            assert!(error.ends_with(told), "{error}\nends not in {told}");
+        };
+        ends(
+            r#""ground": 2000, "share": 1"#,
+            "2000 is not metres from the own body, above 0 and at most 10; is it in millimetres? lengths are in metres, \
+             2000 mm are 2",
+        );
+        ends(r#""blind_zone": "behind", "depth": 2500"#, "lengths are in metres, 2500 mm are 2.5");
+        let car = |more: &str| format!(r#""target": "car", "share": 1, {more}"#);
+        ends(
+            &car(r#""from": 30000, "within": 30000"#),
+            "30000 is not metres from 0 to 1000; is it in millimetres? lengths are in metres, 30000 mm are 30",
+        );
+        ends(&car(r#""within": 40000"#), "lengths are in metres, 40000 mm are 40");
+        // A thousandth that fits no better is no hint.
+        ends(r#""ground": 20000, "share": 1"#, "above 0 and at most 10");
+        ends(&car(r#""from": -1, "within": 30"#), "metres from 0 to 1000");
+        ends(&car(r#""from": 30, "within": 20"#), "metres from 30 (`from`) to 1000");
+    }
+
+    #[test]
+    fn a_bearing_that_falls_is_told_with_the_sector_that_it_means() {
+        let told = |bearing: &str| {
+            refused(&format!(r#""target": "car", "within": 40, "share": 1, "bearing": {bearing}"#))
+        };
+        let first = "the smaller first, at most a turn apart; ";
+        for (bearing, meant) in [
+            ("[350, 10]", "counter-clockwise from 350° to 10° is [-10, 10]"),
+            ("[-10, -350]", "counter-clockwise from -10° to -350° is [-10, 10]"),
+            ("[170, -170]", "counter-clockwise from 170° to -170° is [170, 190]"),
+            ("[700, 710]", "behind is [170, 190]"),
+            ("[0, 370]", "behind is [170, 190]"),
+        ] {
+            let error = told(bearing);
+            assert!(error.ends_with(&format!("{first}{meant}")), "{error}\nends not in {meant}");
+        }
+    }
+}
