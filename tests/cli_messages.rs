@@ -183,7 +183,7 @@ fn a_mesh_of_a_wrong_scale_ends_in_one_error_with_the_right_one() {
     let large = "own.json: the ego body is 45.0 m large with the `scale` of 0.01 that its mesh has; lengths are in metres: \
                  `\"scale\": 0.001` would make it 4.50 m";
     assert!(
-        told.contains(large) && told.contains("every place of `adult from 5 to 8 m`"),
+        told.contains(large) && told.contains("every place of `adult from 5 to 8 m, -10° to 10°`"),
         "{told}"
     );
     assert_eq!(told.matches("own.json").count(), 1, "{told}");

@@ -202,7 +202,7 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
     let (holds, direction) = (holds_to(&least.side, 2), least.direction);
     let end = match &least.side.breaks {
         Some(breaks) if least.side.holds_to == 0.0 => format!(
-            "{holds}°: {breaks} breaks at the first step looked at ({direction}); more --steps look at smaller ones"
+            "{holds}°: {breaks} breaks at the first step looked at ({direction}); more --steps look at smaller tilts"
         ),
         Some(breaks) => format!("{holds}°, then {breaks} breaks ({direction})"),
         None => format!("{}° and more in every direction", fixed(least.side.holds_to, 2)),
@@ -377,7 +377,7 @@ mod tests {
             tilt_text(&RoomOfTilt { about: [0.0, 0.0], least: least.clone(), directions })
         };
         let limit = "hold to < 1.25°: near breaks at the first step looked at (rear down); more --steps look at smaller \
-                     ones\n";
+                     tilts\n";
         assert!(text(&least).ends_with(limit), "{}", text(&least));
         let later = TiltedTo { side: side_of(1.0, true), ..least.clone() };
         let limit_later = "hold to 1.25°, then near breaks (rear down)\n";
