@@ -69,6 +69,7 @@ pub fn study(
         Kind::Published => published::published(one, cases),
     };
     let mut table = table?;
+    table.note_mounting(kind.searches(!settings.placements.is_empty()));
     table.notes.extend(scenes.iter().filter_map(StudyScene::rig_in_words));
     Ok(table)
 }

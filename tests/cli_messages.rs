@@ -160,6 +160,53 @@ fn millimetres_are_told_with_the_file_and_the_mount() {
 }
 
 #[test]
+fn a_mesh_of_a_wrong_scale_ends_in_one_error_with_the_right_one() {
+    let dir = folder();
+    // A wedge of 4.5 m in millimetres, in plan the whole of its box.
+    let corners = [[-1000, -900], [3500, -900], [3500, 900], [-1000, 900]];
+    let vertex = |[x, y]: [i32; 2]| format!("vertex {x} {y} 300\n");
+    let face = |k: [usize; 3]| {
+        let vertices: String = k.iter().map(|&k| vertex(corners[k])).collect();
+        format!("facet normal 0 0 1\nouter loop\n{vertices}endloop\nendfacet\n")
+    };
+    let stl = format!("solid\n{}{}endsolid\n", face([0, 1, 2]), face([0, 2, 3]));
+    write(&dir, "body.stl", &stl);
+    let of_scale = |within: f64| {
+        of_car(&dir, |car| {
+            car["body"] =
+                json!([{ "class": "vehicle", "mesh": { "file": "body.stl", "scale": 0.01 } }]);
+            car["require"] =
+                json!([{ "target": "adult", "within": within, "bearing": [-10, 10], "share": 1 }]);
+        })
+    };
+    let told = of_scale(8.0);
+    let large = "own.json: the ego body is 45.0 m large with the `scale` of 0.01 that its mesh has; lengths are in metres: \
+                 `\"scale\": 0.001` would make it 4.50 m";
+    assert!(
+        told.contains(large) && told.contains("every place of `adult from 5 to 8 m, -10° to 10°`"),
+        "{told}"
+    );
+    assert_eq!(told.matches("own.json").count(), 1, "{told}");
+    // A rule with a place beside the body leaves it a note.
+    let told = of_scale(60.0);
+    assert!(told.contains(large) && !told.contains("every place"), "{told}");
+}
+
+#[test]
+fn score_tells_mounts_that_look_into_the_body() {
+    let dir = folder();
+    let told = of_car(&dir, |car| {
+        car["mounts"][0]["yaw"] = json!([3.0, 3.2]);
+        car["sensors"][0]["lidar"]["azimuth"] = json!([-40, 40]);
+        car["body"][0]["box"] = json!({ "min": [-4, -1.5, 0.3], "max": [-0.8, 1.5, 3.5] });
+    });
+    assert!(
+        told.contains("in the middle of its range") && told.contains("at the own body"),
+        "{told}"
+    );
+}
+
+#[test]
 fn doubts_about_a_vehicle_are_told_once() {
     let dir = folder();
     assert!(!of_car(&dir, |_| {}).contains("own.json"));

@@ -108,7 +108,20 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
         (&["score", "room.json"], "room.json: is the only file"),
         (&["score", "room.json", "p.json", "q.jsonl"], "q.jsonl: holds no placement"),
         (&["study", "loss", "room.json", "p.json", "q.jsonl"], "both hold placements; give one"),
+        (&["study", "nearfield", "p.json", "q.jsonl"], "p.json and q.jsonl: both hold placements"),
+        (
+            &["study", "weather", "room.json", "q.jsonl", "p.json:a"],
+            "q.jsonl and p.json:a: both hold placements; give one such file",
+        ),
+        (
+            &["study", "nearfield", "p.json", "room.json"],
+            "p.json: is a file of placements, where a scene",
+        ),
         (&["audit", "p.json"], "p.json: holds placements; give a scene"),
+        (
+            &["study", "overlap", "p.json"],
+            "`study targets`, `study tolerance` and `study sweep` take --vehicle FILE without a scene",
+        ),
         (
             &["scan", "room.json", "./room.json", "--placement", "p.json", "--out", "d"],
             "./room.json: is the same file as room.json, and a data set has each scene once",

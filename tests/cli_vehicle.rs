@@ -244,6 +244,17 @@ fn the_study_of_cost_rises_with_the_price() {
     let args: Vec<&str> = line.split(' ').collect();
     let table = ok(&dir, &[&args[..], &CPU].concat());
     assert!(table["notes"].to_string().contains(note), "{table}");
+    // Own rigs are not searched.
+    let rig = json!({ "placements": [{ "name": "own", "lidars": [
+        { "x": 0, "y": 0, "z": 1.5, "sensor": "spinning" }, { "x": 0.3, "y": 0, "z": 1.5, "sensor": "spinning" }] }] });
+    write(&dir, "own.json", &rig);
+    for kind in ["loss", "weather"] {
+        let line = format!("study {kind} room.json own.json --vehicle need.json --out {kind}");
+        let args: Vec<&str> = line.split(' ').collect();
+        let notes = ok(&dir, &[&args[..], &CPU].concat())["notes"].to_string();
+        let told = "Requirements are met as mounted only: `sightline score` tells";
+        assert!(notes.contains(told) && !notes.contains("searches of a study"), "{notes}");
+    }
     // A sensor without a price is named wherever prices matter, and nowhere else.
     changed(dir.path(), "free.json", |cart| {
         cart["sensors"][1].as_object_mut().unwrap().remove("price");
@@ -428,6 +439,17 @@ fn faults_are_said() {
         .unwrap();
     says(
         &["score", "room.json", "fits.json", "--vehicle", "far.json", "--backend", "cpu"],
-        &["far.json: require[0]: `behind the wall` holds no voxel of the scene's roi"],
+        &[
+            "far.json: require[0]: `behind the wall` holds no voxel of the scene's roi",
+            "; move it into",
+        ],
+    );
+    changed(dir.path(), "mm.json", |vehicle| {
+        let area = json!({ "name": "near", "min": [500, -500, 0], "max": [1500, 500, 1000], "share": 0.5 });
+        vehicle["require"] = json!([area]);
+    });
+    says(
+        &["score", "room.json", "fits.json", "--vehicle", "mm.json", "--backend", "cpu"],
+        &["`near` holds no voxel", "is it in millimetres? lengths are in metres, 1500 mm are 1.5"],
     );
 }

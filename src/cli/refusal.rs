@@ -187,7 +187,9 @@ fn unknown_option(
     };
     let mend = match (owners.is_empty(), std::ptr::eq(command, program)) {
         (false, true) => "; write it behind the command".to_owned(),
-        (false, false) => format!(", not of `{its_name}`"),
+        (false, false) => {
+            format!(", not of `{its_name}`{}", super::rig::instead_of(name, its_name))
+        }
         (true, _) => String::new(),
     };
     Some(format!("{said}{mend}{}", near.unwrap_or_default()))
@@ -378,7 +380,11 @@ mod tests {
                 "`--figures` is an option of `optimize`, `view`, `study nearfield` and others, not of `score`; see",
             ),
             ("view s.json p.json --frames 2", "not of `view`; see"),
-            ("rig import a.urdf --vehicle v.json", "not of `rig import`; see"),
+            (
+                "rig import a.urdf --vehicle v.json",
+                "not of `rig import`; --sensor FRAME=MODEL names the model of a LiDAR, and",
+            ),
+            ("rig compare a.urdf b.urdf --vehicle v.json", "not of `rig compare`; see"),
             ("--seed 3 optimize", "and others; write it behind the command;"),
             ("optimize s.json --gui", "unexpected argument '--gui' found; see"),
             ("optimize s.json -z", "unexpected argument '-z' found; see"),

@@ -100,6 +100,16 @@ pub(super) struct CompareArgs {
     talk: Talk,
 }
 
+/// Advice behind the refusal of an option of other commands: how `import` gets models without a vehicle.
+pub(super) fn instead_of(option: &str, command: &str) -> &'static str {
+    match (option, command) {
+        ("vehicle" | "scene", "rig import") => {
+            "; --sensor FRAME=MODEL names the model of a LiDAR, and commands that take the placements check it"
+        }
+        _ => "",
+    }
+}
+
 pub(super) fn run(command: &RigCommand) -> Result<Exit, RunError> {
     match command {
         RigCommand::Export(args) => run_export(args)?,

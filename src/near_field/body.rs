@@ -278,7 +278,8 @@ pub fn mounts_into_body(scene: &Scene, sensors: &Sensors) -> Result<Vec<String>,
     Ok(told)
 }
 
-/// Share of a model's beams at the own body from the middle of a region; 0 inside the body.
+/// Share of a model's beams at the own body from the middle of a region, at the best yaw or one that is good enough; 0 inside
+/// the body.
 fn share_into_body(
     body: &Frame,
     region: &Region,
@@ -303,6 +304,9 @@ fn share_into_body(
             |along: &&[f32; 3]| closest_hit_in(body, &stands, **along, table.range()).is_hit();
         let own = directions.iter().filter(is_own).count();
         least = least.min(own as f64 / directions.len() as f64);
+        if least <= MOST_INTO_BODY {
+            break;
+        }
         fields[5] += TAU / yaws as f64;
     }
     Ok(least)

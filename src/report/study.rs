@@ -197,10 +197,12 @@ fn row<const N: usize>(name: String, sides: [&RoomOfSide; N], digits: usize) -> 
 fn tilt_text(tilt: &RoomOfTilt) -> String {
     let [x, y] = tilt.about;
     let least = &tilt.least;
+    let (holds, direction) = (holds_to(&least.side, 2), least.direction);
     let end = match &least.side.breaks {
-        Some(breaks) => {
-            format!("{}°, then {breaks} breaks ({})", holds_to(&least.side, 2), least.direction)
-        }
+        Some(breaks) if least.side.holds_to == 0.0 => format!(
+            "{holds}°: {breaks} breaks at the first step looked at ({direction}); more --steps look at smaller tilts"
+        ),
+        Some(breaks) => format!("{holds}°, then {breaks} breaks ({direction})"),
         None => format!("{}° and more in every direction", fixed(least.side.holds_to, 2)),
     };
     let rows = tilt.directions.iter().map(|of| row(of.direction.to_owned(), [&of.side], 2));
@@ -355,25 +357,29 @@ mod tests {
 
     #[test]
     fn a_field_that_breaks_at_the_first_step_holds_to_less_than_it() {
-        let side = |steps: f64, breaks: bool| RoomOfSide {
+        let side_of = |steps: f64, breaks: bool| RoomOfSide {
             holds_to: 1.25 * steps,
             breaks_at: breaks.then_some(1.25 * (steps + 1.0)),
             breaks: breaks.then(|| "near".to_owned()),
             self_hit_at: None,
         };
-        let words = |steps: f64, breaks: bool| holds_to(&side(steps, breaks), 2);
+        let words = |steps: f64, breaks: bool| holds_to(&side_of(steps, breaks), 2);
         assert_eq!(
             [words(0.0, true), words(1.0, true), words(4.0, false)],
             ["< 1.25", "1.25", "≥ 5.00"]
         );
-        let side = side(0.0, true);
+        let side = side_of(0.0, true);
         let mut least = TiltedTo { direction: "rear down", side, self_hit_lidar: None };
         let text = |least: &TiltedTo| {
             let directions = vec![least.clone()];
             tilt_text(&RoomOfTilt { about: [0.0, 0.0], least: least.clone(), directions })
         };
-        let limit = "hold to < 1.25°, then near breaks (rear down)\n";
+        let limit = "hold to < 1.25°: near breaks at the first step looked at (rear down); more --steps look at smaller \
+                     tilts\n";
         assert!(text(&least).ends_with(limit), "{}", text(&least));
+        let later = TiltedTo { side: side_of(1.0, true), ..least.clone() };
+        let limit_later = "hold to 1.25°, then near breaks (rear down)\n";
+        assert!(text(&later).ends_with(limit_later), "{}", text(&later));
         let model = "\ntilt: LiDARs turn; own body, ground and targets stay as they are (docs/targets.md)\nall LiDARs";
         assert!(text(&least).contains(model), "{}", text(&least));
         (least.side.self_hit_at, least.self_hit_lidar) = (Some(1.25), Some(1));

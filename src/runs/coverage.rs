@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{Files, Given, fit_alone, held, name_published, no_ground, rig_path};
+use super::inputs::{
+    Files, Given, fit_alone, held, name_published, no_ground, no_second, rig_path,
+};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
 use super::{Computing, GRACE, RunError, opening, outputs};
@@ -143,6 +145,9 @@ fn site_of(
             let scene = opening::level_ground(vehicle, request.frames, watcher)?;
             return Ok((scene, Some(rig_path(&file)?)));
         }
+    }
+    if let Some(placements) = &request.placements {
+        no_second(&request.scene, placements)?;
     }
     let mend = "static shapes, actors and an ego body";
     let scene = opening::geometry(&request.scene, mend, computing)?;

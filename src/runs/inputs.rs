@@ -20,7 +20,9 @@ use crate::{Note, files};
 use sightline_files::json::counted;
 
 /// Message for a file of placements that stands without a scene.
-const PLACEMENTS_ALONE: &str = "holds placements; give a scene to score them in before it";
+const PLACEMENTS_ALONE: &str = "holds placements; give a scene to score them in before it, or look at requirements on level \
+                                ground: `study targets`, `study tolerance` and `study sweep` take --vehicle FILE without a \
+                                scene";
 /// Largest file whose text is looked at to tell whether it is a scene, in bytes.
 const MOST_LOOKED_AT: u64 = 1 << 28;
 
@@ -51,11 +53,7 @@ impl Files {
     pub(crate) fn told_apart(files: &[PathBuf]) -> Result<Self, RunError> {
         let (scenes, placements) = told_apart(files)?;
         if let [first, second, ..] = &placements[..] {
-            return Err(RunError::Usage(format!(
-                "{} and {}: both hold placements; give one such file",
-                first.display(),
-                second.display()
-            )));
+            return Err(both_hold(first, second));
         }
         Ok(Self { scenes, placements: placements.into_iter().next() })
     }
@@ -109,6 +107,23 @@ impl Files {
                 Err(RunError::Usage(format!("{only}: {alone}")))
             }
         }
+    }
+}
+
+/// Error of two files of placements for a command that takes one.
+fn both_hold(first: &Path, second: &Path) -> RunError {
+    let [first, second] = [first, second].map(Path::display);
+    RunError::Usage(format!("{first} and {second}: both hold placements; give one such file"))
+}
+
+/// Refuses placements, or the folder of a run, in the place of a scene where placements stand behind it as well. A pipe may
+/// be a scene: nothing is read of it here.
+pub(super) fn no_second(scene: &Path, placements: &Path) -> Result<(), RunError> {
+    let (Ok(first), Ok(second)) = (rig_path(scene), rig_path(placements)) else { return Ok(()) };
+    let plain = first.to_str().map_or(&*first, |text| Path::new(file_and_name(text).0));
+    match plain.is_file() && holds_placements(&first) && holds_placements(&second) {
+        true => Err(both_hold(&first, &second)),
+        false => Ok(()),
     }
 }
 

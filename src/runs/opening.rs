@@ -16,6 +16,8 @@ use crate::psog::{Psog, PsogError};
 use crate::scan::conditions::{Condition, ConditionKind};
 use crate::scene::{Coverage, PsogSource, Scene};
 use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
+use crate::targets::places_of;
+use crate::vehicle::TargetRule;
 
 use super::inputs::no_run_folder;
 use super::{Computing, RunError, Watcher};
@@ -44,6 +46,21 @@ pub(crate) fn read(
 ) -> Result<Scene, RunError> {
     no_run_folder(path)?;
     told(Scene::read_with(path, vehicle)?, watcher)
+}
+
+/// Refuses a body far larger than a vehicle that covers every place of a target which must be met: its size is the fault.
+pub(super) fn no_hidden_places(scene: &Scene) -> Result<(), RunError> {
+    let Some(large) = scene.large_body() else { return Ok(()) };
+    let is_hidden = |rule: &&TargetRule| {
+        !rule.on_scene && places_of(rule).iter().all(|[x, y, _]| scene.body_covers([*x, *y]))
+    };
+    match scene.vehicle().targets.iter().find(is_hidden) {
+        Some(rule) => {
+            let name = &rule.name;
+            Err(RunError::Usage(format!("{large}; every place of `{name}` lies in the body now")))
+        }
+        None => Ok(()),
+    }
 }
 
 fn told(scene: Scene, watcher: &dyn Watcher) -> Result<Scene, RunError> {
@@ -87,7 +104,9 @@ pub(crate) fn job_within(
     let (mut times, mut scenes) = (LoadTimes::default(), Vec::new());
     for path in files.scenes() {
         let start = Instant::now();
-        let scene = told(files.read_scene(path)?, watcher)?;
+        let scene = files.read_scene(path)?;
+        no_hidden_places(&scene)?;
+        let scene = told(scene, watcher)?;
         note_frames(&scene, files.frames, watcher);
         // Before the P-SOG is scanned, which takes longest.
         files.check_vehicle(scene.vehicle())?;

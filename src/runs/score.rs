@@ -218,6 +218,7 @@ fn open(
     let files = JobFiles { tolerance: Some(request.mounting.tolerance), ..files };
     let loaded = opening::job(&files, computing)?;
     note_unpriced(loaded.job.scene().vehicle(), false, computing.watcher);
+    opening::note_mounts(&loaded.job.scenes()[0], computing.watcher)?;
     Ok(loaded)
 }
 

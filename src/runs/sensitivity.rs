@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::coverage::named;
 use super::inputs::{Files, Given, file_and_name, fit_alone, note_repeated};
-use super::opening::{LoadTimes, Loaded, vehicle_alone};
+use super::opening::{LoadTimes, Loaded, no_hidden_places, vehicle_alone};
 use super::outputs::Drawings;
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
@@ -446,6 +446,7 @@ impl OpenJob {
         }
         let mut loaded = match (scenes, &computing.vehicle) {
             ([], Some(vehicle)) => {
+                vehicle_alone(computing).map_or(Ok(()), |alone| no_hidden_places(&alone))?;
                 let scene = opening::level_ground(vehicle, request.frames, watcher)?;
                 let job = Job::new(scene).conditions(&request.conditions.condition);
                 let job = job.engine(computing.engine.clone());

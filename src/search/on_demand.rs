@@ -421,7 +421,7 @@ fn loss_in_words(worst: f64) -> String {
         }
         loss => {
             // Two significant digits.
-            let decimals = (1.0 - loss.log10().floor()).clamp(0.0, 4.0) as usize;
+            let decimals = [10.0, 1.0, 0.1, 0.01].iter().filter(|least| loss < **least).count();
             format!(
                 "ranking the finalists over few frames instead of all lost {loss:.decimals$} % of the best value, at most"
             )

@@ -14,9 +14,11 @@ use crate::vehicle::Placement;
 /// Last columns of a CSV file where the vehicle requires something.
 pub(crate) const REQUIREMENTS: [&str; 2] = ["requirements met", "not met"];
 
-/// Note below a table of a vehicle that requires something.
-const AS_MOUNTED: &str = "Requirements are met as mounted only: searches of a study allow for no tolerance, those of \
-                          `optimize` do. `sightline score` tells how many copies mounted a little off meet them.";
+/// Notes below a table of a vehicle that requires something: where placements are searched, and where they are given.
+const AS_SEARCHED: &str = "Requirements are met as mounted only: searches of a study allow for no tolerance, those of \
+                           `optimize` do. `sightline score` tells how many copies mounted a little off meet them.";
+const AS_GIVEN: &str = "Requirements are met as mounted only: `sightline score` tells how many copies mounted a little off \
+                        meet them.";
 
 /// One line of a study: a case and its values.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -162,11 +164,15 @@ impl Table {
     ) -> Self {
         let columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
         rows.iter_mut().for_each(|row| row.values.resize(columns.len() - 1, None));
-        let mut table = Self { title, columns, rows, notes, drawing };
-        if table.has_requirements() {
-            table.notes.push(AS_MOUNTED.to_owned());
+        Self { title, columns, rows, notes, drawing }
+    }
+
+    /// Adds a note where the vehicle requires something: copies mounted a little off are not looked at. `is_searched` tells
+    /// whether placements were searched.
+    pub(super) fn note_mounting(&mut self, is_searched: bool) {
+        if self.has_requirements() {
+            self.notes.push(if is_searched { AS_SEARCHED } else { AS_GIVEN }.to_owned());
         }
-        table
     }
 
     /// Sentence on a table in which no row has a number; `None` where one has.
@@ -403,13 +409,16 @@ mod tests {
 
     #[test]
     fn a_table_with_requirements_says_that_copies_are_not_looked_at() {
-        let notes = |row: Row| {
-            let drawing = TablePlot::of_column(0, "a", true);
-            Table::new("t".into(), ["case", "a"], vec![row], vec!["first".into()], drawing).notes
+        let notes = |row: Row, is_searched| {
+            let (drawing, first) = (TablePlot::of_column(0, "a", true), vec!["first".into()]);
+            let mut table = Table::new("t".into(), ["case", "a"], vec![row], first, drawing);
+            table.note_mounting(is_searched);
+            table.notes
         };
-        assert_eq!(notes(Row::of(vec![Some(1.0)])), ["first"]);
+        assert_eq!(notes(Row::of(vec![Some(1.0)]), true), ["first"]);
         let met = Row::of(vec![Some(1.0)]).requiring([Seen::of("ring", 1.0)].iter());
-        assert_eq!(notes(met), ["first", AS_MOUNTED]);
+        assert_eq!(notes(met.clone(), true), ["first", AS_SEARCHED]);
+        assert_eq!(notes(met, false), ["first", AS_GIVEN]);
     }
 
     /// Stops after some questions.

@@ -21,8 +21,9 @@ const LEAST_DEGREES: f64 = 1.0;
 const LEAST_METRES: f64 = 0.5;
 
 /// Places of a rule: bearings and distances spread evenly with both ends among them, as few as are at most 7.5° and
-/// 2.5 m apart; on a short way four parts, or parts of 0.5 m. The middle bearing is one of them; all round the last bearing is the first.
-pub(super) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
+/// 2.5 m apart; on a short way four parts, or parts of 0.5 m. The middle bearing is one of them; all round the last
+/// bearing is the first.
+pub(crate) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
     spread(rule, [1, 1])
 }
 

@@ -40,7 +40,7 @@ mod table;
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub(crate) use bodies::BodyPoses;
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
-pub(crate) use confirm::confirm;
+pub(crate) use confirm::{confirm, places_of};
 pub use ground::GroundBelow;
 pub(crate) use missing::missed_places;
 pub(crate) use reach::{MountPoses, OutOfReach, check_counting};

@@ -79,6 +79,8 @@ pub struct Scene {
     notes: Vec<Note>,
     /// True for [`Scene::level_ground`]: names do not tell it from scenes of users.
     is_level_ground: bool,
+    /// Doubt about an own body far larger than a vehicle, with its file.
+    large_body: Option<String>,
 }
 
 /// Moving object: triangles in its own frame and a pose for each frame.

@@ -37,6 +37,24 @@ pub fn bad(at: &Location, value: impl ToString, wanted: impl fmt::Display) -> De
     refused(at, format_args!("{value} is not {wanted}"))
 }
 
+/// Question about a number that was most likely written in millimetres.
+pub fn millimetres(number: f64) -> String {
+    format!("is it in millimetres? lengths are in metres, {number} mm are {}", number / 1000.0)
+}
+
+/// Words on a value that is `wanted` in metres, with the question about millimetres where a thousandth of the number fits.
+pub fn or_millimetres(
+    wanted: impl Into<String>,
+    number: f64,
+    fits: impl Fn(f64) -> bool,
+) -> String {
+    let wanted = wanted.into();
+    match fits(number / 1000.0) {
+        true => format!("{wanted}; {}", millimetres(number)),
+        false => wanted,
+    }
+}
+
 /// Error of a key that the object at `at` lacks; `mend` says what to write.
 pub fn missing(at: &Location, key: &str, mend: impl fmt::Display) -> DescriptionError {
     refused(at, format_args!("`{key}` is missing: {mend}"))
@@ -111,6 +129,14 @@ pub fn rate(at: &Location, value: f64) -> Checked<f64> {
 pub fn heading(at: &Location, value: f64) -> Checked<f64> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.
     fitting(at, value, value.abs() <= MAX_METRES, "a heading in radians within ±1e9")
+}
+
+/// The sector counter-clockwise from a first angle in degrees to a smaller last one, as a range that rises; `None` where it
+/// would leave ±360°.
+pub fn rising_sector([first, last]: [f64; 2]) -> Option<[f64; 2]> {
+    let is_rising = |[first, last]: &[f64; 2]| -360.0 <= *first && first <= last && *last <= 360.0;
+    let wound = [[first, last + 360.0], [first - 360.0, last]];
+    wound.into_iter().find(is_rising).filter(|_| last < first)
 }
 
 /// An angle in radians.
@@ -216,7 +242,9 @@ fn ordered(at: &Location, value: [f64; 2]) -> Checked<[f64; 2]> {
 
 /// Range of a LiDAR in metres.
 pub fn range(at: &Location, value: f64) -> Checked<f64> {
-    fitting(at, value, value > 0.0 && value <= 1.0e5, "a range above 0 and at most 100000 m")
+    let fits = |range: f64| range > 0.0 && range <= 1.0e5;
+    let wanted = or_millimetres("a range above 0 and at most 100000 m", value, fits);
+    fitting(at, value, fits(value), &wanted)
 }
 
 /// Why a scene file, or a sensor or mesh file that it names, could not be read.

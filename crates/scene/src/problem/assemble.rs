@@ -10,15 +10,17 @@ use rayon::prelude::*;
 
 use super::{
     Content, Entropy, Frame, GroundRequired, Instance, OccupiedVoxel, OverlapRequired, Problem,
-    ProblemError, Required, SceneSurface, Task, World,
+    ProblemError, Required, Requirement, SceneSurface, Task, World,
 };
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Ground, Scene};
 use crate::vehicle::{Sensors, Vehicle};
 use lidar_cast::bvh::Bvh;
 use lidar_cast::geom::{Pose, TriangleSoup};
+use lidar_cast::grid::Roi;
 use lidar_cast::maths;
 use lidar_cast::memory::{self, OutOfMemory};
+use sightline_files::json::check;
 
 /// Entropies and classes of a P-SOG's occupied voxels.
 ///
@@ -194,12 +196,12 @@ impl Problem {
         let content = content.with_areas(roi, required);
         if let Some(index) = content.areas().iter().position(|area| area.voxels == 0) {
             let position = scene.vehicle().require_order.get(index).copied();
+            let (index, area) = (position.unwrap_or(index), &required[index]);
+            let (name, mend) = (&area.name, mend_of_area(content, roi, area));
             let told = format!(
-                ": `{}` holds no voxel of the scene's roi, so that no share of it can be seen; move it into the roi, or take \
-                 less of it away with `without`",
-                required[index].name
+                ": `{name}` holds no voxel of the scene's roi, so that no share of it can be seen; {mend}"
             );
-            return Err(ProblemError::Rule(position.unwrap_or(index), told));
+            return Err(ProblemError::Rule(index, told));
         }
         let sensors = sensors.into();
         let far = Task::far_range_of(roi, sensors.longest_range());
@@ -227,6 +229,20 @@ impl Problem {
         let problem =
             Self::from(task).with_constraints(scene.constraints()).with_rules(scene.rules());
         Ok(Self { body, required, ..problem })
+    }
+}
+
+/// Mend of an area without a voxel: metres where the area would have one in millimetres.
+fn mend_of_area(content: Content, roi: &Roi, area: &Requirement) -> String {
+    let metres = |corners: &[[f64; 3]; 2]| corners.map(|corner| corner.map(|at| at / 1000.0));
+    let without = area.without.iter().map(metres).collect();
+    let scaled = Requirement { inside: metres(&area.inside), without, ..area.clone() };
+    let content = content.with_areas(roi, &[scaled]);
+    let far = area.inside.as_flattened().iter().copied();
+    let far = far.reduce(|far, at| if at.abs() > far.abs() { at } else { far }).unwrap_or_default();
+    match content.areas().last().is_some_and(|area| area.voxels > 0) {
+        true => check::millimetres(far),
+        false => "move it into the roi, or take less of it away with `without`".to_owned(),
     }
 }
 

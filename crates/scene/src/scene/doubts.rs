@@ -1,5 +1,6 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
+pub(super) mod size;
 mod standing;
 
 use glam::DVec3;
@@ -13,8 +14,6 @@ use sightline_files::json::Location;
 
 /// Largest edge of a voxel that is no doubt, metres: larger ones hold a car and the street around it.
 const LARGEST_VOXEL: f64 = 5.0;
-/// Longest and shortest body of a vehicle, in metres.
-const BODY: [f64; 2] = [0.3, 30.0];
 /// Widest and highest world, in metres: national coordinates move a world, and do not stretch it.
 const WORLD: [f64; 2] = [20_000.0, 500.0];
 /// Longest actor, in metres: a train.
@@ -33,20 +32,21 @@ pub(super) struct SceneLocations {
     pub mounts: Vec<Location>,
     /// File of the body.
     pub body: String,
+    pub scales: size::BodyScales,
 }
 
 impl Scene {
     pub(super) fn doubts(&self, places: &SceneLocations) -> Vec<Note> {
         let scene = self;
-        let own = body("ego body", &scene.body);
+        let own = body("ego body", &scene.body, places.scales.first);
         let own = own.or_else(|| standing::off_ground("ego body", &scene.body));
         let mut of_body: Vec<String> = own.into_iter().collect();
         of_body.extend(standing::of_ground(scene, "ego body", &scene.body));
         for (i, other) in scene.bodies.iter().enumerate() {
             let who = format!("ego's body {i} that moves");
-            of_body.extend(
-                body(&who, &other.parts).or_else(|| standing::of_ground(scene, &who, &other.parts)),
-            );
+            let scale = places.scales.others.get(i).copied().flatten();
+            let own = body(&who, &other.parts, scale);
+            of_body.extend(own.or_else(|| standing::of_ground(scene, &who, &other.parts)));
         }
         let mut doubts: Vec<String> = Vec::new();
         doubts.extend(world(&scene.world));
@@ -95,20 +95,11 @@ fn facing(solid: &Solid) -> DVec3 {
     sum / f64::max(all, 1e-300)
 }
 
-fn body(who: &str, solid: &Solid) -> Option<String> {
+fn body(who: &str, solid: &Solid, scale: Option<f64>) -> Option<String> {
     let size = extent(solid)?;
-    let longest = size.max_element();
-    if longest > BODY[1] {
-        return Some(format!(
-            "the {who} is {longest:.1} m large; lengths are in metres, {longest:.0} mm would be {:.2} m: divide the \
-             numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`, or 0.01 for centimetres",
-            longest / 1000.0
-        ));
-    }
-    if longest < BODY[0] {
-        return Some(format!(
-            "the {who} is {longest:.4} m large; lengths are in metres: give its mesh a larger `scale`"
-        ));
+    let wrong = size::too_large(who, solid, scale).or_else(|| size::too_small(who, solid, scale));
+    if wrong.is_some() {
+        return wrong;
     }
     if size.z > 2.5 && size.z > 1.5 * size.x.max(size.y) {
         return Some(format!(

@@ -14,6 +14,7 @@ use super::description::{
     BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
 };
 use super::doubts::SceneLocations;
+use super::doubts::size::{BodyScales, too_large};
 use super::parts::{OwnBodies, OwnBody};
 use super::shapes::Builder;
 use super::*;
@@ -94,10 +95,12 @@ impl Scene {
             carrier.notes.extend(things.own.hold_still());
         }
         carrier.notes.extend(angles);
-        let places = carrier.places(&top);
+        let places = carrier.places(&top, &scene);
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;
         let doubts = scene.doubts(&places);
         scene.notes.extend(doubts);
+        let large = too_large("ego body", &scene.body, places.scales.first);
+        scene.large_body = large.map(|large| format!("{}: {large}", places.body));
         scene.vehicle_file = places.vehicle.file;
         Ok(scene)
     }
@@ -154,6 +157,7 @@ impl Scene {
             files,
             notes,
             is_level_ground: false,
+            large_body: None,
         })
     }
 }
@@ -258,10 +262,16 @@ impl SceneVehicle {
     }
 
     /// Where scene, mounts and body are described.
-    fn places(&self, top: &Location) -> SceneLocations {
+    fn places(&self, top: &Location, scene: &SceneDescription) -> SceneLocations {
         let body = if self.body.is_some() { &self.at } else { top };
         let mounts = (0..self.vehicle.mounts.len()).map(|mount| self.mount(mount)).collect();
+        let scales = match (&self.body, &scene.ego) {
+            (Some(VehicleBody { shapes, others, .. }), _) => BodyScales::of(shapes, others),
+            (None, Some(ego)) => BodyScales::of(&ego.body, &ego.bodies),
+            (None, None) => BodyScales::default(),
+        };
         SceneLocations {
+            scales,
             scene: top.file.clone(),
             vehicle: self.at.clone(),
             mounts,

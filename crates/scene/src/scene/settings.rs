@@ -101,7 +101,7 @@ fn in_metres<'a>(coordinates: impl Iterator<Item = &'a f64>) -> String {
     if far.abs() < MILLIMETRES {
         return "move the mount or enlarge the `roi`".to_owned();
     }
-    format!("is it in millimetres? lengths are in metres, {far} mm are {}", far / 1000.0)
+    check::millimetres(far)
 }
 
 /// Voxels that a beam covers.

@@ -250,7 +250,10 @@ fn sector(at: &Location, [from, to]: [f64; 2]) -> Checked<[f64; 2]> {
     if from < to {
         return Ok([from, to]);
     }
-    Err(bad(at, found, "a range [from, to] with from < to, counter-clockwise"))
+    let meant = check::rising_sector([from, to]).map_or_else(String::new, |[first, last]| {
+        format!("; from {from}° to {to}° is [{first}, {last}]")
+    });
+    Err(bad(at, found, format!("a range [from, to] with from < to, counter-clockwise{meant}")))
 }
 
 /// Refuses a key that has no meaning beside the others.

@@ -204,8 +204,11 @@ fn with_ranges(
     along: usize,
 ) -> Checked<Region> {
     let [from, to] = mount.offset.unwrap_or_default();
-    if !(from <= to && from.abs().max(to.abs()) <= 10.0) {
+    let far = if from.abs() > to.abs() { from } else { to };
+    if !(from <= to && far.abs() <= 10.0) {
         let wanted = "a range of metres in front of the patch, [0, 0.1] for example";
+        let is_large = |metres: f64| from <= to && far.abs() > 10.0 && metres.abs() <= 10.0;
+        let wanted = check::or_millimetres(wanted, far, is_large);
         return Err(bad(&at.key("offset"), format!("{:?}", [from, to]), wanted));
     }
     let [roll, pitch, yaw] = angles(at, [mount.roll, mount.pitch, mount.yaw])?;

@@ -131,11 +131,12 @@ impl GroundRule {
 }
 
 fn distance(at: &Location, key: &'static str, metres: f64) -> Checked<f64> {
-    if metres > 0.0 && metres <= FARTHEST_GROUND {
+    let fits = |metres: f64| metres > 0.0 && metres <= FARTHEST_GROUND;
+    if fits(metres) {
         return Ok(metres);
     }
     let wanted = format!("metres from the own body, above 0 and at most {FARTHEST_GROUND}");
-    Err(bad(&at.key(key), metres, wanted))
+    Err(bad(&at.key(key), metres, check::or_millimetres(wanted, metres, fits)))
 }
 
 /// Distance from which on a rule counts where it does not say, metres.
@@ -221,8 +222,10 @@ impl TargetRule {
         let mend = "say up to which distance, `\"within\": 40` for example";
         let within = required.within.ok_or_else(|| check::missing(at, "within", mend))?;
         let from = required.from.unwrap_or(FROM.min(within.max(0.0)));
-        if !(0.0..=FARTHEST).contains(&from) {
-            return Err(bad(&at.key("from"), from, format!("metres from 0 to {FARTHEST}")));
+        let fits = |metres: f64| metres > 0.0 && metres <= FARTHEST;
+        if from != 0.0 && !fits(from) {
+            let wanted = format!("metres from 0 to {FARTHEST}");
+            return Err(bad(&at.key("from"), from, check::or_millimetres(wanted, from, fits)));
         }
         if !(from..=FARTHEST).contains(&within) || within == 0.0 {
             let least = match required.from {
@@ -230,12 +233,23 @@ impl TargetRule {
                 None => "above 0".to_owned(),
             };
             let wanted = format!("metres {least} to {FARTHEST}");
-            return Err(bad(&at.key("within"), within, wanted));
+            let is_large = |metres| within > FARTHEST && fits(metres);
+            return Err(bad(
+                &at.key("within"),
+                within,
+                check::or_millimetres(wanted, within, is_large),
+            ));
         }
         let [low, high] = required.bearing.unwrap_or([-180.0, 180.0]);
         let is_turn = (-360.0..=360.0).contains(&low) && low <= high && high - low <= 360.0;
         if !is_turn {
-            let wanted = "[first, last] in degrees, the smaller first, at most a turn apart; behind is [170, 190]";
+            let meant = check::rising_sector([low, high]);
+            let meant = meant.map_or("behind is [170, 190]".to_owned(), |[first, last]| {
+                format!("counter-clockwise from {low}° to {high}° is [{first}, {last}]")
+            });
+            let wanted = format!(
+                "[first, last] in degrees, the smaller first, at most a turn apart; {meant}"
+            );
             return Err(bad(&at.key("bearing"), format!("{:?}", [low, high]), wanted));
         }
         let beams = required.beams.unwrap_or(BEAMS);
@@ -294,5 +308,68 @@ impl OverlapRule {
         }
         let name = required.named(at, default_name(NAME.to_owned(), required.without_any_one))?;
         Ok(Some(Self { name, share, without_any_one: required.without_any_one }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scene::Scene;
+
+    /// Error of a vehicle with one requirement.
+    fn refused(required: &str) -> String {
+        let text = format!(
+            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+            "vehicle": {{"sightline": 1,
+              "body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
+              "sensors": [{{"name": "a", "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 50}}}}],
+              "mounts": [{{"name": "roof", "min": [0, 0, 2], "max": [0, 0, 2.2], "count": 1}}],
+              "require": [{{{required}}}]}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
+        );
+        Scene::from_json(&text, Path::new(""), "s.json").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn distances_in_millimetres_are_asked_about() {
+        let ends = |required: &str, told: &str| {
+            let error = refused(required);
+            assert!(error.ends_with(told), "{error}\nends not in {told}");
+        };
+        ends(
+            r#""ground": 2000, "share": 1"#,
+            "2000 is not metres from the own body, above 0 and at most 10; is it in millimetres? lengths are in metres, \
+             2000 mm are 2",
+        );
+        ends(r#""blind_zone": "behind", "depth": 2500"#, "lengths are in metres, 2500 mm are 2.5");
+        let car = |more: &str| format!(r#""target": "car", "share": 1, {more}"#);
+        ends(
+            &car(r#""from": 30000, "within": 30000"#),
+            "30000 is not metres from 0 to 1000; is it in millimetres? lengths are in metres, 30000 mm are 30",
+        );
+        ends(&car(r#""within": 40000"#), "lengths are in metres, 40000 mm are 40");
+        // A thousandth that fits no better is no hint.
+        ends(r#""ground": 20000, "share": 1"#, "above 0 and at most 10");
+        ends(&car(r#""from": -1, "within": 30"#), "metres from 0 to 1000");
+        ends(&car(r#""from": 30, "within": 20"#), "metres from 30 (`from`) to 1000");
+    }
+
+    #[test]
+    fn a_bearing_that_falls_is_told_with_the_sector_that_it_means() {
+        let told = |bearing: &str| {
+            refused(&format!(r#""target": "car", "within": 40, "share": 1, "bearing": {bearing}"#))
+        };
+        let first = "the smaller first, at most a turn apart; ";
+        for (bearing, meant) in [
+            ("[350, 10]", "counter-clockwise from 350° to 10° is [-10, 10]"),
+            ("[-10, -350]", "counter-clockwise from -10° to -350° is [-10, 10]"),
+            ("[170, -170]", "counter-clockwise from 170° to -170° is [170, 190]"),
+            ("[700, 710]", "behind is [170, 190]"),
+            ("[0, 370]", "behind is [170, 190]"),
+        ] {
+            let error = told(bearing);
+            assert!(error.ends_with(&format!("{first}{meant}")), "{error}\nends not in {meant}");
+        }
     }
 }
