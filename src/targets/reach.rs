@@ -186,6 +186,37 @@ fn not_free(places: usize, bare: usize) -> String {
     }
 }
 
+/// Number of the first rule of a target for which no place is free, with words behind its place; `None` where each has some.
+fn none_free(problem: &Problem, targets: &[TargetRule]) -> Option<(usize, String)> {
+    if targets.is_empty() {
+        return None;
+    }
+    let bodies = BodyPoses::of(TargetSite::of(problem), [(problem, false)]);
+    let is_taken = |(_, rule): &(usize, &TargetRule)| {
+        let places = places_of(rule);
+        let is_free = |(site, _): (&TargetSite, usize)| {
+            places.iter().any(|&at| site.standing(&rule.target, at).is_some())
+        };
+        !bodies.each(rule).any(is_free)
+    };
+    let (number, rule) = targets.iter().enumerate().find(is_taken)?;
+    let (name, places) = (&rule.name, places_of(rule));
+    let told = if rule.on_scene {
+        let is_bare = |at: &&[f64; 3]| bodies.each(rule).all(|(site, _)| !site.has_ground(**at));
+        let why = not_free(places.len(), places.iter().filter(is_bare).count());
+        format!(
+            ": no place of `{name}` is free ground of the scene beside the own body: {why}; change `within` or `bearing`, or \
+             leave `ground` out for level ground"
+        )
+    } else {
+        format!(
+            ": every place of `{name}` lies in the own body, so that no share of them can be seen; raise `within` beyond the \
+             body, or turn `bearing`"
+        )
+    };
+    Some((number, told))
+}
+
 /// Checks that every rule of a vehicle on targets and on the ground has something that counts, in the vehicle's problem.
 ///
 /// # Errors
@@ -194,33 +225,8 @@ fn not_free(places: usize, bare: usize) -> String {
 pub(crate) fn check_counting(problem: &Problem, vehicle: &Vehicle) -> Result<(), ProblemError> {
     let Vehicle { require, targets, ground, require_order, .. } = vehicle;
     let index = |number: usize| require_order.get(number).copied().unwrap_or(number);
-    let bodies =
-        (!targets.is_empty()).then(|| BodyPoses::of(TargetSite::of(problem), [(problem, false)]));
-    for (number, rule) in targets.iter().enumerate() {
-        let mut sites = bodies.iter().flat_map(|bodies| bodies.each(rule));
-        let places = places_of(rule);
-        let is_free = |(site, _): (&TargetSite, usize)| {
-            places.iter().any(|&at| site.standing(&rule.target, at).is_some())
-        };
-        if !sites.any(is_free) {
-            let name = &rule.name;
-            let told = match rule.on_scene {
-                true => {
-                    let sites = || bodies.iter().flat_map(|bodies| bodies.each(rule));
-                    let is_bare = |at: &&[f64; 3]| sites().all(|(site, _)| !site.has_ground(**at));
-                    let why = not_free(places.len(), places.iter().filter(is_bare).count());
-                    format!(
-                        ": no place of `{name}` is free ground of the scene beside the own body: {why}; change `within` or \
-                         `bearing`, or leave `ground` out for level ground"
-                    )
-                }
-                false => format!(
-                    ": every place of `{name}` lies in the own body, so that no share of them can be seen; raise `within` \
-                     beyond the body, or turn `bearing`"
-                ),
-            };
-            return Err(ProblemError::Rule(index(require.len() + number), told));
-        }
+    if let Some((number, told)) = none_free(problem, targets) {
+        return Err(ProblemError::Rule(index(require.len() + number), told));
     }
     let least = least_metres(problem, ground)?;
     for ((number, rule), least) in ground.iter().enumerate().zip(least) {

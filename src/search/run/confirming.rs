@@ -57,10 +57,8 @@ impl Run {
     fn confirmed(&mut self, watch: &mut Watch) -> Result<Option<Outcome>, SearchError> {
         let Some(baselines) = self.baselines(watch)? else { return Ok(None) };
         let Some((methods, best)) = self.best(&baselines, watch)? else { return Ok(None) };
-        let certificate = match &best {
-            Some(best) => self.certificate(&best.placement, watch)?,
-            None => None,
-        };
+        let certificate = best.as_ref().map(|best| self.certificate(&best.placement, watch));
+        let certificate = certificate.transpose()?.flatten();
         let unscored = self.state.settings.baselines.len() - baselines.len();
         if unscored > 0 {
             left_out(&format!("the score of {}", counted(unscored, "baseline")), watch);
@@ -80,10 +78,8 @@ impl Run {
             |levels: &FramesOnDemand| levels.used(evaluations, swapped, constraints.lidars(), end);
         let search_frames = self.frames().len();
         let sample = self.state.bounds.as_ref().filter(|_| best.is_some());
-        let spread = match &best {
-            Some(best) => self.spread(best, &baselines, watch)?,
-            None => None,
-        };
+        let spread = best.as_ref().map(|best| self.spread(best, &baselines, watch));
+        let spread = spread.transpose()?.flatten();
         let phases = self.phase_check(best.as_ref(), &baselines, watch)?;
         let evaluator = self.sitting.evaluator.as_ref();
         let engine = evaluator.map(|evaluator| evaluator.backend());

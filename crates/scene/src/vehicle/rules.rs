@@ -204,6 +204,38 @@ fn around(bearing: Option<[f64; 2]>) -> String {
     }
 }
 
+/// First distance of a requirement whose last one is `within`; both are checked.
+fn from_of(at: &Location, given: Option<f64>, within: f64) -> Checked<f64> {
+    let from = given.unwrap_or(FROM.min(within.max(0.0)));
+    let fits = |metres: f64| metres > 0.0 && metres <= FARTHEST;
+    if from != 0.0 && !fits(from) {
+        let wanted = format!("metres from 0 to {FARTHEST}");
+        return Err(bad(&at.key("from"), from, check::or_millimetres(wanted, from, fits)));
+    }
+    if (from..=FARTHEST).contains(&within) && within != 0.0 {
+        return Ok(from);
+    }
+    let least = given.map_or("above 0".to_owned(), |from| format!("from {from} (`from`)"));
+    let is_large = |metres| within > FARTHEST && fits(metres);
+    let wanted = check::or_millimetres(format!("metres {least} to {FARTHEST}"), within, is_large);
+    Err(bad(&at.key("within"), within, wanted))
+}
+
+/// Bearings of a requirement, all round where none are given; both are checked.
+fn sector(at: &Location, given: Option<[f64; 2]>) -> Checked<[f64; 2]> {
+    let [low, high] = given.unwrap_or([-180.0, 180.0]);
+    if (-360.0..=360.0).contains(&low) && low <= high && high - low <= 360.0 {
+        return Ok([low, high]);
+    }
+    let meant = check::rising_sector([low, high]);
+    let meant = meant.map_or("behind is [170, 190]".to_owned(), |[first, last]| {
+        format!("counter-clockwise from {low}° to {high}° is [{first}, {last}]")
+    });
+    let wanted =
+        format!("[first, last] in degrees, the smaller first, at most a turn apart; {meant}");
+    Err(bad(&at.key("bearing"), format!("{:?}", [low, high]), wanted))
+}
+
 impl TargetRule {
     /// Reads the rule at `at`; target files are in `dir`.
     pub(super) fn new(
@@ -221,37 +253,8 @@ impl TargetRule {
         target.returning_only = required.response;
         let mend = "say up to which distance, `\"within\": 40` for example";
         let within = required.within.ok_or_else(|| check::missing(at, "within", mend))?;
-        let from = required.from.unwrap_or(FROM.min(within.max(0.0)));
-        let fits = |metres: f64| metres > 0.0 && metres <= FARTHEST;
-        if from != 0.0 && !fits(from) {
-            let wanted = format!("metres from 0 to {FARTHEST}");
-            return Err(bad(&at.key("from"), from, check::or_millimetres(wanted, from, fits)));
-        }
-        if !(from..=FARTHEST).contains(&within) || within == 0.0 {
-            let least = match required.from {
-                Some(from) => format!("from {from} (`from`)"),
-                None => "above 0".to_owned(),
-            };
-            let wanted = format!("metres {least} to {FARTHEST}");
-            let is_large = |metres| within > FARTHEST && fits(metres);
-            return Err(bad(
-                &at.key("within"),
-                within,
-                check::or_millimetres(wanted, within, is_large),
-            ));
-        }
-        let [low, high] = required.bearing.unwrap_or([-180.0, 180.0]);
-        let is_turn = (-360.0..=360.0).contains(&low) && low <= high && high - low <= 360.0;
-        if !is_turn {
-            let meant = check::rising_sector([low, high]);
-            let meant = meant.map_or("behind is [170, 190]".to_owned(), |[first, last]| {
-                format!("counter-clockwise from {low}° to {high}° is [{first}, {last}]")
-            });
-            let wanted = format!(
-                "[first, last] in degrees, the smaller first, at most a turn apart; {meant}"
-            );
-            return Err(bad(&at.key("bearing"), format!("{:?}", [low, high]), wanted));
-        }
+        let from = from_of(at, required.from, within)?;
+        let bearings = sector(at, required.bearing)?;
         let beams = required.beams.unwrap_or(BEAMS);
         let beams = check::count(&at.key("beams"), beams, 1, MOST_BEAMS)?;
         let range = distances(from, within);
@@ -270,7 +273,7 @@ impl TargetRule {
             target: Arc::new(target),
             from,
             within,
-            bearings: [low, high],
+            bearings,
             on_scene,
             beams,
             share: required.share(at)?,
