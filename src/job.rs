@@ -418,11 +418,14 @@ impl Job {
         let problem = self.problem()?;
         let rules = problem.target_rules();
         for Judged { scores, by_scene, .. } in judged.iter_mut() {
-            for scene in by_scene {
+            let count = by_scene.len();
+            for (number, scene) in by_scene.iter_mut().enumerate() {
                 for (seen, of) in scene.scores.required.iter_mut().zip(&scores.required) {
                     // On level ground every scene is the same; elsewhere each has its own share.
                     if rules.iter().any(|rule| rule.name == seen.name && !rule.on_scene) {
                         seen.clone_from(of);
+                    } else if of.in_scenes.len() == count {
+                        (seen.share, seen.missing) = of.in_scenes[number].clone();
                     }
                 }
             }

@@ -64,13 +64,30 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
                 ["wider mounts where LiDARs stand at a limit (named below), or more of them, ", ""]
             }
         };
+        let best = run.best.as_ref();
+        let frames = best.map_or(String::new(), |best| {
+            poses_in_words(best, [run.search_frames, run.confirmed_frames])
+        });
         steps.push(format!(
-            "Next, since requirements are not met, in this order: {time}{mounts}{budget}another seed (--seed {}), more \
+            "Next, since requirements are not met, in this order: {time}{frames}{mounts}{budget}another seed (--seed {}), more \
              evaluations (--evaluations {evaluations}){last}.",
             run.seed + 1
         ));
     }
     steps
+}
+
+/// Advice to search over all frames where a requirement is missed in one of the poses that bodies take, of which the search
+/// knew some; empty elsewhere.
+fn poses_in_words(best: &Scored, [searched, scored]: [usize; 2]) -> String {
+    let is_posed =
+        best.scores.required.iter().any(|seen| !seen.is_met() && seen.worst_frame.is_some());
+    match is_posed && searched < scored {
+        true => format!(
+            "a search that knows the bodies' poses in all {scored} frames, not in {searched} (--fidelity full), "
+        ),
+        false => String::new(),
+    }
 }
 
 /// Sentences of the choice of sensors on requirements out of reach that begin with an unmet name. The choice looks at few
@@ -186,7 +203,7 @@ mod tests {
 
     use super::*;
     use crate::report::words::tests::planted;
-    use crate::score::Seen;
+    use crate::score::{Seen, WorstFrame};
     use crate::vehicle::SensorPose;
 
     #[test]
@@ -222,6 +239,20 @@ mod tests {
         }
         let free = planted("found", 1.0, 500.0);
         assert_eq!(fewer_in_words(&free, &plain, &chosen), None);
+    }
+
+    #[test]
+    fn a_pose_that_the_search_did_not_know_asks_for_all_frames() {
+        let mut best = planted("found", 1.0, 500.0);
+        best.scores.required = vec![Seen::of("child", 0.5)];
+        assert_eq!(poses_in_words(&best, [4, 40]), "");
+        best.scores.required[0].worst_frame = Some(WorstFrame { frame: 7, share: 0.5 });
+        assert!(
+            poses_in_words(&best, [4, 40]).contains("all 40 frames, not in 4 (--fidelity full)")
+        );
+        assert_eq!(poses_in_words(&best, [40, 40]), "");
+        best.scores.required[0].share = 1.0;
+        assert_eq!(poses_in_words(&best, [4, 40]), "");
     }
 
     #[test]

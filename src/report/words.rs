@@ -39,7 +39,7 @@ pub(crate) fn run_verdict(run: &RunRecord) -> String {
     format!("{sentences} Not tried: {untried}.{list}")
 }
 
-/// Unmet requirements that a verdict tells with share and places; of more it has the names.
+/// Unmet requirements that a verdict tells with share and places; of more it has the names, and the rest stands below.
 const MOST_LACKING: usize = 2;
 
 /// Parts of a verdict that only a run has; either may be empty.
@@ -144,7 +144,8 @@ fn alone_in_words(subject: &str, best: &Scored, baselines: &[Scored], objective:
             "no baseline keeps every rule and requirement without a warning ({name}: {reason})"
         ),
     };
-    let least = baselines.iter().min_by(|a, b| a.scores.missing().total_cmp(&b.scores.missing()));
+    let allowed = baselines.iter().filter(|of| of.violations.is_empty());
+    let least = allowed.min_by(|a, b| a.scores.missing().total_cmp(&b.scores.missing()));
     let closer = least.filter(|of| of.scores.missing() < best.scores.missing()).map(|of| {
         let ([met, all], price) = (of.scores.met(), of.price.map_or(String::new(), at_price));
         format!("{} misses less: {met} of {all} requirements met{price}; ", of.placement.name)
@@ -191,7 +192,6 @@ fn required_in_words(subject: &str, of_run: &OfRun, best: &Scored, cheaper: &str
     };
     let lacking = || best.scores.required.iter().filter(|seen| !seen.is_met());
     let lacking = match lacking().count() {
-        // More would hide the sentences behind them; shares and places stand below.
         count if count > MOST_LACKING => {
             let names: Vec<String> = lacking().map(|seen| seen.title()).collect();
             format!("NOT MET: {}. ", names.join("; "))
@@ -250,7 +250,7 @@ fn met_in_words(subject: &str, facts: &str, best: &Scored, has_copies: bool) -> 
         )
     });
     let unknown = match best.scores.requirements_hold_in {
-        None if has_copies => ", whether copies mounted a little off do was not looked at",
+        None if has_copies => "; copies mounted a little off were not looked at",
         _ => "",
     };
     format!("{subject} meets {what}{facts}{paper}{unknown}")

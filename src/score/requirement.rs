@@ -52,6 +52,8 @@ pub struct Seen {
     pub worst_frame: Option<WorstFrame>,
     /// Places of a target; `None` of other requirements.
     pub places: Option<RulePlaces>,
+    /// Shares and missing places of a closer look by scene; empty where nobody looked so, or on level ground.
+    pub in_scenes: Vec<(f64, Option<String>)>,
 }
 
 /// Places of a requirement on a target, summed over poses of the own bodies or over scenes.

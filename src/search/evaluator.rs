@@ -68,8 +68,7 @@ fn met(
     for lost in seen.iter_mut().filter_map(|seen| seen.lost.as_mut()) {
         lost.mount = lost.worst.and_then(|lidar| sight.mount_of(placement, lidar));
     }
-    let several = if scenes > 1 { scenes } else { 0 };
-    let by_scene = sight.in_each_scene(&each, &seen, several);
+    let by_scene = if scenes > 1 { sight.in_each_scene(&each, &seen, scenes) } else { Vec::new() };
     Ok(Met { car_missing: sight.car_missing(&all), seen, by_scene, needed })
 }
 

@@ -75,7 +75,9 @@ fn spread(rule: &TargetRule, closer: [usize; 2]) -> Vec<[f64; 3]> {
 fn factors(rule: &TargetRule) -> [usize; 2] {
     let width = rule.target.size[0].min(rule.target.size[1]);
     let angle = maths::atan2(width, rule.within).to_degrees().max(LEAST_DEGREES);
-    [RULE_DEGREES / angle, RULE_METRES / width.max(LEAST_METRES)]
+    let [_, distances] = numbers(rule, [1, 1]);
+    let step = (distances.to - distances.from) / distances.parts as f64;
+    [RULE_DEGREES / angle, step / width.max(LEAST_METRES)]
         .map(|factor| factor.ceil().max(1.0) as usize)
 }
 
@@ -146,6 +148,13 @@ impl<'a> InSites<'a> {
         together(self.1, self.0.iter().map(|(_, look)| look.share(lost)))
     }
 
+    fn places(&self) -> RulePlaces {
+        let looks = || self.0.iter().map(|(_, look)| look);
+        let judged = looks().map(|look| look.places.len()).sum();
+        let asked: usize = looks().map(|look| look.asked).sum();
+        RulePlaces { judged, left_out: asked - judged, on_scene: self.1.on_scene }
+    }
+
     /// Replaces share, places, missing ones and worst frame of a requirement.
     fn tell(&self, lost: Option<usize>, seen: &mut Seen) {
         let shares: Vec<f64> = self.0.iter().map(|(_, look)| look.share(lost)).collect();
@@ -153,11 +162,10 @@ impl<'a> InSites<'a> {
         let Some(worst) = worst else { return };
         (seen.share, seen.missing) = (self.share(lost), self.0[worst].1.missing(lost));
         seen.worst_frame = worst_frame(self.1, self.0.iter().map(|(frame, _)| *frame).zip(shares));
-        let looks = || self.0.iter().map(|(_, look)| look);
-        let judged = looks().map(|look| look.places.len()).sum();
-        let asked: usize = looks().map(|look| look.asked).sum();
-        let on_scene = self.1.on_scene;
-        seen.places = Some(RulePlaces { judged, left_out: asked - judged, on_scene });
+        seen.places = Some(self.places());
+        let in_scene = |(_, look): &(usize, CloseLook<'_>)| (look.share(lost), look.missing(lost));
+        seen.in_scenes =
+            if self.1.on_scene { self.0.iter().map(in_scene).collect() } else { vec![] };
     }
 }
 
@@ -195,6 +203,7 @@ fn confirm_rules(
             continue;
         };
         lost.intact = look.share(None);
+        seen.places = Some(look.places());
         let each: Vec<f64> = (0..lidars.len()).map(|lidar| look.share(Some(lidar))).collect();
         let worst = (0..each.len()).min_by(|&a, &b| each[a].total_cmp(&each[b]));
         let Some(worst) = worst.filter(|&worst| each[worst] < 1.0) else { continue };

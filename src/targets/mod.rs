@@ -11,6 +11,7 @@
 //! | `beams` | beams of a placement on targets |
 //! | `bodies` | the own bodies in every pose that they take, and scenes, for rules |
 //! | `bounded` | upper bounds on the shares of rules, for the bound of a search |
+//! | `by_scene` | rules in each of several scenes |
 //! | `card` | the range card, and blind sectors |
 //! | `confirm` | places of a rule on targets, and a closer look at them |
 //! | `ground` | ground of a scene below a place, and whether a target has room there |
@@ -26,6 +27,7 @@ mod apart;
 mod beams;
 mod bodies;
 mod bounded;
+mod by_scene;
 mod card;
 mod confirm;
 mod ground;

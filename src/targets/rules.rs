@@ -59,9 +59,15 @@ impl Rule {
         }
     }
 
-    /// Places of a target, over its sites.
+    /// Places of a target at all of its sites.
     fn places(&self) -> Option<RulePlaces> {
-        let Self::Target(rule, sites) = self else { return None };
+        let Self::Target(_, sites) = self else { return None };
+        self.places_at(sites)
+    }
+
+    /// Places of a target at some of its sites.
+    pub(super) fn places_at(&self, sites: &[Range<usize>]) -> Option<RulePlaces> {
+        let Self::Target(rule, _) = self else { return None };
         let judged: usize = sites.iter().map(Range::len).sum();
         let left_out = (sites.len() * place_count(rule)).saturating_sub(judged);
         Some(RulePlaces { judged, left_out, on_scene: rule.on_scene })
@@ -77,19 +83,19 @@ impl Rule {
 }
 
 /// LiDARs of a placement as rules look at them.
-struct Looked<'a> {
-    each: &'a [&'a SightBeams],
+pub(super) struct Looked<'a> {
+    pub(super) each: &'a [&'a SightBeams],
     /// Overlap of pairs in each scene; empty where no rule asks for it.
     overlaps: Vec<Shares>,
 }
 
 impl Sight {
-    fn looked<'a>(&self, each: &'a [&'a SightBeams]) -> Looked<'a> {
+    pub(super) fn looked<'a>(&self, each: &'a [&'a SightBeams]) -> Looked<'a> {
         Looked { each, overlaps: self.overlaps(each) }
     }
 
     /// Sum of the beams of all LiDARs but one.
-    fn sum_without(each: &[&SightBeams], lidar: Option<usize>) -> SightBeams {
+    pub(super) fn sum_without(each: &[&SightBeams], lidar: Option<usize>) -> SightBeams {
         let mut sum = SightBeams::default();
         let kept = each.iter().enumerate().filter(|(k, _)| Some(*k) != lidar);
         kept.for_each(|(_, beams)| sum.add(beams));
@@ -97,7 +103,7 @@ impl Sight {
     }
 
     /// Bits of each scene with its ground.
-    fn ground_of<'a>(
+    pub(super) fn ground_of<'a>(
         &'a self,
         all: &'a SightBeams,
     ) -> impl Iterator<Item = (&'a RequiredGround, &'a [u64])> {
@@ -182,7 +188,12 @@ impl Sight {
 
     /// Shares of a rule that are met: of a target in each pose of the bodies or each scene with a place for it, of the others
     /// in each scene. Scenes without the ground that it asks for count as not seen.
-    fn each_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> Vec<f64> {
+    pub(super) fn each_share(
+        &self,
+        looked: &Looked<'_>,
+        lost: Option<usize>,
+        rule: &Rule,
+    ) -> Vec<f64> {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
             Rule::Target(_, sites) => self.by_site(&all(), sites),
@@ -205,37 +216,6 @@ impl Sight {
             Rule::Target(rule, _) => together(rule, each),
             Rule::Ground(..) | Rule::Overlap(_) => mean(each),
         }
-    }
-
-    /// Every rule as [`Self::rules_met`] has it, with the share of each scene in place of the mean: `[scenes][rules]`, by
-    /// the same worst loss. Targets on level ground, and in a scene without a place for them, stay as they are.
-    pub(crate) fn in_each_scene(
-        &self,
-        each: &[&SightBeams],
-        met: &[Seen],
-        scenes: usize,
-    ) -> Vec<Vec<Seen>> {
-        let (looked, mut by_scene) = (self.looked(each), vec![met.to_vec(); scenes]);
-        for (number, (rule, met)) in self.rules.iter().zip(met).enumerate() {
-            let worst = met.lost.as_ref().map(|lost| lost.worst.unwrap_or(0));
-            let shares = self.each_share(&looked, worst, rule);
-            let intact = self.each_share(&looked, None, rule);
-            for (scene, of_scene) in by_scene.iter_mut().enumerate() {
-                let position = match rule {
-                    Rule::Target(rule, sites) if rule.on_scene => {
-                        let site = self.bodies.numbers(rule).nth(scene);
-                        sites.iter().position(|of| Some(self.places[of.start].site) == site)
-                    }
-                    Rule::Target(..) => None,
-                    Rule::Ground(..) | Rule::Overlap(_) => Some(scene),
-                };
-                let Some(position) = position else { continue };
-                let seen = &mut of_scene[number];
-                (seen.share, seen.missing, seen.places) = (shares[position], None, None);
-                seen.lost.iter_mut().for_each(|lost| lost.intact = intact[position]);
-            }
-        }
-        by_scene
     }
 
     /// Like [`Self::met_share`], rising with every beam or cell.
@@ -386,18 +366,8 @@ impl Sight {
                 Lost { intact, worst, mount: None }
             });
             let (name, done, places) = (rule.name().to_owned(), rule.done(), rule.places());
-            let holds_in = None;
-            all.push(Seen {
-                name,
-                share,
-                done,
-                least,
-                missing,
-                holds_in,
-                lost,
-                worst_frame,
-                places,
-            });
+            let known = Seen { lost, worst_frame, missing, ..Seen::default() };
+            all.push(Seen { name, share, done, least, places, ..known });
         }
         all
     }
@@ -421,24 +391,35 @@ impl Sight {
         lost: Option<usize>,
         rule: &Rule,
     ) -> Option<String> {
-        let all = &Self::sum_without(looked.each, lost);
+        let each = self.each_share(looked, lost, rule);
+        // The first of equal ones.
+        let worst = (0..each.len()).min_by(|&a, &b| each[a].total_cmp(&each[b]))?;
+        self.missing_in(looked, lost, (rule, worst))
+    }
+
+    /// Missing part of a rule in one of the poses or scenes that [`Self::each_share`] counts, in words.
+    pub(super) fn missing_in(
+        &self,
+        looked: &Looked<'_>,
+        lost: Option<usize>,
+        (rule, at): (&Rule, usize),
+    ) -> Option<String> {
+        let all = || Self::sum_without(looked.each, lost);
         match rule {
-            Rule::Overlap(rule) => {
-                let up_to = |shares: &&Shares| connected_without(shares, lost);
-                let scenes = looked.overlaps.iter();
-                let worst = scenes.min_by(|a, b| up_to(a).total_cmp(&up_to(b)));
-                worst.map(|shares| cut_off(shares, lost, rule.share))
-            }
-            Rule::Target(rule, poses) => {
+            Rule::Overlap(rule) => Some(cut_off(&looked.overlaps[at], lost, rule.share)),
+            Rule::Target(rule, sites) => {
+                let all = all();
                 let is_met = |place: usize| {
                     all.beams.get(place).is_some_and(|&beams| beams >= self.enough[place])
                 };
-                let shares = poses.iter().zip(self.by_site(all, poses));
-                let (worst, _) = shares.min_by(|a, b| a.1.total_cmp(&b.1))?;
-                let places = worst.clone().map(|place| (self.places[place].at, is_met(place)));
+                let places = sites[at].clone().map(|place| (self.places[place].at, is_met(place)));
                 Missing::new(rule, places).map(|missing| format!("{missing}{}", self.beyond(rule)))
             }
-            Rule::Ground(_, number) => self.ground_missing(all, *number),
+            Rule::Ground(_, number) => {
+                let all = all();
+                let (scene, bits) = self.ground_of(&all).nth(at)?;
+                Some(scene.missing(*number, bits))
+            }
         }
     }
 

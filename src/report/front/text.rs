@@ -45,8 +45,12 @@ pub(super) fn met_in_words(point: &FrontPoint) -> String {
 
 /// Names of the objectives in a sentence: `price and near gain`.
 pub(super) fn names_in_words(front: &Front) -> String {
-    let names = front.objectives.names().join(" and ");
-    names.replace('_', " ")
+    let names: Vec<String> =
+        front.objectives.names().iter().map(|name| name.replace('_', " ")).collect();
+    match names.split_last() {
+        Some((last, first)) if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+        _ => names.concat(),
+    }
 }
 
 /// The front in sentences: how many points, and which is the cheapest that meets all requirements.

@@ -352,7 +352,7 @@ fn the_first_sentence_says_what_a_run_did_not_look_at() {
     let words = |found: &Scored| verdict_at(&of_run, Some(found), &[], "m_sog_scaled");
     let start =
         "The placement found meets all 2 requirements over 4 of 40 frames, as far as the run got";
-    let copies = ", whether copies mounted a little off do was not looked at";
+    let copies = "; copies mounted a little off were not looked at";
     assert!(words(&found).starts_with(&format!("{start}{copies}. ")), "{}", words(&found));
     found.scores.requirements_hold_in = Some(1.0);
     assert!(words(&found).starts_with(&format!("{start}. ")), "{}", words(&found));

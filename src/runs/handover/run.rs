@@ -169,6 +169,7 @@ fn seen(of: &Value) -> Seen {
         lost: number("intact").map(|intact| Lost { intact, worst, mount: None }),
         worst_frame: WorstFrame::deserialize(&of["worst_frame"]).ok(),
         places: RulePlaces::deserialize(&of["places"]).ok(),
+        in_scenes: Vec::new(),
     }
 }
 

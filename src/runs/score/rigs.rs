@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 use crate::runs::RunError;
 use crate::runs::inputs::file_and_name;
@@ -13,12 +14,14 @@ pub(super) struct RigFiles {
     files: Vec<PathBuf>,
     /// All files, for messages.
     label: PathBuf,
+    /// Names that come more than once in several files, looked up on first use.
+    shared: OnceLock<Arc<HashSet<String>>>,
 }
 
 impl RigFiles {
     pub(crate) fn new(files: Vec<PathBuf>) -> Self {
         let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
-        Self { label: PathBuf::from(names.join(", ")), files }
+        Self { label: PathBuf::from(names.join(", ")), files, shared: OnceLock::new() }
     }
 
     /// The files in words, as a path; the file itself where there is one.
@@ -79,7 +82,8 @@ impl RigFiles {
         let first = rest.next().unwrap_or_default();
         let names = (self.files.len() > 1).then(HashSet::new);
         let open = PlacementReader::open(&first)?;
-        Ok(RigReader { open, file: first, rest, names, shared: self.shared_names() })
+        let shared = self.shared.get_or_init(|| Arc::new(self.shared_names())).clone();
+        Ok(RigReader { open, file: first, rest, names, shared })
     }
 }
 
@@ -91,7 +95,7 @@ pub(super) struct RigReader {
     /// Names so far, where there are several files.
     names: Option<HashSet<String>>,
     /// Names that come more than once.
-    shared: HashSet<String>,
+    shared: Arc<HashSet<String>>,
 }
 
 impl RigReader {

@@ -265,7 +265,9 @@ impl Run {
         let Some(mut judged) = self.judged_over_all(first, watch)? else { return Ok(None) };
         match self.judged_over_all(others, watch)? {
             Some(more) => judged.extend(more),
-            None => left_out(&format!("the score of {} more ends of climbs", others.len()), watch),
+            None => {
+                left_out(&format!("the score of {}", counted(others.len(), "more climb")), watch)
+            }
         }
         let mut scored = self.scored(&ends[..judged.len()], judged, watch)?;
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
