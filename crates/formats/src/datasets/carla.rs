@@ -92,8 +92,8 @@ impl CarlaSequence {
             (lidar_height, road.filter(|road| !road.is_sure()))
         {
             sequence.notes.push(Note::doubt(format!(
-                "{}: the road within {} m of the LiDAR has at most {points} points in a scan, which put it {depth:.2} m above \
-                 the ground; --lidar-height gives its height.",
+                "{}: the road within {} m of the LiDAR has at most {points} points in a scan, which put the LiDAR \
+                 {depth:.2} m above the ground; --lidar-height gives the LiDAR's height.",
                 folder.display(),
                 ground::NEAR
             )));

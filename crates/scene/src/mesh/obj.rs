@@ -176,7 +176,7 @@ impl ObjReader {
                 if let Some((_, problem)) =
                     REFUSED.iter().find(|(known, _)| known.contains(&&*small))
                 {
-                    return Err(format!("`{small}` {problem}"));
+                    return Err(format!("`{}` {problem}", decode(keyword)));
                 }
                 if small.contains(FIXED_SPACE) {
                     return Err(HAS_FIXED.to_owned());

@@ -147,7 +147,7 @@ impl RobotFile<'_> {
             );
             return Err(fault("file", problem));
         }
-        let includes = robot.descendants().filter(|node| node.has_tag_name("include")).count();
+        let includes = robot.children().filter(|node| node.has_tag_name("include")).count();
         Ok(RobotShapes { parts, origins: self.angles(robot), missing, moved, includes })
     }
 

@@ -15,15 +15,18 @@ fn placed(geometry: Node, [u, v]: [f64; 2]) -> [f64; 2] {
     [x + u * cos - v * sin, y + u * sin + v * cos]
 }
 
-fn cubic(shape: Node, keys: [&str; 4], x: f64) -> f64 {
+/// A cubic polynomial of an element.
+fn cubic(shape: Node, keys: [&str; 4]) -> impl Fn(f64) -> f64 {
     let [a, b, c, d] = keys.map(|key| number(shape, key));
-    a + x * (b + x * (c + x * d))
+    move |x| a + x * (b + x * (c + x * d))
 }
 
-/// Place of a `<paramPoly3>` at a share of its parameter's range, in the frame of its geometry.
-fn on_cubics(shape: Node, length: f64, share: f64) -> [f64; 2] {
-    let p = if is_by_length(shape) { length * share } else { share };
-    [["aU", "bU", "cU", "dU"], ["aV", "bV", "cV", "dV"]].map(|keys| cubic(shape, keys, p))
+/// Places of a `<paramPoly3>` by their share of its parameter's range, in the frame of its geometry.
+fn on_cubics(shape: Node, length: f64) -> impl Fn(f64) -> [f64; 2] {
+    let range = if is_by_length(shape) { length } else { 1.0 };
+    let u = cubic(shape, ["aU", "bU", "cU", "dU"]);
+    let v = cubic(shape, ["aV", "bV", "cV", "dV"]);
+    move |share| [u(range * share), v(range * share)]
 }
 
 /// True if the parameter of a `<paramPoly3>` is a length; else it goes from 0 to 1.
@@ -37,7 +40,7 @@ pub(super) fn begin(geometry: Node) -> [f64; 2] {
     let shape = geometry.first_element_child();
     let moved = shape.and_then(|shape| match shape.tag_name().name() {
         "poly3" => Some([0.0, number(shape, "a")]),
-        "paramPoly3" => Some(on_cubics(shape, 0.0, 0.0)),
+        "paramPoly3" => Some(on_cubics(shape, 0.0)(0.0)),
         _ => None,
     });
     placed(geometry, moved.unwrap_or_default())
@@ -71,9 +74,9 @@ pub(super) fn end(geometry: Node) -> Option<[f64; 2]> {
                 let middle = u + 0.5 * step / maths::hypot(1.0, slope(u));
                 u + step / maths::hypot(1.0, slope(middle))
             });
-            [u, cubic(shape, ["a", "b", "c", "d"], u)]
+            [u, cubic(shape, ["a", "b", "c", "d"])(u)]
         }
-        "paramPoly3" => on_cubics(shape, length, 1.0),
+        "paramPoly3" => on_cubics(shape, length)(1.0),
         _ => return None,
     };
     Some(placed(geometry, end))
@@ -81,10 +84,12 @@ pub(super) fn end(geometry: Node) -> Option<[f64; 2]> {
 
 /// Length of a `<paramPoly3>` in metres; `length` is the one that its geometry states.
 pub(super) fn length_of(shape: Node, length: f64) -> f64 {
-    let place = |k: u32| on_cubics(shape, length, f64::from(k) / f64::from(PIECES));
-    let pieces = (0..PIECES).map(|k| {
-        let ([x, y], [u, v]) = (place(k), place(k + 1));
-        maths::hypot(u - x, v - y)
+    let place = on_cubics(shape, length);
+    let mut from = place(0.0);
+    let pieces = (1..=PIECES).map(|k| {
+        let [x, y] = from;
+        from = place(f64::from(k) / f64::from(PIECES));
+        maths::hypot(from[0] - x, from[1] - y)
     });
     pieces.sum()
 }

@@ -1,7 +1,8 @@
 //! Doubts about a map: reference lines that are most likely not meant as they stand, and warnings of the OpenDRIVE library.
 //!
 //! Lines have gaps between geometries, or headings in degrees; curves are not as long as they say; records begin behind the
-//! start of their road or section; roads are steep, tilted, or step up; objects are turned by degrees. Warnings become errors or notes, or are passed over.
+//! start of their road or section; roads are steep, tilted, or have steps; objects are turned by degrees. Warnings become
+//! errors or notes, or are passed over.
 
 use std::collections::BTreeMap;
 use std::mem::discriminant;
@@ -106,9 +107,9 @@ const STRETCH: f64 = 0.1;
 fn stretched(plan: Node) -> Option<String> {
     geometries(plan).find_map(|geometry| {
         let shape = geometry.first_element_child().filter(|n| n.has_tag_name("paramPoly3"))?;
-        let length = number(geometry, "length");
+        let length = Some(number(geometry, "length")).filter(|length| *length > GAP)?;
         let found = length_of(shape, length);
-        (length > GAP && (found - length).abs() > STRETCH * length).then(|| {
+        ((found - length).abs() > STRETCH * length).then(|| {
             let range = if is_by_length(shape) { "arcLength" } else { "normalized" };
             format!(
                 "{}: the <paramPoly3> at s = {} is {found:.2} m long and its `length` is {length} m; is its `pRange`, read as \
@@ -147,8 +148,10 @@ fn steep(profile: Node) -> Option<String> {
         // Programs end a road by a stretch of a centimetre, whose polynomial is any.
         (to - from > GAP && most.abs() > STEEPEST).then(|| {
             format!(
-                "{}: the <elevation> at s = {from} rises by {most:.2} m a metre; percent? `b` is metres of height a metre",
-                road(profile)
+                "{}: the <elevation> at s = {from} {} by {:.2} m a metre; percent? `b` is metres of height a metre",
+                road(profile),
+                if most > 0.0 { "rises" } else { "falls" },
+                most.abs()
             )
         })
     })
@@ -183,8 +186,11 @@ fn step(profile: Node) -> Option<String> {
         // A record behind the end of the road holds nowhere.
         (x > GAP && end - start > GAP && up.abs() > STEP).then(|| {
             format!(
-                "{}: the <elevation> at s = {to} begins {up:.2} m above the end of the one before it; the road has that step",
-                road(profile)
+                "{}: the <elevation> at s = {to} begins {:.2} m {} the end of the one before it; the road has that step: \
+                 correct `a`?",
+                road(profile),
+                up.abs(),
+                if up > 0.0 { "above" } else { "below" }
             )
         })
     })
@@ -393,15 +399,16 @@ mod tests {
         };
         // 50 m at 0.38, then level; the record behind the end of the road is none of it.
         assert_eq!(heights(&[[50.0, 19.0, 0.0], [0.0, 0.0, 0.38], [100.0, 0.0, 9.0]]), "");
-        let steep = heights(&[[0.0, 0.0, -4.0]]);
-        assert!(
-            steep.contains(
-                "road \"7\": the <elevation> at s = 0 rises by -4.00 m a metre; percent?"
-            ),
-            "{steep}"
-        );
-        let step = heights(&[[0.0, 0.0, 0.02], [50.0, 6.0, 0.0]]);
-        assert!(step.contains("the <elevation> at s = 50 begins 5.00 m above the end"), "{step}");
+        for (slope, word) in [(4.0, "rises"), (-4.0, "falls")] {
+            let steep = heights(&[[0.0, 0.0, slope]]);
+            let words = format!("road \"7\": the <elevation> at s = 0 {word} by 4.00 m a metre;");
+            assert!(steep.contains(&words), "{steep}");
+        }
+        for (height, word) in [(6.0, "above"), (-4.0, "below")] {
+            let step = heights(&[[0.0, 0.0, 0.02], [50.0, height, 0.0]]);
+            let words = format!("the <elevation> at s = 50 begins 5.00 m {word} the end of the");
+            assert!(step.contains(&words) && step.ends_with("step: correct `a`?"), "{step}");
+        }
         let tilt = |record: &str, a: f64| {
             of_road(&format!(
                 "<lateralProfile>{}</lateralProfile>",

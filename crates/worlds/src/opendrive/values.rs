@@ -297,13 +297,13 @@ fn gaps_of_lanes(xml: &Document<'_>, file: &str) -> Option<Note> {
     let mut gaps = sides.filter_map(|side| {
         let lanes = side.children().filter(|n| n.has_tag_name("lane"));
         let ids = lanes.filter_map(|n| n.attribute("id")?.trim().parse::<i64>().ok());
-        let mut ids: Vec<i64> = ids.collect();
-        ids.sort_unstable_by_key(|id| id.abs());
-        let (place, id) = ids
+        // Lane 0 is the middle, which is on no side.
+        let mut ids: Vec<i64> = ids.filter(|id| *id != 0).collect();
+        ids.sort_unstable_by_key(|id| id.unsigned_abs());
+        let (&id, place) = ids
             .iter()
-            .zip(1..)
-            .find(|(id, place)| id.abs() != *place)
-            .map(|(id, place)| (place, *id))?;
+            .zip(1_i64..)
+            .find(|(id, place)| id.unsigned_abs() != place.unsigned_abs())?;
         let road = side.ancestors().find(|n| n.has_tag_name("road"))?;
         let road = shown(road.attribute("id").unwrap_or("without an id"));
         Some(format!(
@@ -347,6 +347,21 @@ fn versions(xml: &Document<'_>, file: &str) -> Option<Note> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The least number has no opposite of its own size.
+    #[test]
+    fn lanes_of_any_number_are_compared() {
+        let told = |ids: &[i64]| {
+            let lanes: String = ids.iter().map(|id| format!("<lane id='{id}'/>")).collect();
+            let text = format!("<OpenDRIVE><road id='7'><left>{lanes}</left></road></OpenDRIVE>");
+            gaps_of_lanes(&Document::parse(&text).unwrap(), "m").map(|note| note.text().to_owned())
+        };
+        let least = told(&[-1, i64::MIN]).unwrap();
+        assert!(least.contains("lane -9223372036854775808 stands in place of lane -2;"), "{least}");
+        assert_eq!([told(&[0]), told(&[0, 1, 2]), told(&[])], [None, None, None]);
+        let gap = told(&[0, 2]).unwrap();
+        assert!(gap.contains("lane 2 stands in place of lane 1;"), "{gap}");
+    }
 
     #[test]
     fn turns_of_a_spiral_are_those_of_its_mean_curvature() {

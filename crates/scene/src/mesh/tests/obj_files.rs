@@ -162,7 +162,7 @@ fn obj_keywords_in_capitals_are_read_with_a_note() {
     assert!(note.text().starts_with(start), "{note}");
     assert!(wanted.notes.is_empty());
     let message = obj_error("v 0 0 0\nSURF 0 1 0 1 1\n");
-    assert!(message.starts_with("line 2: `surf` is a free-form surface"), "{message}");
+    assert!(message.starts_with("line 2: `SURF` is a free-form surface"), "{message}");
     let unknown = obj::read((small.to_owned() + "FACE 1 2 3\n").as_bytes()).unwrap();
     assert!(unknown.notes[0].text().contains("\"FACE\" (line 7, 1 in all)"), "{:?}", unknown.notes);
 }

@@ -32,6 +32,8 @@ fn accessors() {
     let psog = small_psog();
     assert_eq!(psog.row(1), [1, 2]);
     assert_eq!(psog.rows().len(), 3);
+    assert_eq!(psog.find(127), Some(2));
+    assert_eq!(psog.find(4), None);
     assert_eq!(psog.class_id("véhicule"), Some(1));
     assert_eq!(psog.class_id("empty"), None);
 }

@@ -136,6 +136,17 @@ fn refused(bytes: &[u8], wanted: &str) {
 }
 
 #[test]
+fn the_sound_file_is_read_however_it_is_packed() {
+    for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), Npz::sound().zip(method)).unwrap();
+        let psog = read_psog(file.path()).unwrap();
+        assert_eq!(psog.counts(), [4, 0, 1, 2, 0, 3], "{method}");
+        assert_eq!(psog.classes(), ["a", "b"], "{method}");
+    }
+}
+
+#[test]
 fn wrong_values() {
     let f = |v: [f64; 3]| npy("<f8", "(3,)", &le(&v, f64::to_le_bytes));
     let index = |v: [u64; 3]| npy("<u8", "(3,)", &le(&v, u64::to_le_bytes));

@@ -74,6 +74,10 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
         told.contains("<limit> or <mimic> keeps the joint `mast` at 0.5 m, not at 0; the"),
         "{told}"
     );
+    // An <include> of a plugin brings no shape of the robot.
+    let plugin = "<gazebo><plugin><include/></plugin></gazebo><link name=\"lidar\">";
+    fs::write(&file, fixed.replace("<link name=\"lidar\">", plugin)).unwrap();
+    assert!(!doubts(collision).contains("<include>"), "{}", doubts(collision));
     let included = fixed
         .replace("<link name=\"lidar\">", "<include filename=\"o.urdf\"/><link name=\"lidar\">");
     fs::write(&file, included).unwrap();

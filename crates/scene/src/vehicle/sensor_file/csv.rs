@@ -224,7 +224,7 @@ pub(super) fn parse_livox(
 ) -> Checked<SensorPattern> {
     let mut rows = rows(text).peekable();
     let (mut notes, mut width) = (Vec::new(), LIVOX_COLUMNS.len());
-    let columns = match rows.peek() {
+    let (columns, in_seconds) = match rows.peek() {
         Some((line, cells)) if column(cells, "zenith").is_some() => {
             let title_at = at_line(at, *line);
             let found = columns_of(&title_at, cells)?;
@@ -233,7 +233,7 @@ pub(super) fn parse_livox(
             rows.next();
             found
         }
-        _ => LIVOX_COLUMNS,
+        _ => (LIVOX_COLUMNS, false),
     };
     let mut samples: Vec<[f64; 3]> = Vec::new();
     let mut largest = [0.0_f64; 2];
@@ -256,6 +256,8 @@ pub(super) fn parse_livox(
         inside.map(|[_, across, zenith]| direction(*across, 90.0 - zenith)).collect();
     // A window is in the unit of the times, whichever it is.
     let unlike_seconds = window.is_none() && is_unlike_seconds(&samples, first);
+    let is_sparse = samples.len() >= 1000 && directions.len() < 10;
+    let unlike_seconds = !in_seconds && (is_sparse || unlike_seconds);
     let samples = samples.len() as u64;
     if directions.is_empty() || directions.len() as u64 > MAX_BEAMS {
         let found = format!("{} of {samples} samples from {from} to {to} s", directions.len());
@@ -274,8 +276,7 @@ pub(super) fn parse_livox(
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Livox, beams) })
 }
 
-/// Units that most likely are not degrees and seconds: azimuths within 2π and zeniths within π, and frames of
-/// next to no samples.
+/// Units that most likely are not degrees and seconds: azimuths within 2π and zeniths within π, and times as found.
 fn doubts(
     at: &Location,
     [across, zenith]: [f64; 2],
@@ -289,7 +290,7 @@ fn doubts(
             "{at}: azimuths reach {across:.3} and zenith angles {zenith:.3} degrees: radians? Write degrees."
         )));
     }
-    if samples >= 1000 && taken < 10 || unlike_seconds {
+    if unlike_seconds {
         notes.push(Note::doubt(format!(
             "{at}: {taken} of {samples} samples lie in the frame: are times in seconds? Convert them, or give a `window`."
         )));
@@ -299,8 +300,8 @@ fn doubts(
 
 /// Fewest samples a second of a pattern: Livox sensors measure 100 000 and more.
 const FEWEST_A_SECOND: f64 = 500.0;
-/// Fewest samples that tell a rate.
-const FEWEST_OF_A_RATE: usize = 100;
+/// Fewest samples that tell a unit of their times.
+const FEWEST_OF_A_UNIT: usize = 100;
 
 /// True if times are most likely in a smaller unit, such as `offset_time` in nanoseconds: all are whole numbers, or there is
 /// next to no sample a second.
@@ -308,20 +309,22 @@ fn is_unlike_seconds(samples: &[[f64; 3]], first: f64) -> bool {
     let last = samples.iter().map(|sample| sample[0]).fold(first, f64::max);
     let is_whole = samples.iter().all(|sample| sample[0].fract() == 0.0);
     let rate = samples.len() as f64 / (last - first);
-    last > first && (is_whole || (samples.len() >= FEWEST_OF_A_RATE && rate < FEWEST_A_SECOND))
+    samples.len() >= FEWEST_OF_A_UNIT && last > first && (is_whole || rate < FEWEST_A_SECOND)
 }
 
-/// Columns of time, azimuth and zenith by their titles.
-fn columns_of(at: &Location, titles: &[&str]) -> Checked<[usize; 3]> {
+/// Columns of time, azimuth and zenith by their titles; true if seconds are stated, as in `Time/s`.
+fn columns_of(at: &Location, titles: &[&str]) -> Checked<([usize; 3], bool)> {
     let find = |title| needed_column(at, titles, title);
     let columns = [find("time")?, find("azimuth")?, find("zenith")?];
     let title = titles[columns[0]].to_ascii_lowercase();
-    let unit = title.trim_start_matches("time").trim_matches(|c: char| !c.is_alphabetic());
-    if ["ms", "us", "µs", "ns", "msec", "usec", "nsec"].contains(&unit) {
+    let words = || title.split(|c: char| !c.is_alphabetic());
+    let small = ["ms", "us", "µs", "ns", "msec", "usec", "nsec"];
+    if words().any(|word| small.contains(&word.trim_start_matches("time"))) {
         return Err(bad(at, quoted(titles[columns[0]]), "a column of seconds; convert it"));
     }
     columns[1..].iter().try_for_each(|&column| in_degrees(at, titles[column]))?;
-    Ok(columns)
+    let seconds = ["s", "sec", "secs", "second", "seconds"];
+    Ok((columns, words().any(|word| seconds.contains(&word))))
 }
 
 pub(super) fn parse_robosense(at: &Location, text: &str) -> Checked<SensorPattern> {

@@ -2,6 +2,7 @@
 
 mod own_word;
 mod samples;
+mod times;
 
 use super::{SensorPattern, parse};
 use sightline_files::json::{Checked, Location};
@@ -17,4 +18,9 @@ fn message(bytes: impl AsRef<[u8]>) -> String {
 /// All notes of a pattern.
 fn notes(pattern: &SensorPattern) -> String {
     pattern.notes.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+/// Texts of the doubts about a pattern.
+fn doubts(pattern: &SensorPattern) -> Vec<&str> {
+    pattern.notes.iter().filter(|note| note.is_doubt()).map(|note| note.text()).collect()
 }

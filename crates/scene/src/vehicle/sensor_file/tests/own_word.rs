@@ -1,8 +1,8 @@
 //! A file's own word (windows, counts, ranges, and parts that are an error's text), and likely mistakes in it: radians,
 //! channels that are there twice, decimal commas, spreadsheets.
 
-use super::super::{Beams, Measures, SensorPattern};
-use super::{message, notes, read};
+use super::super::{Beams, Measures};
+use super::{doubts, message, notes, read};
 
 /// 16 channels of 1024 columns with other parts beside them.
 fn ouster(more: &str) -> String {
@@ -336,10 +336,6 @@ fn ouster_transforms_that_are_others_are_doubted() {
     assert!(origin(15.806).notes.iter().all(|note| !note.is_doubt()));
 }
 
-fn doubts(pattern: &SensorPattern) -> Vec<&str> {
-    pattern.notes.iter().filter(|note| note.is_doubt()).map(|note| note.text()).collect()
-}
-
 #[test]
 fn radians_in_place_of_degrees() {
     for (low, high, count) in [(-0.26, 0.26, 16), (-0.785, 0.785, 32), (-1.5, 1.5, 128)] {
@@ -370,32 +366,6 @@ fn radians_in_place_of_degrees() {
     assert!(timed.contains("line 1: \"Time\" is not a column of channels; a pattern"), "{timed}");
     let title = message("Channel,Elevation(rad),Azimuth\n1,0.1,0\n");
     assert!(title.contains("is not a column of degrees"), "{title}");
-}
-
-/// 240 samples of a Livox at 240 kHz: in seconds all are one frame, in other units the first ones alone.
-#[test]
-fn times_that_are_no_seconds_are_doubted() {
-    let read = |unit: f64, whole: bool| {
-        let time = |k: u32| {
-            let time = f64::from(k) / 240_000.0 * unit;
-            if whole { time.round() } else { time }
-        };
-        let row = |k: u32| format!("{},{},{}\n", time(k), 30 + k % 40, 80 + k % 20);
-        read(format!("Time,Azimuth,Zenith\n{}", (0..240).map(row).collect::<String>())).unwrap()
-    };
-    let count = |pattern: &SensorPattern| match &pattern.beams {
-        Beams::Directions(all) => all.len(),
-        Beams::Channels(all) => all.len(),
-    };
-    let seconds = read(1.0, false);
-    assert_eq!((count(&seconds), doubts(&seconds).len()), (240, 0));
-    for (unit, whole) in [(1e3, false), (1e6, false), (1e9, false), (1e9, true), (1e6, true)] {
-        let other = read(unit, whole);
-        let said = doubts(&other);
-        let told =
-            format!("{} of 240 samples lie in the frame: are times in seconds?", count(&other));
-        assert!(said.len() == 1 && said[0].contains(&told), "{unit} {whole}: {said:?}");
-    }
 }
 
 #[test]
