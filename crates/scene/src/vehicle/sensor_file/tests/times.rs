@@ -44,7 +44,7 @@ fn whole_times_are_doubted_by_many_rows_of_no_stated_unit() {
         assert_eq!([100, 2000].map(|count| doubted(title, count)), [false; 2], "{title}");
     }
     for title in ["Time/ms", "Timestamp (ns)", "Time of day in us", "timens"] {
-        let told = message(&format!("{title},Azimuth,Zenith\n0,30,80\n"));
+        let told = message(format!("{title},Azimuth,Zenith\n0,30,80\n"));
         assert!(told.contains("is not a column of seconds; convert it"), "{told}");
     }
 }
