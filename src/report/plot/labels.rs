@@ -39,7 +39,7 @@ impl PlotLabels {
             }
         }
         let points: Vec<(f64, f64)> = points.iter().copied().filter(is_drawn).collect();
-        let list = (!have_room(&places, &points, width, area[1])).then(|| {
+        let list = (!have_room(&places, &points, width, [area[0], area[1]])).then(|| {
             let letters = ((width - area[0] - 10.0) / PLOT_LABELS_LETTER) as usize;
             let numbered =
                 (1..).zip(&places).map(|(number, (_, words))| format!("{number}: {words}"));
@@ -57,7 +57,7 @@ impl PlotLabels {
         if self.list.is_none() {
             return html! {
                 @for (at, words) in &self.places {
-                    @let ([left, right, _, y], is_left) = beside(*at, words, self.area[1]);
+                    @let ([left, right, _, y], is_left) = beside(*at, words, [self.area[0], self.area[1]]);
                     @if is_left {
                         text x=(px(right)) y=(px(y)) font-size="12" text-anchor="end" { (words) }
                     } @else {
@@ -87,20 +87,26 @@ pub(super) fn lines(text: &str, letters: usize) -> Vec<String> {
     in_lines(words, letters, "\u{2003}")
 }
 
-/// Box of a point's words (left, right, top, bottom); true where they stand left of the point, which they do where they
-/// would pass the right end of the area, with the legend behind it, and have room.
-fn beside((x, y): (f64, f64), words: &str, end: f64) -> ([f64; 4], bool) {
+/// Box of a point's words (left, right, top, bottom); true where they stand left of the point. They do where they would pass
+/// the right end of the area, with the legend behind it, and have room before its left end, with the axis.
+fn beside((x, y): (f64, f64), words: &str, [begin, end]: [f64; 2]) -> ([f64; 4], bool) {
     let (length, y) = (PLOT_LABELS_LETTER * words.chars().count() as f64, y - 7.0);
     let (left, right) = (x - 7.0 - length, x + 7.0 + length);
-    match right > end && left > 0.0 {
+    match right > end && left > begin {
         true => ([left, x - 7.0, y - PLOT_LABELS_HEIGHT, y], true),
         false => ([x + 7.0, right, y - PLOT_LABELS_HEIGHT, y], false),
     }
 }
 
-/// True if all words end within the drawing, and none stand on others or on a point. The area ends at `end`.
-fn have_room(places: &[((f64, f64), String)], points: &[(f64, f64)], width: f64, end: f64) -> bool {
-    let boxes: Vec<[f64; 4]> = places.iter().map(|(at, words)| beside(*at, words, end).0).collect();
+/// True if all words end within the drawing, and none stand on others or on a point. The area has a left and a right end.
+fn have_room(
+    places: &[((f64, f64), String)],
+    points: &[(f64, f64)],
+    width: f64,
+    ends: [f64; 2],
+) -> bool {
+    let boxes = places.iter().map(|(at, words)| beside(*at, words, ends).0);
+    let boxes: Vec<[f64; 4]> = boxes.collect();
     let clear =
         |a: &[f64; 4], b: &[f64; 4]| a[1] < b[0] || b[1] < a[0] || a[3] < b[2] || b[3] < a[2];
     let apart = |k: usize| {
@@ -115,6 +121,16 @@ fn have_room(places: &[((f64, f64), String)], points: &[(f64, f64)], width: f64,
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_cross_no_axis() {
+        let placed =
+            |x: f64, letters: usize| beside((x, 50.0), &"w".repeat(letters), [90.0, 650.0]);
+        let (words, is_left) = placed(600.0, 50);
+        assert!(is_left && words[0] > 90.0 && words[1] < 600.0);
+        // Too long for the left, they pass the right end; short ones stand right of their point.
+        assert!(!placed(358.0, 50).1 && !placed(358.0, 20).1);
+    }
 
     #[test]
     fn words_without_room_are_numbers_with_a_list() {
