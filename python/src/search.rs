@@ -280,13 +280,17 @@ pub(crate) fn search<'py>(
         engine: scenes[0].options.engine.clone(),
         ..Settings::default()
     };
-    let tolerance = tolerance.map(|text| text.parse::<Tolerance>().map_err(bad)).transpose()?;
-    let mut job = job_of(&scenes)?.mirrored(mirror).budget(budget).search(settings);
-    job = job.fewest(fewest).tolerance(tolerance);
+    let job = job_of(&scenes)?.mirrored(mirror).budget(budget).fewest(fewest);
+    let mut job = job.tolerance(tolerance_of(tolerance)?).search(settings);
     if baselines.is_some() {
         job = job.baselines(layouts(&scenes[0].scene, baselines)?);
     }
     optimized(py, (job, seconds), scenes[0].scene.vehicle(), callback, progress)
+}
+
+/// A mounting tolerance as `optimize` has it, `5mm,0.5deg` for example.
+pub(crate) fn tolerance_of(text: Option<&str>) -> PyResult<Option<Tolerance>> {
+    text.map(|text| text.parse().map_err(bad)).transpose()
 }
 
 /// A result, or the signal that ended its search, with the result as its attribute.

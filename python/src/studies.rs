@@ -15,9 +15,9 @@ use crate::columns::scores_object;
 use crate::engine::{Built, job_of};
 use crate::errors::{bad, raised};
 use crate::placements::{PyPlacement, placements_in};
-use crate::search::{beside, scenes_of, signalled};
+use crate::search::{beside, scenes_of, signalled, tolerance_of};
 use crate::wait::{Progress, WorkMessages, answer};
-use sightline::job::{Front, FrontObjectives, Tolerance};
+use sightline::job::{Front, FrontObjectives};
 use sightline::report::{FrontContext, FrontRecord};
 use sightline::scan::conditions::Condition;
 use sightline::search::{Event, Settings, TimeLimit};
@@ -203,11 +203,11 @@ fn conditions_of(
 
 /// Searches the front of two or three objectives over a vehicle's sensors and poses, as `sightline optimize --front` does.
 ///
-/// `objectives` are names: `price`, `sensors` and `requirements` (also `targets`: the missing share of what the vehicle
-/// requires, summed) are better when less, scores such as `near_gain` when more. Sensors are chosen on a coarse grid of poses
+/// `objectives` are names: `price`, `sensors` and `requirements` are better when less, scores such as `near_gain` when more.
+/// `requirements`, also called `targets`, is the missing share of all requirements, summed. Sensors are chosen on a coarse grid of poses
 /// under a row of limits, for at most `budget`; all placements are scored over all frames. `evaluations` search around each
-/// point, 0 leave them on the grid. `seconds`, `mirror`, `tolerance`, `callback` and `progress` are those of `optimize`; `StopIteration` and Ctrl-C
-/// keep the points found so far. Raises `ValueError` for objectives and settings that are not usable.
+/// point, 0 leave them on the grid. `seconds`, `mirror`, `tolerance`, `callback` and `progress` mean the same
+/// as in `optimize`; `StopIteration` and Ctrl-C keep the points found so far. Raises `ValueError` for objectives and settings that are not usable.
 #[pyfunction(name = "front")]
 #[pyo3(signature = (scenes, objectives, *, evaluations = 40, seed = 1, seconds = None, mirror = false, budget = None,
     tolerance = "5mm,0.5deg", callback = None, progress = None))]
@@ -226,7 +226,7 @@ pub(crate) fn front<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let scenes = scenes_of(scenes)?;
     let objectives = FrontObjectives::named(&objectives).map_err(raised)?;
-    let tolerance = tolerance.map(|text| text.parse::<Tolerance>().map_err(bad)).transpose()?;
+    let tolerance = tolerance_of(tolerance)?;
     let engine = scenes[0].options.engine.clone();
     let settings = Settings { evaluations, seed, engine, ..Settings::default() };
     let job =

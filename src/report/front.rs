@@ -309,8 +309,8 @@ mod tests {
         assert_eq!([0.0651, 0.065, 0.0].map(missing), ["6.6", "6.5", "0.0"]);
     }
 
-    #[test]
-    fn a_single_point_is_the_best_in_each_objective() {
+    /// A front of one point, `only`.
+    fn single() -> Front {
         let only = planted("only", -1.0, 500.0);
         let point = FrontPoint {
             placement: only.placement,
@@ -321,7 +321,7 @@ mod tests {
             scores: only.scores,
             by_scene: Vec::new(),
         };
-        let mut front = Front {
+        Front {
             objectives: "price,near_gain".parse().unwrap(),
             points: vec![point],
             picks: Vec::new(),
@@ -330,7 +330,12 @@ mod tests {
             stopped: FrontStopped::Complete,
             backend: String::new(),
             adapter: String::new(),
-        };
+        }
+    }
+
+    #[test]
+    fn a_single_point_is_the_best_in_each_objective() {
+        let mut front = single();
         let words = "One placement is the best in each of price, near_gain";
         assert_eq!(front_verdict(&front), words);
         let three = Front { points: vec![front.points[0].clone(); 3], ..front.clone() };
@@ -359,8 +364,23 @@ mod tests {
         let rows = front_rows(&beside);
         assert_eq!((&*rows[2][0], &*rows[2][2]), ("mine", "25.00"));
         assert_eq!(rows[2].last().map(String::as_str), Some("baseline"));
-        // Picks and baselines have a line each, and the requirement that is missed most is named.
-        let mut missing = Front { picks: vec![(Pick::Knee, 0)], ..beside.clone() };
+        // Sensors that reach 20 m: nobody looked farther.
+        let words = "blind °: bearings in which a car is lost between 5 and";
+        assert_eq!(blind_in_words(&front), format!("{words} 50 m"));
+        let card = RangeCard { blind_between: [5.0, 20.0], ..RangeCard::default() };
+        front.points[0].scores.range_card = Some(card);
+        assert_eq!(blind_in_words(&front), format!("{words} 20 m"));
+        let record = FrontRecord::new(&front, FrontContext::default());
+        let text = front_text(&front, &record, "runs".as_ref());
+        assert!(text.contains(&format!("\n{words} 20 m\n")), "{text}");
+    }
+
+    #[test]
+    fn picks_and_baselines_have_a_line_each_and_the_requirement_that_is_missed_most_is_named() {
+        let mut missing = single();
+        let mut mine = FrontPoint { meets: false, ..missing.points[0].clone() };
+        mine.placement.name = "mine".to_owned();
+        (missing.picks, missing.baselines) = (vec![(Pick::Knee, 0)], vec![mine]);
         let required = [("car", 0.7), ("child", 0.25), ("tyre", 1.0)];
         let required = required.map(|(name, share)| Seen::of(name, share)).to_vec();
         missing.baselines[0].scores.required = required.clone();
@@ -377,14 +397,5 @@ mod tests {
         let words = "2 placements by price and near gain. No other placement found is better in both and meets the \
                      requirements as well. The cheapest that meets all requirements costs";
         assert!(verdict.starts_with(words), "{verdict}");
-        // Sensors that reach 20 m: nobody looked farther.
-        let words = "blind °: bearings in which a car is lost between 5 and";
-        assert_eq!(blind_in_words(&front), format!("{words} 50 m"));
-        let card = RangeCard { blind_between: [5.0, 20.0], ..RangeCard::default() };
-        front.points[0].scores.range_card = Some(card);
-        assert_eq!(blind_in_words(&front), format!("{words} 20 m"));
-        let record = FrontRecord::new(&front, FrontContext::default());
-        let text = front_text(&front, &record, "runs".as_ref());
-        assert!(text.contains(&format!("\n{words} 20 m\n")), "{text}");
     }
 }

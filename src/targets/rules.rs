@@ -89,6 +89,11 @@ pub(super) struct Looked<'a> {
     overlaps: Vec<Shares>,
 }
 
+/// Share of the ground of a rule that is seen in a scene, with its bits; 0 where there is no such ground.
+fn seen_in((scene, bits): (&RequiredGround, &[u64]), number: usize) -> f64 {
+    scene.share(number, bits).share.unwrap_or(0.0)
+}
+
 impl Sight {
     pub(super) fn looked<'a>(&self, each: &'a [&'a SightBeams]) -> Looked<'a> {
         Looked { each, overlaps: self.overlaps(each) }
@@ -123,7 +128,7 @@ impl Sight {
 
     /// Share of the ground of a rule, by its number among these, that is seen; scenes without such ground count as not seen.
     pub(super) fn ground_share(&self, all: &SightBeams, number: usize) -> f64 {
-        self.over_scenes(all, |scene, bits| scene.share(number, bits).share.unwrap_or(0.0))
+        self.over_scenes(all, |scene, bits| seen_in((scene, bits), number))
     }
 
     /// Scene in which least of the ground of a rule is seen, with its bits; of those in which bodies move alone where
@@ -134,9 +139,7 @@ impl Sight {
         number: usize,
         moving: bool,
     ) -> Option<(&'a RequiredGround, &'a [u64])> {
-        let share = |&(scene, bits): &(&RequiredGround, &[u64])| {
-            scene.share(number, bits).share.unwrap_or(0.0)
-        };
+        let share = |scene: &(&RequiredGround, &[u64])| seen_in(*scene, number);
         let scenes = self.ground_of(all).filter(|(scene, _)| !moving || scene.moves());
         scenes.min_by(|a, b| share(a).total_cmp(&share(b)))
     }
@@ -198,10 +201,7 @@ impl Sight {
         match rule {
             Rule::Target(_, sites) => self.by_site(&all(), sites),
             Rule::Ground(_, number) => {
-                let share = |(scene, bits): (&RequiredGround, &[u64])| {
-                    scene.share(*number, bits).share.unwrap_or(0.0)
-                };
-                self.ground_of(&all()).map(share).collect()
+                self.ground_of(&all()).map(|scene| seen_in(scene, *number)).collect()
             }
             Rule::Overlap(_) => {
                 looked.overlaps.iter().map(|shares| connected_without(shares, lost)).collect()

@@ -31,7 +31,7 @@ fn missed_in_words(point: &FrontPoint) -> Option<String> {
     Some(format!("  ! {}: {share:.1} % {done}, {least:.1} % required{more}", most.title()))
 }
 
-/// Whether a point meets its requirements, and which it misses most.
+/// `met`, or the requirement that a point misses most.
 pub(super) fn met_in_words(point: &FrontPoint) -> String {
     match most_missed(point) {
         Some((most, _)) => {

@@ -17,7 +17,7 @@ pub(super) struct Worths {
 }
 
 impl Worths {
-    /// Worths of the bits of an atlas for placements of `lidars` sensors; `units` are those of each scene.
+    /// Worths of the bits of an atlas for placements of `lidars` sensors, with the `units` of each scene.
     pub(crate) fn new(atlas: &Atlases, lidars: usize, units: &[Units]) -> Self {
         let (once, unit) = integers(&atlas.worths(), units);
         let (mut in_full, mut overlap) = (1.0, 1.0);

@@ -106,7 +106,7 @@ mod tests {
         for (loss, words) in never.map(seen) {
             assert!(loss.is_none() && words.ends_with("of a search over all"), "{words}");
         }
-        // The best stands behind those that a check within the generations looks at.
+        // A check within the generations looks at the first finalists; the best stands behind them.
         let (loss, words) = seen(&[Some(0.4), Some(0.3), Some(0.3), Some(0.3), Some(0.5)]);
         assert!(
             (loss.unwrap() - 0.2).abs() < 1e-12 && words.ends_with("of the best value, at most"),

@@ -163,7 +163,7 @@ fn sideways(name: &str, egos: &[Pose]) -> Option<Note> {
 }
 
 /// A doubt where the median way of a vehicle climbs or falls steeper than any street: poses of a camera whose z axis looks
-/// ahead, most likely, with a `Tr` that is that of poses of the LiDAR.
+/// ahead, most likely, with the `Tr` of poses of the LiDAR.
 fn upwards(name: &str, egos: &[Pose]) -> Option<Note> {
     const STEP: f64 = 0.3;
     const STEEPEST: f64 = 45.0;

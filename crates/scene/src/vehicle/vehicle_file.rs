@@ -57,14 +57,9 @@ impl Vehicle {
         stem: &str,
         dir: &Path,
     ) -> Checked<(Self, Vec<PathBuf>)> {
-        let lists = [("sensors", vehicle.sensors.len()), ("mounts", vehicle.mounts.len())];
-        for (key, count) in lists.into_iter().chain([("require", vehicle.require.len().max(1))]) {
-            if count == 0 || count > MOST {
-                let wanted =
-                    format!("1 to {MOST} entries: a vehicle needs at least one of `{key}`");
-                return Err(bad(&at.key(key), format!("a list of {count}"), wanted));
-            }
-        }
+        check_count(at, "sensors", vehicle.sensors.len())?;
+        check_count(at, "mounts", vehicle.mounts.len())?;
+        check_count(at, "require", vehicle.require.len().max(1))?;
         let name = vehicle.name.filter(|name| !name.trim().is_empty());
         let name = name.map(|name| check::name(&at.key("name"), name)).transpose()?;
         let (mut files, mut notes) = (Vec::new(), Vec::new());
@@ -113,6 +108,15 @@ impl Vehicle {
         vehicle.check_mounts(at)?;
         Ok((vehicle, files))
     }
+}
+
+/// Checks the number of entries of a list.
+fn check_count(at: &Location, key: &'static str, count: usize) -> Checked<()> {
+    if (1..=MOST).contains(&count) {
+        return Ok(());
+    }
+    let wanted = format!("1 to {MOST} entries: a vehicle needs at least one of `{key}`");
+    Err(bad(&at.key(key), format!("a list of {count}"), wanted))
 }
 
 /// All sensor models, which differ in their names; `files` and `notes` get the names of sensor files and the notes on them.
