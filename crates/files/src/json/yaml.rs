@@ -391,10 +391,7 @@ mod tests {
         let turned = "a: &a !degrees 180\nb: {angle: *a}\n";
         assert_eq!(value(turned).unwrap()["b"]["angle"], json!(std::f64::consts::PI));
         let error = value("a: &a !degrees 180\nb:\n  x: *a\n").unwrap_err();
-        assert!(
-            error.contains("`!degrees` is the unit of an angle") && error.contains("line 1"),
-            "{error}"
-        );
+        assert_holds!(error, "`!degrees` is the unit of an angle", "line 1");
         assert!(value("bare: {x: !inches 1}").unwrap_err().contains("without a unit"));
         assert!(value("a: !inches [1]").unwrap_err().contains("before each number"));
         assert!(value("a: !turns [1]").unwrap_err().contains("`!turns` is not known"));
