@@ -161,9 +161,6 @@ impl PsogOptions {
 /// moved through the sensor's poses into the ego frame of t. Each votes in the voxel of its hit
 /// ([`Roi::voxel_of_hit`]), seen from where its own sensor stood. Points of moving objects vote only in
 /// their own frame, since they would smear in others; ignored labels never vote.
-///
-/// # Errors
-/// See [`FormatError`].
 pub fn build_psog<S: LabelledSequence>(
     sequences: &[S],
     options: &PsogOptions,

@@ -76,9 +76,6 @@ impl PreparedDataset {
 
 impl Dataset {
     /// Checks all that [`Self::create`] checks, writes nothing, and counts the frames that are not there.
-    ///
-    /// # Errors
-    /// See [`Self::create`].
     pub fn check(
         dir: &Path,
         settings: &DatasetSettings,
