@@ -266,8 +266,7 @@ fn conditions_of_beams_and_ideal_scans_do_not_go_together() {
         let conditions = vec![condition.parse().unwrap()];
         Scanner::check(&scene, &placement, &Scanning { conditions, ..ideal() })
     };
-    let error = check("snow:rate=1").unwrap_err().to_string();
-    assert!(error.starts_with("the condition `snow:rate=1` acts on beams"), "{error}");
+    assert_begins!(check("snow:rate=1").unwrap_err(), "the condition `snow:rate=1` acts on beams");
 }
 
 #[test]
