@@ -292,8 +292,7 @@ mod tests {
         let all: Vec<Value> = serde_json::from_str(include_str!("targets.json")).unwrap();
         assert_eq!(preset_targets().len(), all.len());
         for (other, preset) in OTHER_NAMES {
-            let told = Target::named(other).unwrap_err().to_string();
-            assert!(told.contains(&format!("did you mean `{preset}`?")), "{told}");
+            assert_holds!(Target::named(other).unwrap_err(), &format!("did you mean `{preset}`?"));
         }
         for name in ["child", "adult", "cyclist", "car", "tyre", "motorcycle", "pole", "kerb"] {
             let target = Target::named(name).unwrap();
@@ -354,11 +353,9 @@ mod tests {
             (r#"{"sightline": 1, "roi": {}}"#.to_owned(), "a scene"),
         ];
         for (text, word) in cases {
-            let told = refused(&text);
-            assert!(told.contains("t.json") && told.contains(word), "{told}");
+            assert_holds!(refused(&text), "t.json", word);
         }
-        let told = Target::named("chidl").unwrap_err().to_string();
-        assert!(told.contains("`child`"), "{told}");
+        assert_holds!(Target::named("chidl").unwrap_err(), "`child`");
     }
 
     #[test]
@@ -371,8 +368,7 @@ mod tests {
             Target::read(&file)
         };
         let named = target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 1, 1]}}"#).unwrap();
-        let told = named.notes[0].text();
-        assert!(told.contains("name: `car` is the name of a preset, too"), "{told}");
+        assert_holds!(named.notes[0].text(), "name: `car` is the name of a preset, too");
         if cfg!(feature = "mesh") {
             std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n")
                 .unwrap();
