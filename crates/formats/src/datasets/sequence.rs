@@ -247,7 +247,6 @@ pub(super) fn open(path: &Path) -> Checked<File> {
     sightline_files::files::open(path).map_err(to_read)
 }
 
-/// Paths of all that lies in a folder.
 pub(super) fn entries(folder: &Path) -> Checked<Vec<PathBuf>> {
     let to_read = |source| FormatError::Read { path: folder.to_owned(), source };
     let mut paths = Vec::new();
@@ -320,7 +319,6 @@ pub(super) fn read_points<const N: usize>(path: &Path) -> Checked<Vec<[f32; 3]>>
     Ok(points)
 }
 
-/// Refuses a coordinate that is no number.
 pub(super) fn check_finite(path: &Path, point: usize, xyz: [f32; 3]) -> Checked<()> {
     let named = xyz.into_iter().zip(['x', 'y', 'z']);
     match named.into_iter().find(|(value, _)| !value.is_finite()) {

@@ -212,7 +212,6 @@ impl Dataset {
         frames.iter().copied().filter(|&frame| !self.has(scene, frame)).collect()
     }
 
-    /// Number of frames that are not there.
     fn missing(&self) -> usize {
         missing(&self.folder, &self.scenes)
     }

@@ -106,18 +106,12 @@ fn poses_are_those_of_carla_mirrored() {
     let pose = open(dir.path()).unwrap().world_from_sensor(8).unwrap();
     let [(sr, cr), (sp, cp), (sy, cy)] = [11.0_f64, -23.0, 37.0].map(|v| v.to_radians().sin_cos());
     // carla.Transform.get_matrix(), row by row.
-    let carla = DMat3::from_cols_array(&[
-        cp * cy,
-        cy * sp * sr - sy * cr,
-        -cy * sp * cr - sy * sr,
-        cp * sy,
-        sy * sp * sr + cy * cr,
-        -sy * sp * cr + cy * sr,
-        sp,
-        -cp * sr,
-        cp * cr,
-    ])
-    .transpose();
+    let rows = [
+        DVec3::new(cp * cy, cy * sp * sr - sy * cr, -cy * sp * cr - sy * sr),
+        DVec3::new(cp * sy, sy * sp * sr + cy * cr, -sy * sp * cr + cy * sr),
+        DVec3::new(sp, -cp * sr, cp * cr),
+    ];
+    let carla = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
     let mirror = DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
     assert!(pose.rotation.abs_diff_eq(mirror * carla * mirror, 1e-12), "{:?}", pose.rotation);
     assert_eq!(pose.translation, DVec3::new(4.0, -5.0, 6.0));
@@ -262,7 +256,6 @@ fn poses(folder: &Path, text: &str) {
     put(folder, "poses.csv", text);
 }
 
-/// Replaces a text in the PLY of the first frame.
 fn in_ply(folder: &Path, from: &str, to: &str) {
     put(folder, "lidar_000007.ply", ply(&scan(0.0)).replacen(from, to, 1));
 }

@@ -119,13 +119,9 @@ fn brute_force(set: &[Keyframe], window: usize) -> Counts {
                 }
                 let (point, origin) = (to_ego(point), to_ego(sensor));
                 let pushed = point + 0.001 * (point - origin).normalize();
-                let voxel =
-                    [(pushed.x + 15.0) / 0.5, (pushed.y + 15.0) / 0.5, (pushed.z + 0.5) / 0.5];
-                let voxel = voxel.map(|v| v.floor() as i64);
-                if (0..60).contains(&voxel[0])
-                    && (0..60).contains(&voxel[1])
-                    && (0..8).contains(&voxel[2])
-                {
+                let voxel = (pushed + DVec3::new(15.0, 15.0, 0.5)) / 0.5;
+                let voxel = voxel.to_array().map(|v| v.floor() as i64);
+                if (0..3).all(|k| (0..[60, 60, 8][k]).contains(&voxel[k])) {
                     *votes.entry(voxel).or_default().entry(class).or_default() += 1;
                 }
             }
