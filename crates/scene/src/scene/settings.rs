@@ -227,7 +227,6 @@ impl PsogSource {
     }
 }
 
-/// Doubts about `psog.scan`.
 pub(super) fn doubts_of_scan(psog: &PsogSource) -> Vec<String> {
     let PsogSource::Scan(scan) = psog else { return Vec::new() };
     let mut doubts = Vec::new();

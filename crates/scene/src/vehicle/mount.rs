@@ -200,7 +200,6 @@ pub(super) fn least_distance(at: &Location, metres: f64) -> Checked<f64> {
     Err(bad(&at.key("min_distance"), metres, "a distance of 0 m or more"))
 }
 
-/// Lower and upper corners of boxes.
 pub(super) fn keep_out_boxes(
     at: &Location,
     boxes: &[KeepOutDescription],

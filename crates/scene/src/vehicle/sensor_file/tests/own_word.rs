@@ -157,9 +157,8 @@ fn counts_of_tables_and_lasers_fit() {
     }
     let uneven = read(isaac("rotary", "").replace("3600", "3605")).unwrap();
     assert_eq!(uneven.azimuth_steps, Some(361));
-    assert!(
-        notes(&uneven).contains("3605 columns a second in 10 turns are 360.5 a turn; 361 are cast")
-    );
+    let told = "3605 columns a second in 10 turns are 360.5 a turn; 361 are cast";
+    assert_holds!(notes(&uneven), told);
     let lasers = "num_lasers: 3\nlasers:\n- {rot_correction: 0, vert_correction: 0.1}\n";
     let twice = "lasers:\n- {laser_id: 0, rot_correction: 0, vert_correction: 0.1}\n\
                  - {laser_id: 0, rot_correction: 0, vert_correction: 0.2}\n";
