@@ -74,7 +74,6 @@ pub(super) fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File
     }
 }
 
-/// True if an open folder is the one at a path.
 fn is_at(folder: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {

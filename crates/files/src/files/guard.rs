@@ -22,7 +22,6 @@ struct FileGuard {
     program: Option<bool>,
     /// Files that were read, each with its number, so that hard links count.
     read: BTreeMap<PathBuf, Option<(u64, u64)>>,
-    /// Outputs that were announced.
     outputs: BTreeSet<PathBuf>,
     temporaries: BTreeSet<PathBuf>,
 }

@@ -33,9 +33,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// nothing into is removed with it.
 pub struct RunDir<S> {
     path: PathBuf,
-    /// Command that the folder belongs to.
     command: &'static str,
-    /// Files that the run was begun with.
     inputs: Vec<Input>,
     /// Files written so far by a run that began here; `None` for one that goes on.
     written: Option<Mutex<BTreeSet<PathBuf>>>,

@@ -207,7 +207,6 @@ struct Spot<'a> {
     parent: &'a str,
     key: &'a str,
     depth: usize,
-    /// True if an alias repeats it.
     repeats: bool,
 }
 
@@ -304,7 +303,6 @@ impl YamlBuilder<'_> {
         Ok(())
     }
 
-    /// The value of an anchor, once more.
     fn repeated(&mut self, anchor: usize, spot: &Spot, mark: (u32, u32)) -> Read<Value> {
         let Some(mut at) = anchor.checked_sub(1).and_then(|k| self.anchors.get(k)).copied() else {
             return Err(YamlFault { problem: "an alias names no anchor".to_owned(), mark });
