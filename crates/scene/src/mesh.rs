@@ -165,7 +165,7 @@ fn extension(file: &Path) -> String {
 }
 
 /// A mesh as its file gives it, before scale, axes and classes.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, PartialEq)]
 pub(crate) struct RawMesh {
     vertices: Vec<DVec3>,
     pub(crate) faces: Vec<[u32; 3]>,

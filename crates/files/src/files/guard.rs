@@ -22,7 +22,6 @@ struct FileGuard {
     program: Option<bool>,
     /// Files that were read, each with its number, so that hard links count.
     read: BTreeMap<PathBuf, Option<(u64, u64)>>,
-    /// Outputs that were announced.
     outputs: BTreeSet<PathBuf>,
     temporaries: BTreeSet<PathBuf>,
 }
@@ -337,8 +336,7 @@ mod tests {
         let path = dir.path().join("sparse");
         let file = File::create(&path).expect("a file");
         file.set_len(1 << 40).expect("a length");
-        let message = read(&path, 1 << 30).expect_err("too large").to_string();
-        assert!(message.contains("larger than 1024 MiB"), "{message}");
+        assert_holds!(read(&path, 1 << 30).expect_err("too large"), "larger than 1024 MiB");
         file.set_len(10).expect("a length");
         assert_eq!(read(&path, 10).expect("ten bytes").len(), 10);
         assert!(read(dir.path(), 10).is_err());

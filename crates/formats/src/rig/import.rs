@@ -310,7 +310,6 @@ fn is_named_lidar(frame: &RigFrame) -> bool {
     frame.holds == FrameContent::Unsaid && is_name_of_lidar(&frame.name)
 }
 
-/// True if a word in a name means a LiDAR.
 pub(super) fn is_name_of_lidar(name: &str) -> bool {
     let name = name.to_lowercase();
     WORDS.iter().any(|word| name.contains(word))

@@ -182,7 +182,6 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// Refuses more triangles than there may be.
     fn check_count(&self, at: &Location, count: u64) -> Checked<()> {
         if count <= self.most {
             return Ok(());

@@ -169,9 +169,7 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, Strin
 
 struct Sample {
     token: String,
-    /// Position of its scene.
     scene: usize,
-    /// Number in its scene.
     frame: u32,
     timestamp: f64,
 }

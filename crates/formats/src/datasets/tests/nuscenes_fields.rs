@@ -70,12 +70,6 @@ fn few_names_are_told_and_only_the_head_of_a_long_one() {
     let mut said = said(folder.path());
     said.sort();
     let names: Vec<String> = (0..8).map(|k| format!("`n{k:02}`")).collect();
-    assert!(
-        said[0].starts_with(&format!("DIR/v1.0-mini/sample.json: {}: not", names.join(", "))),
-        "{said:?}"
-    );
-    assert!(
-        said[1].starts_with(&format!("DIR/v1.0-mini/scene.json: `a`, `{}`: not", "x".repeat(40))),
-        "{said:?}"
-    );
+    assert_begins!(said[0], &format!("DIR/v1.0-mini/sample.json: {}: not", names.join(", ")));
+    assert_begins!(said[1], &format!("DIR/v1.0-mini/scene.json: `a`, `{}`: not", "x".repeat(40)));
 }

@@ -81,7 +81,6 @@ fn sole_column(at: &Location, titles: &[&str], title: &str) -> Checked<Option<us
     }
 }
 
-/// Like [`sole_column`], for a column that must be there.
 fn needed_column(at: &Location, titles: &[&str], title: &str) -> Checked<usize> {
     sole_column(at, titles, title)?.ok_or_else(|| {
         bad(at, quoted(&titles.join(",")), format!("a row of titles with `{title}`"))
