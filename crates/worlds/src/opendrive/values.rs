@@ -258,7 +258,7 @@ fn has_no_height(object: Node<'_, '_>) -> bool {
     // The corners of an outline have heights of their own, and the object's counts for none of them.
     let corner = |n: Node<'_, '_>| n.tag_name().name().starts_with('c') && above_0(n, "height");
     let stands = match has(&["outline"]) {
-        true => object.descendants().any(corner),
+        true => !above_0(object, "height") || object.descendants().any(corner),
         false => above_0(object, "height") || has(&["skeleton"]),
     };
     !flat && (footprint || has(&["outline"])) && !stands && !object.children().any(raised)
