@@ -373,3 +373,15 @@ fn axes_of_apollo_are_doubted() {
     assert!(said("novatel").contains("has x to the right and y ahead"), "{}", said("novatel"));
     assert_eq!(said("base"), "");
 }
+
+#[test]
+fn files_of_other_programs_are_named() {
+    let usd = "#usda 1.0\ndef Xform \"lidar\" { double3 xformOp:translate = (1, 0, 2) }\n";
+    assert!(
+        error(usd).contains("is USD, which is not read; give the robot's URDF"),
+        "{}",
+        error(usd)
+    );
+    let launch = "launch:\n- node: {pkg: tf2_ros, exec: static_transform_publisher, args: 1 0 2 0 0 0 a b}\n";
+    assert!(error(launch).contains("is a launch file in YAML"), "{}", error(launch));
+}
