@@ -399,6 +399,8 @@ pub(crate) struct RobotShapes {
     pub moved: Vec<String>,
     /// Elements that bring another file, which are not read.
     pub includes: usize,
+    /// Elements that no reader of URDF knows where they stand, in words.
+    pub strange: Vec<String>,
 }
 
 /// A URDF, and which of its shapes are meant.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, Metadata};
-use std::io::{Error, ErrorKind, Read, Result};
+use std::io::{Error, ErrorKind, Read, Result, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -71,12 +71,25 @@ impl Drop for Session {
     }
 }
 
+/// Start of the text that Git has in place of a large file which was not fetched, and its most bytes.
+const POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+const LARGEST_POINTER: u64 = 1024;
+
 /// Opens an input: a plain file, which no output of the command may replace from now on.
 ///
 /// # Errors
-/// A file that cannot be opened; a folder, pipe, device or socket.
+/// A file that cannot be opened; a folder, pipe, device or socket; a pointer of Git LFS.
 pub fn open(path: &Path) -> Result<File> {
-    let file = open_own(path)?;
+    let mut file = open_own(path)?;
+    if file.metadata()?.len() < LARGEST_POINTER {
+        let mut head = Vec::new();
+        (&mut file).take(POINTER.len() as u64).read_to_end(&mut head)?;
+        if head == POINTER {
+            let told = "is a pointer of Git LFS and not the file itself; `git lfs pull` fetches it";
+            return Err(Error::other(told));
+        }
+        file.rewind()?;
+    }
     will_read(path);
     Ok(file)
 }
@@ -307,6 +320,16 @@ mod tests {
         std::fs::rename(&link, &other).expect("another name");
         std::fs::remove_file(&input).expect("the input's end");
         assert!(is_no_input(&other).is_ok());
+    }
+
+    #[test]
+    fn a_pointer_of_git_lfs_is_no_input() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let file = dir.path().join("mesh.obj");
+        std::fs::write(&file, [POINTER, b"v1\noid sha256:0\nsize 9\n"].concat()).expect("a file");
+        assert!(read(&file, 1 << 20).unwrap_err().to_string().contains("git lfs pull"));
+        std::fs::write(&file, "v 0 0 0\n").expect("a file");
+        assert_eq!(read(&file, 1 << 20).expect("the whole text"), b"v 0 0 0\n");
     }
 
     #[test]

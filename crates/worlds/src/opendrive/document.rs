@@ -72,7 +72,7 @@ const COUNTED: &[(&str, &str)] = &[
 ];
 
 /// Numbers of each element: those that it must have, then those that it may have.
-const NUMBERS: &[(&str, &[&str], &[&str])] = &[
+pub(super) const NUMBERS: &[(&str, &[&str], &[&str])] = &[
     ("road", &["length"], &[]),
     ("geometry", &["s", "x", "y", "hdg", "length"], &[]),
     ("spiral", &["curvStart", "curvEnd"], &[]),

@@ -10,23 +10,26 @@ use std::mem::discriminant;
 use roxmltree::{Document, Node};
 use xodr::Warning;
 
-use super::curves::{begin, end, is_by_length, length_of};
+use super::curves::{begin, end, is_by_length, kinked, length_of};
 use super::document::{number_or_0 as number, shown};
+use super::values::miswritten;
 use crate::world::WorldError;
 use lidar_cast::maths;
 use sightline_files::Note;
 
 /// Largest gap between two geometries that rounding leaves, in metres.
 const GAP: f64 = 0.1;
-/// Smallest whole number of radians that is more likely degrees.
+/// Smallest whole number of radians that is more likely degrees, and smallest number of any digits.
 const WHOLE: f64 = 2.0;
+const TURNS: f64 = 30.0;
 
 /// A doubt of each kind, for the first place that it holds for.
 pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
     let roads = || xml.descendants().filter(|node| node.has_tag_name("planView"));
-    let lines = [gap, uneven, in_degrees, stretched].map(|doubt| roads().find_map(doubt));
-    let records =
-        [late, steep, tilted, step, turned].map(|doubt| xml.descendants().find_map(doubt));
+    let lines = [gap, uneven, in_degrees, stretched, kinked];
+    let lines = lines.map(|doubt| roads().find_map(doubt));
+    let records = [late, steep, tilted, step, turned, high, miswritten];
+    let records = records.map(|doubt| xml.descendants().find_map(doubt));
     lines
         .into_iter()
         .chain(records)
@@ -196,10 +199,14 @@ fn step(profile: Node) -> Option<String> {
     })
 }
 
-/// A heading that is most likely one in degrees: a whole number. Maps of CARLA add up turns, so more than one is none.
+/// True for radians that are most likely degrees: a whole number, or many turns. Maps of CARLA add up a few.
+fn is_of_degrees(angle: &f64) -> bool {
+    angle.abs() >= TURNS || (angle.abs() >= WHOLE && angle.fract() == 0.0)
+}
+
+/// A heading that is most likely one in degrees.
 fn in_degrees(plan: Node) -> Option<String> {
-    let is_whole = |hdg: &f64| hdg.abs() >= WHOLE && hdg.fract() == 0.0;
-    let heading = geometries(plan).map(|node| number(node, "hdg")).find(is_whole)?;
+    let heading = geometries(plan).map(|node| number(node, "hdg")).find(is_of_degrees)?;
     Some(format!(
         "{}: `hdg` is {heading} rad; degrees? {heading}° are {:.4} rad",
         road(plan),
@@ -214,8 +221,7 @@ fn turned(node: Node) -> Option<String> {
         "signal" => ["hOffset", "pitch", "roll"],
         _ => return None,
     };
-    let is_whole = |angle: f64| angle.abs() >= WHOLE && angle.fract() == 0.0;
-    let key = keys.into_iter().find(|key| is_whole(number(node, key)))?;
+    let key = keys.into_iter().find(|key| is_of_degrees(&number(node, key)))?;
     let angle = number(node, key);
     let of_road = node.ancestors().find(|n| n.has_tag_name("road"))?;
     Some(format!(
@@ -225,6 +231,19 @@ fn turned(node: Node) -> Option<String> {
         shown(node.attribute("id").unwrap_or("without an id")),
         angle.to_radians()
     ))
+}
+
+/// An object that is higher than any of its kind.
+fn high(node: Node) -> Option<String> {
+    const MOST: [f64; 2] = [100.0, 1000.0];
+    let object = node.ancestors().find(|n| n.has_tag_name("object"))?;
+    let height = ["height", "heightStart", "heightEnd"].map(|key| number(node, key));
+    let height = height.into_iter().fold(0.0, f64::max);
+    let is_building = object.attribute("type") == Some("building");
+    (height > MOST[usize::from(is_building)]).then(|| {
+        let id = shown(object.attribute("id").unwrap_or("without an id"));
+        format!("the <object> {id} is {height} m high; heights are in metres: centimetres, or millimetres?")
+    })
 }
 
 enum Severity {
@@ -436,6 +455,11 @@ mod tests {
         let heading = told(&line(0.0, 0.0, 90.0));
         assert_holds!(heading, "`hdg` is 90 rad; degrees? 90° are 1.5708 rad");
         assert_eq!(told(&line(0.0, 0.0, 9.42)), "");
+        assert!(told(&line(0.0, 0.0, 45.5)).contains("degrees? 45.5° are"));
+        let object = |words: &str| of_road(&format!("<objects><object id='3' {words}/></objects>"));
+        assert!(object("type='pole' height='600'").contains("the <object> 3 is 600 m high"));
+        assert_eq!(object("type='building' height='600'"), "");
+        assert!(object("zoffset='1'").contains("OpenDRIVE calls it `zOffset`"));
         let objects =
             |angle: f64| of_road(&format!("<objects><object id='3' hdg='{angle}'/></objects>"));
         assert_eq!([objects(1.0), objects(2.5)], ["", ""]);

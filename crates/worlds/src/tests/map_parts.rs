@@ -120,6 +120,23 @@ fn boards(world: &GeneratedWorld) -> Vec<(DVec2, DVec2)> {
 }
 
 #[test]
+fn words_of_a_name_tell_the_class_of_an_object() {
+    for (name, wanted) in [
+        ("StreetLamp", class::POLE),
+        ("Street_Light_01", class::POLE),
+        ("StreetTree", class::VEGETATION),
+        ("Traffic_Light", class::TRAFFIC_LIGHT),
+        ("StreetSign", class::TRAFFIC_SIGN),
+        ("street furniture", class::STATIC),
+    ] {
+        let place = r#"s="50" t="9" length="1" width="1" height="1""#;
+        let object = format!(r#"<object id="1" name="{name}" type="obstacle" {place}/>"#);
+        let network = network(&road("RHT", "", "", &format!("<objects>{object}</objects>")));
+        assert_eq!(network.shapes[0].class, wanted, "{name}");
+    }
+}
+
+#[test]
 fn objects_become_shapes_of_their_class_and_size() {
     let objects = r#"<objects>
         <object id="1" name="guardRail" type="barrier" s="0" t="6.5" zOffset="0" hdg="0" length="0.2" width="0.2" height="0.8">

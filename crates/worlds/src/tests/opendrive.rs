@@ -246,18 +246,25 @@ fn values_with_a_silent_default_are_refused() {
 fn parts_that_are_passed_over_are_counted() {
     let objects = "<objects><object id='7' type='building' s='50' t='30' length='9' width='9'/>\
                    <object id='8' type='barrier' s='0' t='8' height='1'><repeat s='150' length='90' distance='0' \
-                   tStart='8' tEnd='8' heightStart='1' heightEnd='1' widthStart='0.2' widthEnd='0.2'/></object></objects>";
+                   tStart='8' tEnd='8' heightStart='1' heightEnd='1' widthStart='0.2' widthEnd='0.2'/></object>\
+                   <object id='9' type='barrier' s='50' t='9' height='2'><outline><cornerLocal u='0' v='0'/>\
+                   <cornerLocal u='3' v='0'/><cornerLocal u='3' v='1'/></outline></object></objects>";
+    let bare = "<road id='5' length='9'><planView><geometry s='0' x='0' y='90' hdg='0' length='9'><line/></geometry>\
+                </planView><lanes><laneSection s='0'><center><lane id='0' type='none'/></center></laneSection></lanes>\
+                </road></OpenDRIVE>";
     let link = "<link><successor elementType='road' elementId='99' contactPoint='start'/></link>";
     let text =
         straight(objects, "").replace("<link/>", link).replace("revMinor='6'", "revMinor='3'");
+    let text = text.replace("</OpenDRIVE>", bare);
     let notes = super::super::opendrive::network(&text, "m").unwrap().notes;
     for (told, doubt) in [
-        ("m: 1 objects have no `height` and lie flat on the ground, first object 7", false),
+        ("m: 2 objects have no `height` and lie flat on the ground, first object 7", false),
         (
             "m: 1 objects reach beyond the ends of their roads and are cut there, first object 8",
             false,
         ),
         ("m: 1 links lead to roads or junctions that are not in the file, first to 99", false),
+        ("m: 1 roads have no lane beside their middle, and so no surface, first road 5", false),
         ("m: <header> states revMajor 1, revMinor 3", true),
     ] {
         let found = notes.iter().find(|note| note.text().starts_with(told));
@@ -282,6 +289,18 @@ fn roads_and_lanes_that_do_not_fit_are_doubted_by_name() {
     let gap = told("id='-1'", "id='-3'");
     let where_it_is = "road 1, where lane -3 stands in place of lane -1;";
     assert_holds!(gap, "1 sides of lane sections", where_it_is);
+    // The first half bends by 0.5 rad on 100 m, and ends at (200 sin 0.5, 200 (1 - cos 0.5)).
+    let bent = |hdg: f64| {
+        let (sin, cos) = 0.5_f64.sin_cos();
+        let (x, y) = (200.0 * sin, 200.0 * (1.0 - cos));
+        let halves = format!(
+            "length='100'><arc curvature='0.005'/></geometry><geometry s='100' x='{x}' y='{y}' hdg='{hdg}' \
+             length='100'><line/></geometry>"
+        );
+        told("length='200'><line/></geometry>", &halves)
+    };
+    assert_eq!([bent(0.5), bent(0.5 - std::f64::consts::TAU)], [String::new(), String::new()]);
+    assert!(bent(1.2).contains("at s = 100 begins with a turn of 0.70 rad"), "{}", bent(1.2));
     let bare = told("<header revMajor='1' revMinor='6'/>", "");
     assert_holds!(bare, "m: has no <header>; the document is read as OpenDRIVE 1.4 to 1.9");
 }

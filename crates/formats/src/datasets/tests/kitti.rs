@@ -287,6 +287,22 @@ fn poses_that_lie_on_their_side_or_lead_sideways_are_doubted() {
         sequence.notes().iter().filter(|note| note.is_doubt()).map(ToString::to_string).collect()
     };
     assert!(notes(folder.path()).contains("moves 90 degrees off its own heading over 5 steps"));
+    // Two beams without a return, one of which has no class and so no vote.
+    let scan = [([1.0, 2.0, -1.73], 40), ([0.0; 3], 50), ([0.0; 3], 0)];
+    write_scan(folder.path(), "000000", &scan);
+    assert!(notes(folder.path()).contains("1 labelled points of frame 0 lie at 0, 0, 0"));
+    // The camera's z looks ahead, and leads back in poses that are turned round.
+    let back: String = (0..6).map(|k| format!("1 0 0 0 0 1 0 0 0 0 1 {}\n", -k)).collect();
+    std::fs::write(folder.path().join("poses.txt"), &back).unwrap();
+    let told = notes(folder.path());
+    assert!(
+        told.contains(
+            "180 degrees off its own heading over 5 steps; do the poses lead from the world"
+        ),
+        "{told}"
+    );
+    std::fs::write(folder.path().join("poses.txt"), back.replace('-', "")).unwrap();
+    assert!(!notes(folder.path()).contains("heading"));
     let leaning = aside.replacen("1 0 0 0 0 1 0 0 0 0 1 0", "0 -1 0 0 1 0 0 0 0 0 1 0", 1);
     std::fs::write(folder.path().join("poses.txt"), leaning).unwrap();
     assert_holds!(notes(folder.path()), "frame 0 leans by 90 degrees");

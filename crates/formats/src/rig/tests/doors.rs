@@ -318,3 +318,50 @@ fn names_that_readers_replace_by_values_are_not_written() {
         assert!(export(&frame, RigFormat::Ros2Launch).is_err());
     }
 }
+
+#[test]
+fn an_origin_in_the_wrong_place_and_the_axes_of_a_camera_are_doubted() {
+    let urdf = |parent: &str, name: &str, rpy: &str| {
+        format!(
+            "<robot name='r'><link name='base_link'/><link name='{name}'/><joint name='j' type='fixed'>{parent}\
+             <child link='{name}'/><origin xyz='0 0 2' rpy='{rpy}'/></joint></robot>"
+        )
+    };
+    let plain = "<parent link='base_link'/>";
+    let said = |text: &str| doubts(&read(text).unwrap());
+    assert_eq!(said(&urdf(plain, "lidar", "0 0 1")), "");
+    let inside = "<parent link='base_link'><origin xyz='1 0 0'/></parent>";
+    let told = said(&urdf(inside, "lidar", "0 0 1"));
+    assert!(told.contains("<origin> stands in <parent> and is not read"), "{told}");
+    let told = said(&urdf(plain, "lidar_optical_frame", "-1.5707963 0 -1.5707963"));
+    assert!(told.contains("the z axis of `lidar_optical_frame` is level"), "{told}");
+    assert_eq!(said(&urdf(plain, "lidar_optical_frame", "0 0 1")), "");
+}
+
+#[test]
+fn axes_of_apollo_are_doubted() {
+    let text = |base: &str| {
+        let at =
+            "translation: {x: 0.0, y: 1.5, z: 1.4}, rotation: {x: 0.0, y: 0.0, z: 0.0, w: 1.0}";
+        format!("header: {{frame_id: {base}}}\nchild_frame_id: velodyne64\ntransform: {{{at}}}\n")
+    };
+    let said = |base: &str| {
+        let settings = ImportSettings { base_frame: Some(base.to_owned()), ..Default::default() };
+        let source = crate::rig::RigSource { file: "extrinsics.yaml".to_owned(), text: text(base) };
+        doubts(&crate::rig::import_texts(&[source], &settings).unwrap())
+    };
+    assert!(said("novatel").contains("has x to the right and y ahead"), "{}", said("novatel"));
+    assert_eq!(said("base"), "");
+}
+
+#[test]
+fn files_of_other_programs_are_named() {
+    let usd = "#usda 1.0\ndef Xform \"lidar\" { double3 xformOp:translate = (1, 0, 2) }\n";
+    assert!(
+        error(usd).contains("is USD, which is not read; give the robot's URDF"),
+        "{}",
+        error(usd)
+    );
+    let launch = "launch:\n- node: {pkg: tf2_ros, exec: static_transform_publisher, args: 1 0 2 0 0 0 a b}\n";
+    assert!(error(launch).contains("is a launch file in YAML"), "{}", error(launch));
+}

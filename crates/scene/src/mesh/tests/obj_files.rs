@@ -109,6 +109,20 @@ fn obj_is_read_in_every_spelling() {
 }
 
 #[test]
+fn a_weight_of_a_position_is_told() {
+    let read = |end: &str| {
+        let text = format!("v 2 0 0{end}\nv 2 2 0\nv 0 2 0\nf 1 2 3\n");
+        let mesh = obj::read(text.as_bytes()).unwrap();
+        assert_eq!(mesh.vertices[0].to_array(), [2.0, 0.0, 0.0]);
+        mesh.notes.iter().map(Note::text).collect::<String>()
+    };
+    for plain in ["", " 1", " 1.0 # 2", " 0.5 0.5 0.5", " 0.5 0.5 0.5 1"] {
+        assert_eq!(read(plain), "", "{plain}");
+    }
+    assert!(read(" 2").contains("moves no corner, 2 first (line 1)"), "{}", read(" 2"));
+}
+
+#[test]
 fn obj_names_in_other_encodings_and_unknown_statements_are_told() {
     let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\n";
     // Stra\u{df}e in Latin-1; a name in GBK that ends in a byte which is a backslash elsewhere.

@@ -73,6 +73,14 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
     fs::write(&file, included).unwrap();
     let told = doubts(collision);
     assert_holds!(told, "car.urdf: <include> is not read, 1 in all; shapes in it are missing");
+    // An <origin> of a link, one inside of <parent> and a misspelt one place nothing.
+    let box_ = "<visual><orgin/><geometry><box size=\"1 1 1\"/></geometry></visual>";
+    let lost = fixed
+        .replace("<link name=\"lidar\">", &format!("<link name=\"lidar\"><origin/>{box_}"))
+        .replace("<parent link=\"base\"/>", "<parent link=\"base\"><origin/></parent>");
+    fs::write(&file, lost).unwrap();
+    let told = doubts(collision);
+    assert!(told.contains("<origin> of link `lidar` (and 2 more) is not known there"), "{told}");
     fs::write(&file, fixed).unwrap();
     let without = visual.replace("\"}", "\", \"without\": [\"lidar\"]}");
     assert!(!doubts(&without).contains("no beam meets them"), "{}", doubts(&without));

@@ -106,6 +106,16 @@ fn in_degrees(at: &Location, title: &str) -> Checked<()> {
     Ok(())
 }
 
+/// Refuses a title of azimuths that count the other way than Hesai's.
+fn clockwise(at: &Location, title: &str) -> Checked<()> {
+    let small = title.to_ascii_lowercase();
+    if small.contains("ccw") || small.contains("counter") {
+        let wanted = "a column of azimuths that count clockwise; turn their signs, and the title";
+        return Err(bad(at, quoted(title), wanted));
+    }
+    Ok(())
+}
+
 pub(super) fn at_line(at: &Location, number: usize) -> Location {
     at.key(&format!("line {number}"))
 }
@@ -155,6 +165,7 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Checked<SensorPattern> {
         return Err(bad(&title_at, quoted(&titles.join(",")), wanted));
     }
     let azimuth = if has_offsets { Some(find("azimuth")?) } else { None };
+    azimuth.map_or(Ok(()), |column| clockwise(&title_at, titles[column]))?;
     let of_channel = sole_column(&title_at, &titles, "channel")?;
     let number = of_channel.or(sole_column(&title_at, &titles, "laser")?);
     let mut numbers = BTreeSet::new();

@@ -68,6 +68,16 @@ fn velodyne_in_block_and_flow() {
     let length = message(tagged.replace("!degrees 15", "!inches 15"));
     assert_holds!(length, "`!inches` is the unit of a length", "line 2");
     assert!(message("lasers: []\n").contains("a list of 0"));
+    let offset = |angle: f64| {
+        let text = format!("lasers:\n- {{rot_correction: {angle}, vert_correction: 0.1}}\n");
+        read(&text).unwrap().notes.iter().map(ToString::to_string).collect::<String>()
+    };
+    assert_eq!([offset(0.2), offset(-6.2)], ["", ""]);
+    assert!(
+        offset(4.2).ends_with("4.2 rad is 241°; degrees? 4.2° are 0.0733 rad"),
+        "{}",
+        offset(4.2)
+    );
 }
 
 /// Degrees; offsets count clockwise. Versions, titles, line ends, byte order marks and checksums differ.
@@ -106,6 +116,8 @@ fn hesai_in_all_its_forms() {
     // The firing table of a Hesai holds no angles.
     let firing = message("EEFF,1,1\nLaserNum,80,BlockNum,2\nLoop1,Loop2\n49,17\n");
     assert_holds!(firing, "not that of a");
+    let counter = message("Channel,Elevation,Azimuth (ccw)\n1,14.5,-1.25\n");
+    assert!(counter.contains("a column of azimuths that count clockwise"), "{counter}");
 }
 
 #[test]
