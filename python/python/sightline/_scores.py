@@ -181,7 +181,7 @@ class Scores(Mapping[str, Column]):
         ``required`` is a share, ``found`` and ``met`` are ``[N]``. For up to 64 placements there are also ``holds_in`` and
         ``intact`` ``[N]``, ``NaN`` where not known. Lists have ``None`` where there is none: ``missing``, words;
         ``worst_without``, a number of a LiDAR; ``worst_frame``, ``frame`` and ``share`` where bodies move; ``places`` of a
-        target, ``judged`` and ``left_out``; ``between`` of a target, its ``places`` closer together and the share ``found`` there.
+        target, ``judged`` and ``left_out``. ``between`` of a target has ``places`` closer together and the share ``found`` there.
         """
         found = {name: self[f"seen.{name}"] for name in self.least}
         asked: dict[str, dict[str, Any]] = {
