@@ -24,7 +24,7 @@ pub use objective::{Objective, ObjectiveError};
 pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
 pub(crate) use requirement::{
-    HOLDS, SEEN, all_held_in_words, lidar_name, percent_down, percent_up,
+    HOLDS, SEEN, SHARED, all_held_in_words, lidar_name, percent_down, percent_up,
 };
 pub use requirement::{Lost, RulePlaces, Seen};
 pub use standing::Needed;
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn a_requirement_without_any_one_lidar_has_the_intact_rig_beside_it() {
-        let lost = Some(Lost { intact: 0.4305, worst: Some(2), mount: None });
+        let lost = Some(Lost { intact: 0.4305, worst: Some(2), ..Lost::default() });
         let mut seen =
             Seen { share: 0.188, lost, ..Seen::of("ground to 3 m, any one LiDAR lost", 0.0) };
         let words = "NOT MET: ground to 3 m, any one LiDAR lost: 18.8 % seen (intact 43.0 %), 90.0 % required; \

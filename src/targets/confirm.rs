@@ -8,7 +8,7 @@ use super::card::position;
 use super::missing::Missing;
 use crate::maths;
 use crate::problem::Problem;
-use crate::score::{RulePlaces, Seen};
+use crate::score::{RulePlaces, Seen, WorstFrame};
 use crate::vehicle::{Placement, SensorPose, TargetRule, UnknownSensor};
 
 /// Degrees between bearings of a rule at most, and metres between its distances at most.
@@ -148,6 +148,11 @@ impl<'a> InSites<'a> {
         together(self.1, self.0.iter().map(|(_, look)| look.share(lost)))
     }
 
+    /// Frame of the pose in which least is met.
+    fn worst_frame(&self, lost: Option<usize>) -> Option<WorstFrame> {
+        worst_frame(self.1, self.0.iter().map(|(frame, look)| (*frame, look.share(lost))))
+    }
+
     fn places(&self) -> RulePlaces {
         let looks = || self.0.iter().map(|(_, look)| look);
         let judged = looks().map(|look| look.places.len()).sum();
@@ -161,7 +166,7 @@ impl<'a> InSites<'a> {
         let worst = (0..shares.len()).min_by(|&a, &b| shares[a].total_cmp(&shares[b]));
         let Some(worst) = worst else { return };
         (seen.share, seen.missing) = (self.share(lost), self.0[worst].1.missing(lost));
-        seen.worst_frame = worst_frame(self.1, self.0.iter().map(|(frame, _)| *frame).zip(shares));
+        seen.worst_frame = self.worst_frame(lost);
         seen.places = Some(self.places());
         let in_scene = |(_, look): &(usize, CloseLook<'_>)| (look.share(lost), look.missing(lost));
         seen.in_scenes =
@@ -202,7 +207,7 @@ fn confirm_rules(
             look.tell(None, seen);
             continue;
         };
-        lost.intact = look.share(None);
+        (lost.intact, lost.intact_frame) = (look.share(None), look.worst_frame(None));
         seen.places = Some(look.places());
         let each: Vec<f64> = (0..lidars.len()).map(|lidar| look.share(Some(lidar))).collect();
         let worst = (0..each.len()).min_by(|&a, &b| each[a].total_cmp(&each[b]));
@@ -222,7 +227,7 @@ mod tests {
 
     use super::*;
     use crate::scene::Target;
-    use crate::score::{Lost, WorstFrame};
+    use crate::score::Lost;
     use crate::targets::tests::{directions, site, wall};
 
     /// A rule on a car at all places from 10 to 50 m, all round.
@@ -242,7 +247,7 @@ mod tests {
 
     /// The share of a rule on some LiDARs, found as 100 % before.
     fn confirmed(site: &TargetSite, rule: TargetRule, lidars: &[SensorPose]) -> Seen {
-        let lost = Lost { intact: 1.0, worst: None, mount: None };
+        let lost = Lost { intact: 1.0, ..Lost::default() };
         let lost = rule.without_any_one.then_some(lost);
         let mut seen = [Seen { lost, ..Seen::of("car", 1.0) }];
         let bodies = BodyPoses::of(site.clone(), []);
@@ -297,7 +302,8 @@ mod tests {
             assert_eq!(told[0], Seen { worst_frame, places, ..seen.clone() });
         }
         // A share after the worst loss that was lower before is one of the closer look, too.
-        let lost = Lost { intact: 1.0, worst: Some(1), mount: Some("roof".to_owned()) };
+        let lost =
+            Lost { worst: Some(1), mount: Some("roof".to_owned()), ..both.lost.clone().unwrap() };
         let mut seen = [Seen { lost: Some(lost), ..Seen::of("car", 0.5) }];
         let bodies = BodyPoses::of(hidden, []);
         confirm_rules(&bodies, &[rule(true)], (&[lidar, beside], &[]), &mut seen).unwrap();
