@@ -25,7 +25,7 @@ pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
 pub use requirement::{Between, Lost, RulePlaces, Seen};
 pub(crate) use requirement::{
-    HOLDS, SEEN, all_held_in_words, lidar_name, percent_down, percent_up,
+    HOLDS, SEEN, SHARED, all_held_in_words, lidar_name, percent_down, percent_up,
 };
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
@@ -307,7 +307,7 @@ mod tests {
 
     #[test]
     fn a_requirement_without_any_one_lidar_has_the_intact_rig_beside_it() {
-        let lost = Some(Lost { intact: 0.4305, worst: Some(2), mount: None });
+        let lost = Some(Lost { intact: 0.4305, worst: Some(2), ..Lost::default() });
         let mut seen =
             Seen { share: 0.188, lost, ..Seen::of("ground to 3 m, any one LiDAR lost", 0.0) };
         let words = "NOT MET: ground to 3 m, any one LiDAR lost: 18.8 % seen (intact 43.0 %), 90.0 % required; \

@@ -325,6 +325,40 @@ fn a_target_must_be_met_in_the_worst_pose_of_a_body_that_moves() {
     assert_eq!((&both[0]["holds_in"], &bent[0]["holds_in"]), (&json!(0.0), &json!(1.0)));
 }
 
+/// With a LiDAR lost, a rule that must hold without any one is judged as the plain one, its worst frame, too.
+#[test]
+fn a_study_of_losses_has_the_worst_frame_of_one_loss_and_no_second() {
+    let dir = TempDir::new().unwrap();
+    let twice = |name: &str, mut rule: Value| {
+        rule["name"] = json!(name);
+        let mut lost = rule.clone();
+        (lost["name"], lost["without_any_one"]) = (json!(format!("{name}, one lost")), json!(true));
+        [rule, lost]
+    };
+    let ground = twice("ring", json!({ "ground": 5, "share": 0.99 }));
+    let car = json!({ "target": "car", "from": 12, "within": 12, "share": 0.99 });
+    yard(dir.path(), json!([&ground[..], &twice("car", car)].concat()));
+    let mut cart = read_json(dir.path().join("cart.json"));
+    let poses = [0.0, 1.57, 1.57].map(|yaw| json!({ "x": -2, "y": 0, "yaw": yaw }));
+    let part =
+        json!({ "class": "vehicle", "box": { "min": [-4, -0.9, 0], "max": [-1.5, 0.9, 2] } });
+    cart["bodies"] = json!([{ "name": "trailer", "parts": [part], "poses": poses }]);
+    write(&dir, "cart.json", &cart);
+    let text =
+        stdout(&dir, "study loss yard.json rigs.json:three --backend cpu --frames 3 --out lost");
+    let rows: Vec<&str> = text.lines().filter(|row| row.contains("three without LiDAR")).collect();
+    assert_eq!(rows.len(), 3, "{text}");
+    for row in rows {
+        for name in ["ring", "car"] {
+            let told =
+                |name: &str| row.split_once(name).unwrap().1.split_once(", 99.0 %").unwrap().0;
+            let plain = told(&format!("{name}: "));
+            assert!(plain.contains("in frame"), "{row}");
+            assert_eq!(told(&format!("{name}, one lost: ")), plain, "{row}");
+        }
+    }
+}
+
 #[test]
 fn a_lidar_below_the_ground_is_the_first_warning_of_a_score() {
     let dir = TempDir::new().unwrap();

@@ -3,13 +3,12 @@
 use crate::cli::*;
 use crate::cli_handover::folder;
 
-/// A run in a yard: its folder, beside a vehicle and a scene.
-fn run_folder() -> TempDir {
+/// A vehicle of some requirements, and a yard.
+fn yard_with(require: Value) -> TempDir {
     let dir = folder();
     let path = dir.path().join("cart.json");
     let mut vehicle = read_json(&path);
-    vehicle["require"] =
-        json!([{ "target": "car", "from": 30, "within": 30, "beams": 90, "share": 1 }]);
+    vehicle["require"] = require;
     fs::write(&path, vehicle.to_string()).unwrap();
     let scene = json!({ "sightline": 1, "name": "yard", "coverage": "first-hit",
         "roi": { "min": [-10, -10, -0.5], "max": [10, 10, 3], "voxel": [0.5, 0.5, 0.5] },
@@ -20,9 +19,17 @@ fn run_folder() -> TempDir {
         "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 90, "range": 40 },
         "mount": { "min": [-1, -0.5, 2], "max": [1, 0.5, 2.2], "lidars": 2 } });
     write(&dir, "yard.json", &scene);
-    let line =
-        "optimize yard.json --vehicle cart.json --evaluations 10 --backend cpu --out runs/yard";
-    let (code, [text, said]) = ran(&dir, line);
+    dir
+}
+
+const SEARCH: &str =
+    "optimize yard.json --vehicle cart.json --evaluations 10 --backend cpu --out runs/yard";
+
+/// A run in a yard: its folder, beside a vehicle and a scene.
+fn run_folder() -> TempDir {
+    let car = json!({ "target": "car", "from": 30, "within": 30, "beams": 90, "share": 1 });
+    let dir = yard_with(json!([car]));
+    let (code, [text, said]) = ran(&dir, SEARCH);
     assert_eq!(code, Some(1), "{said}");
     // No sensor here puts 90 beams on a car at 30 m, on no pose: said before the search and in its result.
     assert!(!text.contains("\n\n\n"), "one empty line at a time: {text}");
@@ -32,6 +39,21 @@ fn run_folder() -> TempDir {
     assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
     assert!(!text.contains("Next, since") && !text.contains("all checks passed"), "{text}");
     dir
+}
+
+#[test]
+fn overlap_is_shared_and_not_seen_in_the_words_of_a_run() {
+    // Two LiDARs at one place share all, until one of them is a little off.
+    let dir = yard_with(json!([{ "name": "pairs", "overlap": 1 }]));
+    let (_, [text, said]) = ran(&dir, SEARCH);
+    assert!(text.contains(" % shared"), "{text}{said}");
+    ok(&dir, "rig handover runs/yard --backend cpu --out a");
+    let read = |path: &str| fs::read_to_string(dir.path().join(path)).unwrap();
+    let found = read_json(dir.path().join("runs/yard/result.json"));
+    let share = found["best"]["scores"]["requirements"][0]["found"].as_f64().unwrap();
+    let words = format!("pairs: {:.1} % shared, 100.0 % required", (1e3 * share).floor() / 10.0);
+    let told = read("a/README.txt");
+    assert!(told.contains(&words), "{words}: {told}");
 }
 
 #[test]

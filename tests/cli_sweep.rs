@@ -256,9 +256,15 @@ fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
     let few = ["--steps", "2", "--most-mm", "2000"];
     let args = [&args[..], &few].concat();
+    let ring = json!({ "ground": 3, "share": 0.01 });
     set_rules(&dir, json!([near]));
+    // On targets every copy has poses of its own: the error is of 200 draws, not of 15 poses a LiDAR.
+    let (_, [text, _]) = ran(&dir, &args);
+    assert!(text.contains("100 % of 200 copies meet all requirements (± 1,"), "{text}");
+    assert!(!text.contains("± counts 15"), "{text}");
+    set_rules(&dir, json!([near, ring]));
     let alone = ok(&dir, &args)["rows"][0].clone();
-    set_rules(&dir, json!([near, far]));
+    set_rules(&dir, json!([near, far, ring]));
     let (code, both, told) = answer(&dir, &args);
     assert_eq!(code, Some(1), "{told}");
     let both = &both["rows"][0];

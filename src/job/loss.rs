@@ -78,7 +78,7 @@ fn blind(scores: &Scores) -> &[BlindSector] {
 /// A requirement that must hold without any one LiDAR, as that on the LiDARs there are.
 fn as_it_is(mut seen: Seen) -> Seen {
     if let Some(lost) = seen.lost.take() {
-        (seen.share, seen.missing) = (lost.intact, None);
+        (seen.share, seen.worst_frame, seen.missing) = (lost.intact, lost.intact_frame, None);
     }
     seen
 }

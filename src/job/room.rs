@@ -13,7 +13,7 @@ use crate::near_field::self_hits;
 use crate::problem::Problem;
 use crate::scene::Scene;
 use crate::score::{Guard, HOLDS, Scores, Seen};
-use crate::search::{Evaluator, Moved, error_of_share};
+use crate::search::{Evaluator, Moved, drawn, error_of_share};
 use crate::vehicle::{Placement, SensorPose};
 
 /// Placements that are looked at together; the caller is asked in between.
@@ -217,7 +217,7 @@ impl Job {
                 Tolerance { metres: times * usual.metres, radians: times * usual.radians };
             let holds = holds_in(&mut few, (placement, scores), (tolerance, None), go_on)?;
             let Some(holds_in) = holds else { return Ok(()) };
-            let error = error_of_share(holds_in, placement.lidars.len());
+            let error = error_of_share(holds_in, drawn(&scores.required, placement.lidars.len()));
             room.copies.push(RoomOfCopies { tolerance, holds_in, error });
             go_on(1);
         }

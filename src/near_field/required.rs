@@ -362,10 +362,10 @@ impl RequiredGround {
             Some((side, share)) if *share < whole - LAGS => {
                 format!("least is seen {}: {:.1} %", side.name(), 100.0 * share)
             }
-            _ if sides.len() == Side::ALL.len() => "on all sides".to_owned(),
+            _ if sides.len() == Side::ALL.len() => "missing on all sides".to_owned(),
             _ => {
                 let names: Vec<&str> = sides.iter().map(|(side, _)| side.name()).collect();
-                format!("on each side with a cell of it: {}", names.join(", "))
+                format!("missing on each side with a cell of it: {}", names.join(", "))
             }
         }
     }

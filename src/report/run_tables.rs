@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn the_cell_of_requirements_has_the_names_of_the_columns() {
-        let lost = Some(Lost { intact: 0.75, worst: None, mount: None });
+        let lost = Some(Lost { intact: 0.75, ..Lost::default() });
         let required = vec![Seen { lost, ..Seen::of("car", 0.5) }];
         assert_ne!(required[0].title(), "car");
         let scores = Scores { required, ..Scores::default() };

@@ -22,6 +22,8 @@ pub(crate) const HOLDS: f64 = 0.95;
 
 /// The word for a share of voxels, places or ground.
 pub(crate) const SEEN: &str = "seen";
+/// The word for a share of overlap.
+pub(crate) const SHARED: &str = "shared";
 
 /// A requirement: a share of something that must be seen, or be shared by LiDARs.
 ///
@@ -37,7 +39,7 @@ pub struct Seen {
     /// - ground: share that is seen
     /// - overlap: the largest at which pairs connect all LiDARs
     pub share: f64,
-    /// The word for the share: `SEEN`, or `shared` of overlap.
+    /// The word for the share: `SEEN`, or `SHARED` of overlap.
     pub done: &'static str,
     /// Share that is required.
     pub least: f64,
@@ -89,7 +91,7 @@ impl RulePlaces {
 }
 
 /// A requirement that must hold whichever one LiDAR is lost: the share of the intact rig, and the worst loss.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lost {
     /// Share with every LiDAR.
     pub intact: f64,
@@ -97,6 +99,8 @@ pub struct Lost {
     pub worst: Option<usize>,
     /// Mount of that LiDAR, where it has a name.
     pub mount: Option<String>,
+    /// Frame in which bodies that move leave least to the intact rig; `None` where it is the same in all.
+    pub intact_frame: Option<WorstFrame>,
 }
 
 /// A LiDAR of a placement by its number, and by its mount where that has a name: `LiDAR 8 (bumper)`.

@@ -12,6 +12,7 @@ use super::suite::Member;
 use super::tolerance::Tolerance;
 use crate::engine::BackendError;
 use crate::problem::Problem;
+use crate::score::Seen;
 use crate::targets::{Sight, SightBeams};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
@@ -31,10 +32,20 @@ pub(crate) const FRAMES_OF_COPIES: u32 = 4;
 pub(crate) const SEED_OF_RESULT: u64 = 0x746f_6c65;
 pub(crate) const SEED_OF_SEARCH: u64 = 0x7365_6172;
 
-/// Two standard errors of a share of the copies of so many LiDARs (Agresti and Coull 1998). For areas, ground and overlap the
-/// copies are made of 15 poses of each LiDAR, which are fewer than copies where there are few LiDARs.
-pub(crate) fn error_of_share(share: f64, lidars: usize) -> f64 {
-    let drawn = ((POSES - 1) * lidars).min(COPIES) as f64;
+/// Draws behind the share of copies of so many LiDARs that meet the requirements not set aside. For areas, ground and overlap the
+/// copies are made of 15 poses of each LiDAR, which are fewer than copies where there are few LiDARs; for targets each has its own.
+pub(crate) fn drawn(required: &[Seen], lidars: usize) -> usize {
+    let mut judged = required.iter().filter(|seen| seen.least.is_finite());
+    if judged.all(|seen| seen.places.is_some()) {
+        COPIES
+    } else {
+        ((POSES - 1) * lidars).min(COPIES)
+    }
+}
+
+/// Two standard errors of a share of so many draws (Agresti and Coull 1998).
+pub(crate) fn error_of_share(share: f64, drawn: usize) -> f64 {
+    let drawn = drawn as f64;
     let middle = (share * drawn + 2.0) / (drawn + 4.0);
     2.0 * (middle * (1.0 - middle) / (drawn + 4.0)).sqrt()
 }
@@ -419,6 +430,7 @@ impl Moved {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::score::RulePlaces;
 
     #[test]
     fn an_error_of_a_share_covers_what_draws_give() {
@@ -427,10 +439,15 @@ mod tests {
         let is_near = |_| {
             let met = (0..30).filter(|_| rng.random::<f64>() < 0.9).count();
             let share = met as f64 / 30.0;
-            (share - 0.9).abs() <= error_of_share(share, 2)
+            (share - 0.9).abs() <= error_of_share(share, 30)
         };
         let near = (0..2000).map(is_near).filter(|near| *near).count();
         assert!((1840..2000).contains(&near), "{near} of 2000");
-        assert!(error_of_share(1.0, 1) > 0.1 && error_of_share(0.5, 16) < 0.08);
+        assert!(error_of_share(1.0, 15) > 0.1 && error_of_share(0.5, COPIES) < 0.08);
+        // On targets every copy has poses of its own.
+        let places = Some(RulePlaces { judged: 1, left_out: 0, on_scene: false });
+        let rules = [Seen { places, ..Seen::of("car", 1.0) }, Seen::of("ring", 1.0)];
+        let draws = [&rules[..1], &rules].map(|rules| [2, 16].map(|lidars| drawn(rules, lidars)));
+        assert_eq!(draws, [[200, 200], [30, 200]]);
     }
 }

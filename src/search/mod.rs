@@ -44,7 +44,7 @@ mod tests;
 mod tolerance;
 
 pub use bound::{Certificate, GainBound};
-pub(crate) use copies::{COPIES, FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, error_of_share};
+pub(crate) use copies::{COPIES, FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, drawn, error_of_share};
 pub(crate) use equip::REQUIRED;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, OpenMount, PLAIN, cost_front};
 pub use error::SearchError;

@@ -167,8 +167,9 @@ pub(super) fn weather(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
          beam counts that its sensor's echo model returns. count not met: requirements."
             .to_owned(),
         format!(
-            "car ahead m: end of the first stretch of distances at each of which a car straight ahead has {CARD_BEAMS} beams or \
-             more, from the origin on level ground; 0 where there is none. Conditions other than fog, snow and rain have no such number."
+            "car ahead m: end of the first stretch of the range card's distances (every 2.5 m to 20 m, every 5 m to 60 m, then \
+             every 10 m) at each of which a car straight ahead has {CARD_BEAMS} beams or more, from the origin on level ground; \
+             0 where there is none. Conditions other than fog, snow and rain have no such number."
         ),
     ];
     let drawn = made_large(&scene.settings.objective);

@@ -34,7 +34,10 @@ impl Sight {
                 seen.missing =
                     if is_met { None } else { self.missing_in(&looked, worst, (rule, position)) };
                 seen.worst_frame = self.worst_frame_in(&looked, worst, (rule, position));
-                seen.lost.iter_mut().for_each(|lost| lost.intact = intact[position]);
+                let intact_frame = self.worst_frame_in(&looked, None, (rule, position));
+                if let Some(lost) = &mut seen.lost {
+                    (lost.intact, lost.intact_frame) = (intact[position], intact_frame);
+                }
                 if let Rule::Target(_, sites) = rule {
                     seen.places = rule.places_at(&sites[position..=position]);
                 }

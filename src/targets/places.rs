@@ -237,7 +237,7 @@ mod tests {
         assert!(share < 0.98, "{share}");
         let bodies = BodyPoses::of(site, []);
         let missing = missed_places(&bodies, &tyre(1.0), &[lidar]).unwrap().unwrap();
-        assert!(missing.starts_with("missing at 11.25 to 13.75 m: 48 of 192 "), "{missing}");
+        assert!(missing.starts_with("missing at 11.25 to 13.75 m: 60 of 240 "), "{missing}");
     }
 
     #[test]

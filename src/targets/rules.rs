@@ -9,7 +9,7 @@ use super::places::place_count;
 use super::sight::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};
-use crate::score::{Lost, RulePlaces, SEEN, Seen, WorstFrame};
+use crate::score::{Lost, RulePlaces, SEEN, SHARED, Seen, WorstFrame};
 use crate::vehicle::{GroundRule, OverlapRule, SensorPose, TargetRule, UnknownSensor};
 
 /// Extra share that a search wants beyond a rule, since other places lie between the tested ones.
@@ -55,7 +55,7 @@ impl Rule {
     fn done(&self) -> &'static str {
         match self {
             Self::Target(..) | Self::Ground(..) => SEEN,
-            Self::Overlap(_) => "shared",
+            Self::Overlap(_) => SHARED,
         }
     }
 
@@ -363,7 +363,8 @@ impl Sight {
             let lost = rule.without_any_one().then(|| {
                 let intact = self.met_share(&looked, None, rule);
                 let worst = worst.filter(|_| self.has_worst(&looked, share, rule));
-                Lost { intact, worst, mount: None }
+                let intact_frame = self.worst_frame(&looked, None, rule);
+                Lost { intact, worst, mount: None, intact_frame }
             });
             let (name, done, places) = (rule.name().to_owned(), rule.done(), rule.places());
             let known = Seen { lost, worst_frame, missing, ..Seen::default() };

@@ -17,7 +17,7 @@ use crate::runs::inputs::{Given, file_and_name, named_placements, no_ground};
 use crate::runs::opening::{LoadTimes, Loaded};
 use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
-use crate::score::{Guard, HOLDS, Seen, all_held_in_words};
+use crate::score::{Guard, HOLDS, SHARED, Seen, all_held_in_words};
 use crate::search::Evaluator;
 use crate::vehicle::{BeamTable, Placement, Sensors, UnknownSensor, name_lidars};
 
@@ -241,7 +241,14 @@ impl Handed {
         let unchanged = own.filter(|_| changed.is_none());
         let of_run = unchanged.map_or_else(Vec::new, |run| run.words.clone());
         let warnings = match unchanged {
-            Some(run) => doubts(&run.required, run.hold_in),
+            Some(run) => {
+                let overlap = &scene.vehicle().overlap;
+                let is_shared =
+                    |seen: &&mut Seen| overlap.iter().any(|rule| rule.name == seen.name);
+                let mut required = run.required.clone();
+                required.iter_mut().filter(is_shared).for_each(|seen| seen.done = SHARED);
+                doubts(&required, run.hold_in)
+            }
             None => {
                 let changed = changed.iter().map(|file| {
                     let file = file.file_name().unwrap_or_default().display();

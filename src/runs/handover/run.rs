@@ -168,7 +168,7 @@ fn seen(of: &Value) -> Seen {
         least: number("required").unwrap_or_default(),
         missing: None,
         holds_in: number("holds_in"),
-        lost: number("intact").map(|intact| Lost { intact, worst, mount: None }),
+        lost: number("intact").map(|intact| Lost { intact, worst, ..Lost::default() }),
         worst_frame: WorstFrame::deserialize(&of["worst_frame"]).ok(),
         places: RulePlaces::deserialize(&of["places"]).ok(),
         between: Between::deserialize(&of["between"]).ok(),
