@@ -249,10 +249,8 @@ fn met_in_words(subject: &str, facts: &str, best: &Scored, has_copies: bool) -> 
             100.0 * HOLDS
         )
     });
-    let unknown = match best.scores.requirements_hold_in {
-        None if has_copies => "; copies mounted a little off were not looked at",
-        _ => "",
-    };
+    let is_unknown = has_copies && best.scores.requirements_hold_in.is_none();
+    let unknown = if is_unknown { "; copies mounted a little off were not looked at" } else { "" };
     let between = best.scores.missed_between().map_or(String::new(), |words| format!("; {words}"));
     format!("{subject} meets {what}{facts}{paper}{unknown}{between}")
 }

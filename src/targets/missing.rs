@@ -21,6 +21,8 @@ pub(super) struct Missing {
     is_round: bool,
     /// Nearest and farthest distance, metres.
     distances: [f64; 2],
+    /// True if no place between these distances is met.
+    is_whole: bool,
 }
 
 impl Missing {
@@ -33,6 +35,7 @@ impl Missing {
         let [first, last] = rule.bearings;
         let mut each: Vec<(f64, bool)> = Vec::new();
         let mut distances: Option<[f64; 2]> = None;
+        let mut met: Vec<f64> = Vec::new();
         for ([x, y, _], is_met) in places {
             let turned = maths::atan2(y, x).to_degrees() - first;
             // Rounding must not turn the first bearing into the last. Places stand bearing by bearing.
@@ -40,17 +43,21 @@ impl Missing {
             if each.last().is_none_or(|(known, _)| (known - bearing).abs() > 1e-3) {
                 each.push((bearing, false));
             }
+            // Rounding must not turn one distance into two.
+            let distance = (1e6 * maths::hypot(x, y)).round() / 1e6;
             if is_met {
+                met.push(distance);
                 continue;
             }
             each.last_mut().into_iter().for_each(|(_, is_missing)| *is_missing = true);
-            // Rounding must not turn one distance into two.
-            let distance = (1e6 * maths::hypot(x, y)).round() / 1e6;
             let [near, far] = distances.unwrap_or([distance; 2]);
             distances = Some([near.min(distance), far.max(distance)]);
         }
         let (bearings, is_missing) = each.into_iter().unzip();
-        Some(Self { bearings, is_missing, is_round: last - first >= 360.0, distances: distances? })
+        let [near, far] = distances?;
+        let is_whole = !met.iter().any(|metres| (near..=far).contains(metres));
+        let is_round = last - first >= 360.0;
+        Some(Self { bearings, is_missing, is_round, distances: [near, far], is_whole })
     }
 
     /// First bearing and length of each run of neighbours, the longest first.
@@ -130,7 +137,8 @@ impl std::fmt::Display for Missing {
         }
         if count == all {
             let around = if self.is_round { "all round".to_owned() } else { between(0, all) };
-            return write!(f, "missing at {at} m: all {all} bearings, {around}");
+            let some = if self.is_whole { "" } else { "some of " };
+            return write!(f, "missing at {some}{at} m: all {all} bearings, {around}");
         }
         let runs = self.runs();
         let named: Vec<String> =
@@ -154,7 +162,7 @@ mod tests {
         let steps = if is_round { count } else { (count - 1).max(1) } as f64;
         let bearings = (0..count).map(|k| from + (to - from) * k as f64 / steps).collect();
         let is_missing = (0..count).map(|k| missing.contains(&k)).collect();
-        Missing { bearings, is_missing, is_round, distances }.to_string()
+        Missing { bearings, is_missing, is_round, distances, is_whole: true }.to_string()
     }
 
     #[test]
@@ -190,6 +198,31 @@ mod tests {
             words([-60.0, 60.0], 17, &all, [10.0, 15.0]),
             "missing at 10 to 15 m: all 17 bearings, -60° to 60°"
         );
+    }
+
+    #[test]
+    fn bearings_that_all_miss_some_distance_are_told_from_ones_that_miss_all() {
+        let rule = TargetRule {
+            name: "car".to_owned(),
+            target: std::sync::Arc::new(crate::scene::Target::named("car").unwrap()),
+            from: 10.0,
+            within: 15.0,
+            bearings: [0.0, 90.0],
+            on_scene: false,
+            beams: 5,
+            share: 0.9,
+            without_any_one: false,
+        };
+        let words = |met: [bool; 4]| {
+            let places = [[10.0, 0.0, 0.0], [15.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 15.0, 0.0]];
+            Missing::new(&rule, places.into_iter().zip(met)).map(|told| told.to_string())
+        };
+        assert_eq!(words([true; 4]), None);
+        let all = "10 to 15 m: all 2 bearings, 0° to 90°";
+        assert_eq!(words([false; 4]), Some(format!("missing at {all}")));
+        assert_eq!(words([false, true, true, false]), Some(format!("missing at some of {all}")));
+        let near = "missing at 10 m: all 2 bearings, 0° to 90°".to_owned();
+        assert_eq!(words([false, true, false, true]), Some(near));
     }
 
     #[test]
