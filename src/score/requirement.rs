@@ -122,10 +122,14 @@ impl Seen {
         self.is_met() && self.between.is_some_and(|of| of.found < self.least)
     }
 
-    /// The share at places closer together in words that follow a semicolon; empty where it reads as the share does.
+    /// The share at places closer together, where it does not read as the share does.
+    pub(crate) fn told_between(&self) -> Option<Between> {
+        self.between.filter(|of| percent_down(of.found) != percent_down(self.share))
+    }
+
+    /// [`Self::told_between`] in words that follow a semicolon.
     fn between_in_words(&self) -> String {
-        let told = self.between.filter(|of| percent_down(of.found) != percent_down(self.share));
-        let Some(Between { places, found }) = told else { return String::new() };
+        let Some(Between { places, found }) = self.told_between() else { return String::new() };
         let missed = if self.is_missed_between() { "ONLY " } else { "" };
         format!("; {missed}{:.1} % at {places} places closer together", percent_down(found))
     }
