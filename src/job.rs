@@ -365,9 +365,8 @@ impl Job {
             scores.guards = [below, std::mem::take(&mut scores.guards)].concat();
             scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
         }
-        let bodies = self.confirm_targets(&mut all)?;
         let is_whole = self.add_holds(&mut all, go_on)?;
-        bodies.map_or(Ok(()), |bodies| self.name_missed_places(&bodies, &mut all))?;
+        self.look_at_targets(&mut all)?;
         self.add_range_cards(all)?;
         Ok(is_whole)
     }
@@ -418,16 +417,12 @@ impl Job {
         let problem = self.problem()?;
         let rules = problem.target_rules();
         for Judged { scores, by_scene, .. } in judged.iter_mut() {
-            let count = by_scene.len();
-            for (number, scene) in by_scene.iter_mut().enumerate() {
-                for (seen, of) in scene.scores.required.iter_mut().zip(&scores.required) {
-                    // On level ground every scene is the same; elsewhere each has its own share.
-                    if rules.iter().any(|rule| rule.name == seen.name && !rule.on_scene) {
-                        seen.clone_from(of);
-                    } else if of.in_scenes.len() == count {
-                        (seen.share, seen.missing) = of.in_scenes[number].clone();
-                    }
-                }
+            let required = by_scene.iter_mut().flat_map(|scene| &mut scene.scores.required);
+            for seen in required {
+                // On level ground every scene is the same; elsewhere each has its own share.
+                let is_level = rules.iter().any(|rule| rule.name == seen.name && !rule.on_scene);
+                let of = scores.required.iter().find(|of| is_level && of.name == seen.name);
+                of.into_iter().for_each(|of| seen.clone_from(of));
             }
         }
         let several = if self.suite()?.is_single() { 0 } else { evaluator.members().len() };

@@ -23,10 +23,10 @@ pub(crate) use objective::{NEAR_GAIN, NEAR_GAINS};
 pub use objective::{Objective, ObjectiveError};
 pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
+pub use requirement::{Between, Lost, RulePlaces, Seen};
 pub(crate) use requirement::{
     HOLDS, SEEN, all_held_in_words, lidar_name, percent_down, percent_up,
 };
-pub use requirement::{Lost, RulePlaces, Seen};
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};
 pub use worst_frame::WorstFrame;
@@ -218,6 +218,15 @@ impl Scores {
     pub(crate) fn holds_on_paper(&self) -> Option<f64> {
         let [met, of] = self.met();
         self.requirements_hold_in.filter(|&share| met == of && share < HOLDS)
+    }
+
+    /// Met requirements on targets that are missed at places closer together, in words; `None` without one.
+    pub(crate) fn missed_between(&self) -> Option<String> {
+        let missed = self.required.iter().filter(|seen| seen.is_missed_between());
+        let titles: Vec<String> = missed.map(Seen::title).collect();
+        (!titles.is_empty()).then(|| {
+            format!("at places closer together too little is seen ({})", titles.join(", "))
+        })
     }
 
     /// Number of requirements that are met, and of all.

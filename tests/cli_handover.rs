@@ -417,6 +417,12 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
         svg.split("<path ").filter(|path| path.contains("#d1495b") && path.contains(end)).collect();
     assert_eq!(paths.len(), 1, "{paths:?}");
     assert!(!paths[0].split('>').next().unwrap().contains(" stroke="), "{}", paths[0]);
+    // The box around the body is a hole in it: 6 m × 2 m at 1:150.
+    let (_, hole) = paths[0].split_once("ZM").unwrap();
+    let hole: Vec<f64> =
+        hole.split(['L', ' ', 'Z']).map_while(|number| number.parse().ok()).collect();
+    let sides = [hole[2] - hole[0], hole[1] - hole[5]];
+    assert!((sides[0] - 40.0).abs() < 0.01 && (sides[1] - 40.0 / 3.0).abs() < 0.01, "{hole:?}");
     let edge = svg
         .split("<path ")
         .any(|path| path.contains("14 61.398") && path.contains("stroke=\"#d1495b\""));

@@ -103,6 +103,8 @@ def test_feasible_placements_and_requirements() -> None:
         met &= row["met"]
         assert row["holds_in"].shape == row["intact"].shape == (4,)
         assert len(row["missing"]) == len(row["worst_without"]) == len(row["worst_frame"]) == 4
+        assert all(of is None or (of["places"] > 1 and 0.0 <= of["found"] <= 1.0) for of in row["between"])
+        assert (row["between"][0] is None) == (row["places"][0] is None)
     some = scores.rows[[2, 0]].requirements
     assert all(some[name]["missing"] == [row["missing"][2], row["missing"][0]] for name, row in asked.items())
     assert Scores.concatenate([scores] * 2).requirements.keys() == asked.keys()

@@ -115,7 +115,6 @@ impl Job {
         let all: Vec<Placement> =
             all.chain(lost.clone().map(|lost| without(placement, lost))).collect();
         let Some(mut scores) = evaluator.scores_while(&all, go_on)? else { return Ok(None) };
-        self.confirm_targets(&mut all.iter().zip(&mut scores).collect::<Vec<_>>())?;
         self.add_range_cards(all.iter().zip(&mut scores))?;
         let left = scores.split_off(1);
         let whole = scores.pop().unwrap_or_default();

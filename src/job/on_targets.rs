@@ -1,9 +1,9 @@
-//! A closer look at requirements on targets: between the places of a search, and at places that are missed.
+//! A closer look at requirements on targets: between their places, and at places that are missed.
 
 use super::{Job, JobError, without};
 use crate::engine::BackendError;
 use crate::score::Scores;
-use crate::targets::{BodyPoses, confirm, missed_places};
+use crate::targets::{BodyPoses, look_between, missed_places};
 use crate::vehicle::Placement;
 
 impl Job {
@@ -20,50 +20,36 @@ impl Job {
         Ok(Some(BodyPoses::of(site.clone(), members)))
     }
 
-    /// Looks again, at bearings as close together as the target is wide, at targets that are required everywhere and met
-    /// everywhere. Returns the bodies for [`Self::name_missed_places`]; `None` without rules on targets.
+    /// Looks at places closer together for requirements on targets. Names places that one misses where
+    /// enough others are seen; without the worst LiDAR where the requirement must hold whichever one is lost.
     ///
     /// # Errors
     /// See [`Job::problem`]; a sensor that the vehicle does not have.
-    pub(super) fn confirm_targets(
+    pub(super) fn look_at_targets(
         &self,
-        all: &mut [(&Placement, &mut Scores)],
-    ) -> Result<Option<BodyPoses>, JobError> {
-        let Some(bodies) = self.bodies_of_rules()? else { return Ok(None) };
-        let problem = self.problem()?;
-        for (placement, scores) in all {
-            confirm(&bodies, &problem, placement, &mut scores.required)
-                .map_err(BackendError::from)?;
-        }
-        Ok(Some(bodies))
-    }
-
-    /// Names places that a requirement on targets misses where enough others are seen; without the worst LiDAR where the
-    /// requirement must hold whichever one is lost.
-    ///
-    /// # Errors
-    /// See [`Self::confirm_targets`].
-    pub(super) fn name_missed_places(
-        &self,
-        bodies: &BodyPoses,
         all: &mut [(&Placement, &mut Scores)],
     ) -> Result<(), JobError> {
+        let Some(bodies) = self.bodies_of_rules()? else { return Ok(()) };
         let problem = self.problem()?;
         for (placement, scores) in all {
-            let (placement, required): (&Placement, _) = (placement, scores.required.iter_mut());
-            for seen in required.filter(|seen| seen.is_met() && seen.share < 1.0) {
+            let placement: &Placement = placement;
+            for seen in &mut scores.required {
                 let rule = problem.target_rules().iter().find(|rule| rule.name == seen.name);
                 let Some(rule) = rule else { continue };
+                let between = look_between(&bodies, rule, &placement.lidars);
+                seen.between = Some(between.map_err(BackendError::from)?);
+                if !seen.is_met() || seen.share >= 1.0 {
+                    continue;
+                }
                 let lost = seen.lost.as_ref().map(|lost| lost.worst.unwrap_or(0));
                 let lost = lost.filter(|&lost| lost < placement.lidars.len());
                 let left = lost.map(|lost| without(placement, lost));
                 let lidars = &left.as_ref().unwrap_or(placement).lidars;
-                let words = missed_places(bodies, rule, lidars).map_err(BackendError::from)?;
+                let words = missed_places(&bodies, rule, lidars).map_err(BackendError::from)?;
                 let words = words.map(|words| match lost {
                     Some(lost) => format!("{words} (without LiDAR {lost})"),
                     None => words,
                 });
-                // Places that only a closer look misses are named already.
                 seen.missing = words.or(seen.missing.take());
             }
         }

@@ -176,7 +176,6 @@ impl Job {
         let Some(mut scores) = as_given.and_then(|mut scores| scores.pop()) else {
             return Ok(room);
         };
-        self.confirm_targets(&mut [(placement, &mut scores)])?;
         let problem = self.problem()?;
         room.guards = self_hits(self.scene(), &problem, evaluator.backend_mut(), placement)?;
         let all = scores.required.iter().enumerate();

@@ -240,7 +240,6 @@ impl Job {
         };
         let moved: Vec<Placement> = values.iter().map(moved).collect();
         let Some(mut scores) = evaluator.scores_while(&moved, go_on)? else { return Ok(None) };
-        self.confirm_targets(&mut moved.iter().zip(&mut scores).collect::<Vec<_>>())?;
         self.add_range_cards(moved.iter().zip(&mut scores))?;
         let problem = self.problem()?;
         for (placement, scores) in moved.iter().zip(&mut scores) {

@@ -213,6 +213,8 @@ struct Views {
     pub front: View,
     /// Corners of its outline; true where the line to the next one cuts a lane that goes on.
     pub zone: Vec<(Flat, bool)>,
+    /// Corners of the box around the body, in which ground is not judged: a hole in the zone.
+    pub around_body: Vec<Flat>,
 }
 
 /// Ahead is to the right, left is up.
@@ -232,9 +234,13 @@ fn ahead(point: DVec3) -> Flat {
 
 impl Views {
     pub(crate) fn of(rig: &DrawnRig<'_>) -> Self {
-        let zone = match &rig.near {
-            Ok((footprint, near)) => near.zone.outline(footprint, DRAWN),
-            Err(_) => Vec::new(),
+        let (zone, around_body) = match &rig.near {
+            Ok((footprint, near)) => {
+                let [[back, right], [front, left]] = footprint.bounds();
+                let corners = vec![[back, right], [front, right], [front, left], [back, left]];
+                (near.zone.outline(footprint, DRAWN), corners)
+            }
+            Err(_) => (Vec::new(), Vec::new()),
         };
         let corners = zone.iter().map(|(corner, _)| *corner).chain([[0.0; 2]]);
         let corners: Vec<Flat> = corners.collect();
@@ -250,6 +256,7 @@ impl Views {
             side: View::of(rig, aside, &upright(DVec3::X), &[[0.0; 2]]),
             front: View::of(rig, ahead, &upright(DVec3::Y), &[[0.0; 2]]),
             zone,
+            around_body,
         };
         // The views from above and from the right stand one over the other, those upright side by side.
         let side = &mut views.side;

@@ -27,7 +27,7 @@ impl WarningKind {
 }
 
 /// All kinds, reasons not to believe a score first.
-pub(super) static KINDS: [WarningKind; 6] = [
+pub(super) static KINDS: [WarningKind; 7] = [
     WarningKind::new(["guard", "guards"], true, |of| of.scores.doubts() > 0),
     WarningKind::new(["broken rule", "broken rules"], true, |of| !of.violations.is_empty()),
     WarningKind::new(["requirement not met", "requirements that are not met"], false, |of| {
@@ -36,6 +36,11 @@ pub(super) static KINDS: [WarningKind; 6] = [
     WarningKind::new(["on paper only", "requirements that hold on paper only"], false, |of| {
         of.scores.holds_on_paper().is_some()
     }),
+    WarningKind::new(
+        ["requirement missed closer together", "requirements missed closer together"],
+        false,
+        |of| of.scores.missed_between().is_some(),
+    ),
     WarningKind::new(["blind sector", "blind sectors"], false, |of| {
         of.scores.guards.iter().any(|guard| matches!(guard, Guard::BlindSector(_)))
     }),

@@ -253,7 +253,8 @@ fn met_in_words(subject: &str, facts: &str, best: &Scored, has_copies: bool) -> 
         None if has_copies => "; copies mounted a little off were not looked at",
         _ => "",
     };
-    format!("{subject} meets {what}{facts}{paper}{unknown}")
+    let between = best.scores.missed_between().map_or(String::new(), |words| format!("; {words}"));
+    format!("{subject} meets {what}{facts}{paper}{unknown}{between}")
 }
 
 /// A line for each placement that breaks rules of the mount, with the first of them.

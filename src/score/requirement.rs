@@ -26,7 +26,7 @@ pub(crate) const SEEN: &str = "seen";
 /// A requirement: a share of something that must be seen, or be shared by LiDARs.
 ///
 /// Written to JSON as `name`, `required`, `found`, `met`; also `missing`, `holds_in`, `intact`, `worst_without`,
-/// `worst_frame` and `places` where they are known.
+/// `worst_frame`, `places` and `between` where they are known.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Seen {
     /// Name on the vehicle.
@@ -52,8 +52,8 @@ pub struct Seen {
     pub worst_frame: Option<WorstFrame>,
     /// Places of a target; `None` of other requirements.
     pub places: Option<RulePlaces>,
-    /// Shares and missing places of a closer look by scene; empty where nobody looked so, or on level ground.
-    pub in_scenes: Vec<(f64, Option<String>)>,
+    /// A target at places closer together; `None` where nobody looked.
+    pub between: Option<Between>,
 }
 
 /// Places of a requirement on a target, summed over poses of the own bodies or over scenes.
@@ -66,6 +66,15 @@ pub struct RulePlaces {
     /// True if the target stands on the ground of scenes, false on level ground.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub on_scene: bool,
+}
+
+/// A requirement on a target at places closer together than its own, all of which lie among them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Between {
+    /// Places that count.
+    pub places: usize,
+    /// Share of them at which the target is met, whichever LiDAR is lost where the requirement says so.
+    pub found: f64,
 }
 
 impl RulePlaces {
@@ -104,6 +113,19 @@ impl Seen {
         self.share >= self.least
     }
 
+    /// True if it is met, and too little is seen at places closer together.
+    pub(crate) fn is_missed_between(&self) -> bool {
+        self.is_met() && self.between.is_some_and(|of| of.found < self.least)
+    }
+
+    /// The share at places closer together in words that follow a semicolon; empty where it reads as the share does.
+    fn between_in_words(&self) -> String {
+        let told = self.between.filter(|of| percent_down(of.found) != percent_down(self.share));
+        let Some(Between { places, found }) = told else { return String::new() };
+        let missed = if self.is_missed_between() { "ONLY " } else { "" };
+        format!("; {missed}{:.1} % at {places} places closer together", percent_down(found))
+    }
+
     /// Its name, followed by [`ON_SCENE`] and [`ANY_LOST`] where these hold of it and its name does not say so.
     pub(crate) fn title(&self) -> String {
         let on_scene = self.places.is_some_and(|places| places.on_scene);
@@ -123,7 +145,7 @@ impl Seen {
 
 impl Serialize for Seen {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Self { name, share, least, missing, holds_in, lost, worst_frame, places, .. } = self;
+        let Self { name, share, least, missing, holds_in, lost, .. } = self;
         let mut object = serializer.serialize_map(None)?;
         object.serialize_entry("name", name)?;
         object.serialize_entry("required", least)?;
@@ -135,8 +157,9 @@ impl Serialize for Seen {
             object.serialize_entry("intact", intact)?;
             object.serialize_entry("worst_without", worst)?;
         }
-        worst_frame.iter().try_for_each(|of| object.serialize_entry("worst_frame", of))?;
-        places.iter().try_for_each(|of| object.serialize_entry("places", of))?;
+        self.worst_frame.iter().try_for_each(|of| object.serialize_entry("worst_frame", of))?;
+        self.places.iter().try_for_each(|of| object.serialize_entry("places", of))?;
+        self.between.iter().try_for_each(|of| object.serialize_entry("between", of))?;
         object.end()
     }
 }
@@ -170,6 +193,34 @@ impl std::fmt::Display for Seen {
             holds_in.iter().try_for_each(|holds| write!(f, ", {}", held_in_words(*holds)))?;
             missing.iter().try_for_each(|missing| write!(f, "; {missing}"))?;
         }
+        f.write_str(&self.between_in_words())?;
         self.places.iter().try_for_each(|places| f.write_str(&places.words()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_at_places_closer_together_is_told_where_it_differs() {
+        let told = |found: f64| {
+            let between = Some(Between { places: 310, found });
+            let seen = Seen { between, ..Seen::of("tyre", 0.95) };
+            (seen.to_string(), seen.is_missed_between())
+        };
+        let met = "tyre: 95.0 % seen, 90.0 % required";
+        assert_eq!(told(0.9501), (met.to_owned(), false));
+        assert_eq!(told(0.97), (format!("{met}; 97.0 % at 310 places closer together"), false));
+        assert_eq!(
+            told(0.899),
+            (format!("{met}; ONLY 89.9 % at 310 places closer together"), true)
+        );
+        let seen =
+            Seen { between: Some(Between { places: 310, found: 0.9 }), ..Seen::of("tyre", 0.8) };
+        assert!(!seen.is_missed_between());
+        assert!(seen.to_string().ends_with("; 90.0 % at 310 places closer together"), "{seen}");
+        let json = serde_json::to_value(&seen).unwrap();
+        assert_eq!(json["between"], serde_json::json!({ "places": 310, "found": 0.9 }));
     }
 }

@@ -5,7 +5,6 @@ use std::cell::OnceCell;
 use super::lidars::SearchSpace;
 use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
-use crate::engine::BackendError;
 use crate::job::{Job, JobError, JobScene, Losses};
 use crate::near_field::self_hits;
 use crate::psog::{PsogError, Roi};
@@ -14,7 +13,6 @@ use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
 use crate::score::{Objective, Scores, lidar_name};
 use crate::search::{Evaluator, Event, Limits, Settings, optimize};
-use crate::targets::{BodyPoses, TargetSite, confirm};
 use crate::vehicle::{Constraints, Placement, table_7, table_7_held_by};
 
 /// The job that all cases of a study in one scene vary.
@@ -190,8 +188,7 @@ impl<'a> StudyScene<'a> {
         Ok(outcome.best.map(|best| best.placement))
     }
 
-    /// Scores of placements, with targets looked at as closely as `sightline score` does. The observer is asked before every
-    /// few of them.
+    /// Scores of placements. The observer is asked before every few of them.
     ///
     /// # Errors
     /// [`StudyError::Stopped`] once the observer wants to stop.
@@ -201,18 +198,7 @@ impl<'a> StudyScene<'a> {
         placements: &[Placement],
     ) -> Result<Vec<Scores>, StudyError> {
         let scores = evaluator.scores_while(placements, &mut || self.goes_on())?;
-        let mut scores = scores.ok_or(StudyError::Stopped)?;
-        let problem = evaluator.problem();
-        if problem.target_rules().iter().any(|rule| rule.share >= 1.0) && problem.ends_at_hits() {
-            let members = evaluator.members();
-            let members = members.map(|(member, _)| (&**member.problem(), member.is_mirrored()));
-            let bodies = BodyPoses::of(TargetSite::of(problem), members);
-            for (placement, scores) in placements.iter().zip(&mut scores) {
-                confirm(&bodies, problem, placement, &mut scores.required)
-                    .map_err(BackendError::from)?;
-            }
-        }
-        Ok(scores)
+        scores.ok_or(StudyError::Stopped)
     }
 
     /// Scores of one placement, looked at for the guard `self_hit`, too, as `sightline score` does; see [`Self::scores`].

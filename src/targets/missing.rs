@@ -2,7 +2,7 @@
 
 use super::beams::PlacedTarget;
 use super::bodies::BodyPoses;
-use super::confirm::places_of;
+use super::places::places_of;
 use crate::json::fixed;
 use crate::maths;
 use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};

@@ -13,9 +13,9 @@
 //! | `bounded` | upper bounds on the shares of rules, for the bound of a search |
 //! | `by_scene` | rules in each of several scenes |
 //! | `card` | the range card, and blind sectors |
-//! | `confirm` | places of a rule on targets, and a closer look at them |
 //! | `ground` | ground of a scene below a place, and whether a target has room there |
 //! | `missing` | places of a rule that are not met, in words |
+//! | `places` | places of a rule on targets, and a look at places closer together |
 //! | `plan` | the own body from above: places that it takes |
 //! | `reach` | rules on targets and ground that no rig on some poses meets, or that no place or cell counts for |
 //! | `relief` | ground of a scene that is not level |
@@ -29,9 +29,9 @@ mod bodies;
 mod bounded;
 mod by_scene;
 mod card;
-mod confirm;
 mod ground;
 mod missing;
+mod places;
 mod plan;
 mod reach;
 mod relief;
@@ -42,9 +42,9 @@ mod table;
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub(crate) use bodies::BodyPoses;
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
-pub(crate) use confirm::{confirm, places_of};
 pub use ground::GroundBelow;
 pub(crate) use missing::missed_places;
+pub(crate) use places::{look_between, places_of};
 pub(crate) use reach::{MountPoses, OutOfReach, check_counting};
 pub(crate) use relief::Relief;
 pub use sight::{CAR_WEIGHT, Sight, SightBeams};

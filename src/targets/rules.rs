@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::beams::LookingOut;
 use super::bodies::{mean, together, worst_frame};
-use super::confirm::place_count;
 use super::missing::Missing;
+use super::places::place_count;
 use super::sight::{Sight, SightBeams};
 use crate::near_field::RequiredGround;
 use crate::overlap::{Shares, connected_without, cut_off, part_connected};

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::beams::{LookingOut, PlacedTarget, TargetSite};
 use super::bodies::{BodyPoses, SitePlace};
 use super::card::{CARD_BEAMS, card_targets, position};
-use super::confirm::places_of;
+use super::places::places_of;
 use super::rules::Rule;
 use crate::near_field::RequiredGround;
 use crate::overlap::{RequiredOverlap, Surfaces};

@@ -12,8 +12,7 @@ use crate::geom::TriangleSoup;
 use crate::problem::{Frame, Problem};
 use crate::psog::Psog;
 use crate::scene::{Scene, Target};
-use crate::score::Seen;
-use crate::vehicle::{BeamTable, Placement, SensorModel, SensorName, SensorPose, Sensors};
+use crate::vehicle::{BeamTable, SensorModel, SensorName, SensorPose, Sensors};
 
 /// Directions of a spinning sensor.
 pub(super) fn directions(elevations: &[f64], steps: usize) -> Vec<DVec3> {
@@ -395,9 +394,7 @@ fn a_mirror_image_without_free_ground_counts_for_nothing() {
     assert_eq!(shares(&both), [0.0, 1.0, 0.0, 1.0]);
     // A closer look leaves it out, too.
     let bodies = BodyPoses::of(TargetSite::of(&problem), both.map(|(of, side)| (&**of, side)));
-    let lidars = vec![SensorPose::at(0.0, 0.0, 1.8)];
-    let placement = Placement { name: "one".to_owned(), lidars };
-    let mut seen = [Seen::of(&problem.target_rules()[0].name, 1.0)];
-    confirm(&bodies, &problem, &placement, &mut seen).unwrap();
-    assert_eq!(seen[0].share, 0.0);
+    let rule = &problem.target_rules()[0];
+    let between = look_between(&bodies, rule, &[SensorPose::at(0.0, 0.0, 1.8)]).unwrap();
+    assert_eq!(between.found, 0.0);
 }

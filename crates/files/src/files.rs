@@ -128,8 +128,7 @@ mod tests {
         let told = FileError::io(path)(nowhere).to_string();
         assert!(told.starts_with("scores.json: ") && !told.contains("/no/such"), "{told}");
         let told = |error: std::io::Error| FileError::write(path)(error).to_string();
-        let missing = told(ErrorKind::NotFound.into());
-        assert!(missing.starts_with("scores.json: cannot be written: "), "{missing}");
+        assert_begins!(told(ErrorKind::NotFound.into()), "scores.json: cannot be written: ");
         let own = std::io::Error::other("is a directory; name a file in it");
         assert_eq!(told(own), "scores.json: is a directory; name a file in it");
         assert_eq!(told(ErrorKind::StorageFull.into()), full.to_string());

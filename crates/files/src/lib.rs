@@ -10,6 +10,36 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+/// Asserts in a test that a text holds parts. A failure shows the text.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! assert_holds {
+    ($text:expr, $($part:expr),+) => {{
+        let text = $text.to_string();
+        $(assert!(text.contains($part), "{text}\n  lacks {}", $part);)+
+    }};
+}
+
+/// Asserts in a test that a text begins with a part. A failure shows the text.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! assert_begins {
+    ($text:expr, $part:expr) => {{
+        let text = $text.to_string();
+        assert!(text.starts_with($part), "{text}\n  does not begin with {}", $part);
+    }};
+}
+
+/// Asserts in a test that a text ends with a part. A failure shows the text.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! assert_ends {
+    ($text:expr, $part:expr) => {{
+        let text = $text.to_string();
+        assert!(text.ends_with($part), "{text}\n  does not end with {}", $part);
+    }};
+}
+
 pub mod csv;
 pub mod files;
 pub mod json;

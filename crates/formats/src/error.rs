@@ -45,7 +45,6 @@ pub enum FormatError {
     Refused(String),
 }
 
-/// Result of a step of reading or writing a rig or a data set.
 pub(crate) type Checked<T> = Result<T, FormatError>;
 
 /// A [`FormatError::Refused`] of a format string and its values.

@@ -8,6 +8,10 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+#[cfg(test)]
+#[macro_use]
+extern crate sightline_files;
+
 #[macro_use]
 mod error;
 

@@ -249,7 +249,6 @@ pub enum ConditionKind {
 }
 
 impl ConditionKind {
-    /// All of them.
     pub(crate) const ALL: [Self; 7] =
         [Self::Fog, Self::Wet, Self::Snow, Self::Rain, Self::Blur, Self::Crosstalk, Self::Echo];
 

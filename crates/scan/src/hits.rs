@@ -165,10 +165,7 @@ mod tests {
     #[test]
     fn more_beams_than_memory_holds_are_an_error() {
         let error = BeamHits::with_room(1 << 50).unwrap_err().to_string();
-        assert!(
-            error.contains("hits of all beams cast at once") && error.contains("fewer placements"),
-            "{error}"
-        );
+        assert_holds!(error, "hits of all beams cast at once", "fewer placements");
         assert_eq!(BeamHits::with_room(7).unwrap().beams(), 0);
     }
 }

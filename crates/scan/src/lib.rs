@@ -2,6 +2,10 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+#[cfg(test)]
+#[macro_use]
+extern crate sightline_files;
+
 pub mod conditions;
 mod fires;
 mod hits;

@@ -167,7 +167,6 @@ impl Reflectance {
         }
     }
 
-    /// True if objects of a class differ.
     fn is_mixed(&self, class: u16) -> bool {
         self.mixed.get(usize::from(class)).is_some_and(|&mixed| mixed)
     }

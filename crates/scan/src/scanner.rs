@@ -127,9 +127,6 @@ impl<'a> Scanner<'a> {
 
     /// Makes a scanner with existing trees of the scene, which several placements share.
     ///
-    /// # Errors
-    /// See [`Self::check`].
-    ///
     /// # Panics
     /// Trees of another scene, as far as their number tells.
     pub fn on(

@@ -49,7 +49,6 @@ pub(super) struct SurfaceHit {
 /// Depth edge between two neighbouring beams, seen by one of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Edge {
-    /// No edge.
     None,
     /// The beam's own surface ends, and the neighbour sees past it.
     InFront,

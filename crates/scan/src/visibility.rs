@@ -69,9 +69,6 @@ pub fn in_conditions(
 
 impl Visibility {
     /// Visibility of the scene's beams under `conditions`.
-    ///
-    /// # Errors
-    /// Beams that end at nothing, a condition given twice.
     fn new(
         scene: &Scene,
         problem: &Problem,

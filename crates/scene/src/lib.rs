@@ -11,6 +11,10 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+#[cfg(test)]
+#[macro_use]
+extern crate sightline_files;
+
 /// Objects of description files, read by serde: a key that is not listed is an error.
 macro_rules! described {
     ($($(#[$meta:meta])* $vis:vis struct $name:ident $fields:tt)*) => {$(

@@ -165,7 +165,7 @@ fn extension(file: &Path) -> String {
 }
 
 /// A mesh as its file gives it, before scale, axes and classes.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, PartialEq)]
 pub(crate) struct RawMesh {
     vertices: Vec<DVec3>,
     pub(crate) faces: Vec<[u32; 3]>,
@@ -399,6 +399,8 @@ pub(crate) struct RobotShapes {
     pub moved: Vec<String>,
     /// Elements that bring another file, which are not read.
     pub includes: usize,
+    /// Elements that no reader of URDF knows where they stand, in words.
+    pub strange: Vec<String>,
 }
 
 /// A URDF, and which of its shapes are meant.

@@ -78,7 +78,7 @@ pub struct Scene {
     files: Vec<PathBuf>,
     notes: Vec<Note>,
     /// True for [`Scene::level_ground`]: names do not tell it from scenes of users.
-    is_level_ground: bool,
+    pub(crate) is_level_ground: bool,
     /// Doubt about an own body far larger than a vehicle, with its file.
     large_body: Option<String>,
 }

@@ -7,6 +7,10 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+#[cfg(test)]
+#[macro_use]
+extern crate sightline_files;
+
 mod network;
 mod opendrive;
 mod population;

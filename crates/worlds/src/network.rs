@@ -42,7 +42,6 @@ impl Line {
         }
     }
 
-    /// Goes on along `other`.
     pub(crate) fn extend(&mut self, other: &Self) {
         other.points.iter().for_each(|&p| self.push(p));
     }
@@ -76,7 +75,6 @@ impl Line {
         chord.truncate().normalize_or(DVec2::X)
     }
 
-    /// The line with its points in reverse order.
     pub(crate) fn reversed(&self) -> Self {
         Self::new(self.points.iter().rev().copied())
     }

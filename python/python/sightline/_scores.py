@@ -181,7 +181,7 @@ class Scores(Mapping[str, Column]):
         ``required`` is a share, ``found`` and ``met`` are ``[N]``. For up to 64 placements there are also ``holds_in`` and
         ``intact`` ``[N]``, ``NaN`` where not known. Lists have ``None`` where there is none: ``missing``, words;
         ``worst_without``, a number of a LiDAR; ``worst_frame``, ``frame`` and ``share`` where bodies move; ``places`` of a
-        target, ``judged`` and ``left_out``.
+        target, ``judged`` and ``left_out``. ``between`` of a target has ``places`` closer together and the share ``found`` there.
         """
         found = {name: self[f"seen.{name}"] for name in self.least}
         asked: dict[str, dict[str, Any]] = {
@@ -192,7 +192,7 @@ class Scores(Mapping[str, Column]):
             told = [next((rule for rule in rules if rule["name"] == name), {}) for rules in self.required]
             for key in ("holds_in", "intact"):
                 row[key] = np.array([rule.get(key, np.nan) for rule in told], dtype=np.float64)
-            for key in ("missing", "worst_without", "worst_frame", "places"):
+            for key in ("missing", "worst_without", "worst_frame", "places", "between"):
                 row[key] = [rule.get(key) for rule in told]
         return asked
 

@@ -28,7 +28,7 @@ const LEADER: Stroke = Stroke::solid(SOFT, 0.12);
 pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sheet: &Sheet) {
     let panel = &sheet.top;
     title(drawing, panel, "From above");
-    zone(drawing, panel, &views.zone);
+    zone(drawing, panel, &views.zone, &views.around_body);
     view(drawing, rig, &views.top, panel);
     let lidars = signs(rig, &views.top, panel);
     let mut labels = Labels::default();
@@ -63,8 +63,8 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
     numbers(drawing, &lidars);
 }
 
-/// The blind zone with a line around it that is open where the zone goes on.
-fn zone(drawing: &mut Drawing, panel: &Panel, outline: &[(Flat, bool)]) {
+/// The blind zone around a hole, with a line around it that is open where the zone goes on.
+fn zone(drawing: &mut Drawing, panel: &Panel, outline: &[(Flat, bool)], hole: &[Flat]) {
     let corners: Vec<Point> = outline.iter().map(|(corner, _)| panel.at(*corner)).collect();
     let mut line = Vec::new();
     let closed = corners.iter().zip(corners.iter().cycle().skip(1)).zip(outline);
@@ -79,7 +79,8 @@ fn zone(drawing: &mut Drawing, panel: &Panel, outline: &[(Flat, bool)]) {
         }
     }
     lines.push(line);
-    drawing.area(vec![corners], Some(ZONE), None);
+    let hole = hole.iter().map(|corner| panel.at(*corner)).collect();
+    drawing.area(vec![corners, hole], Some(ZONE), None);
     lines.into_iter().filter(|line| line.len() > 1).for_each(|line| drawing.line(line, ZONE_EDGE));
 }
 

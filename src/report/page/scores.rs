@@ -325,7 +325,7 @@ fn breaks_first(required: &[Seen]) -> Option<String> {
 /// True if a requirement is not met, misses places, or is met by too few copies within the mounting tolerance.
 fn has_more_to_tell(seen: &Seen) -> bool {
     let is_on_paper = seen.holds_in.is_some_and(|share| share < HOLDS);
-    !seen.is_met() || seen.missing.is_some() || is_on_paper
+    !seen.is_met() || seen.missing.is_some() || is_on_paper || seen.is_missed_between()
 }
 
 fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {

@@ -9,7 +9,9 @@ use crate::csv::rounded;
 use crate::job::Tolerance;
 use crate::runs::RunError;
 use crate::runs::inputs::{PLACEMENTS, RESULT, best_of, file_and_name, result_of};
-use crate::score::{BLIND_SECTOR, HOLDS, Lost, RulePlaces, SEEN, Seen, WorstFrame, percent_down};
+use crate::score::{
+    BLIND_SECTOR, Between, HOLDS, Lost, RulePlaces, SEEN, Seen, WorstFrame, percent_down,
+};
 
 /// Most placements of a front that an error names.
 const MOST_NAMED: usize = 24;
@@ -169,7 +171,7 @@ fn seen(of: &Value) -> Seen {
         lost: number("intact").map(|intact| Lost { intact, worst, mount: None }),
         worst_frame: WorstFrame::deserialize(&of["worst_frame"]).ok(),
         places: RulePlaces::deserialize(&of["places"]).ok(),
-        in_scenes: Vec::new(),
+        between: Between::deserialize(&of["between"]).ok(),
     }
 }
 

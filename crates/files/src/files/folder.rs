@@ -74,7 +74,6 @@ pub(super) fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File
     }
 }
 
-/// True if an open folder is the one at a path.
 fn is_at(folder: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -300,8 +299,7 @@ mod tests {
         assert_eq!((read("a.txt"), read("b.txt")), ("one".to_owned(), "one".to_owned()));
         assert_eq!(std::fs::read_dir(around.path().join("deep")).unwrap().count(), 1);
         // A second one needs --force, and a name that cannot be a file leaves nothing of the others.
-        let refused = write_folder(&out, &files("two")).unwrap_err().to_string();
-        assert!(refused.contains("is not empty"), "{refused}");
+        assert_holds!(write_folder(&out, &files("two")).unwrap_err(), "is not empty");
         assert_eq!(read("a.txt"), "one");
         let mut bad = files("three");
         bad.push(("no/folder.txt".to_owned(), Vec::new()));

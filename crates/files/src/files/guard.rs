@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, Metadata};
-use std::io::{Error, ErrorKind, Read, Result};
+use std::io::{Error, ErrorKind, Read, Result, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -22,7 +22,6 @@ struct FileGuard {
     program: Option<bool>,
     /// Files that were read, each with its number, so that hard links count.
     read: BTreeMap<PathBuf, Option<(u64, u64)>>,
-    /// Outputs that were announced.
     outputs: BTreeSet<PathBuf>,
     temporaries: BTreeSet<PathBuf>,
 }
@@ -72,12 +71,25 @@ impl Drop for Session {
     }
 }
 
+/// Start of the text that Git has in place of a large file which was not fetched, and its most bytes.
+const POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+const LARGEST_POINTER: u64 = 1024;
+
 /// Opens an input: a plain file, which no output of the command may replace from now on.
 ///
 /// # Errors
-/// A file that cannot be opened; a folder, pipe, device or socket.
+/// A file that cannot be opened; a folder, pipe, device or socket; a pointer of Git LFS.
 pub fn open(path: &Path) -> Result<File> {
-    let file = open_own(path)?;
+    let mut file = open_own(path)?;
+    if file.metadata()?.len() < LARGEST_POINTER {
+        let mut head = Vec::new();
+        (&mut file).take(POINTER.len() as u64).read_to_end(&mut head)?;
+        if head == POINTER {
+            let told = "is a pointer of Git LFS and not the file itself; `git lfs pull` fetches it";
+            return Err(Error::other(told));
+        }
+        file.rewind()?;
+    }
     will_read(path);
     Ok(file)
 }
@@ -311,6 +323,16 @@ mod tests {
     }
 
     #[test]
+    fn a_pointer_of_git_lfs_is_no_input() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let file = dir.path().join("mesh.obj");
+        std::fs::write(&file, [POINTER, b"v1\noid sha256:0\nsize 9\n"].concat()).expect("a file");
+        assert!(read(&file, 1 << 20).unwrap_err().to_string().contains("git lfs pull"));
+        std::fs::write(&file, "v 0 0 0\n").expect("a file");
+        assert_eq!(read(&file, 1 << 20).expect("the whole text"), b"v 0 0 0\n");
+    }
+
+    #[test]
     fn a_folder_loses_the_files_of_dead_processes_alone() {
         let dir = tempfile::tempdir().expect("a folder");
         let mut child = std::process::Command::new("true").spawn().expect("a process");
@@ -337,8 +359,7 @@ mod tests {
         let path = dir.path().join("sparse");
         let file = File::create(&path).expect("a file");
         file.set_len(1 << 40).expect("a length");
-        let message = read(&path, 1 << 30).expect_err("too large").to_string();
-        assert!(message.contains("larger than 1024 MiB"), "{message}");
+        assert_holds!(read(&path, 1 << 30).expect_err("too large"), "larger than 1024 MiB");
         file.set_len(10).expect("a length");
         assert_eq!(read(&path, 10).expect("ten bytes").len(), 10);
         assert!(read(dir.path(), 10).is_err());

@@ -33,9 +33,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// nothing into is removed with it.
 pub struct RunDir<S> {
     path: PathBuf,
-    /// Command that the folder belongs to.
     command: &'static str,
-    /// Files that the run was begun with.
     inputs: Vec<Input>,
     /// Files written so far by a run that began here; `None` for one that goes on.
     written: Option<Mutex<BTreeSet<PathBuf>>>,
@@ -345,8 +343,7 @@ mod tests {
             let changed = whole.replace(from, to);
             assert_ne!(changed, whole, "{from}");
             std::fs::write(&file, changed).expect("a file");
-            let message = refusal(RunDir::<Walk>::resume("walk", path));
-            assert!(message.contains(words), "{message}");
+            assert_holds!(refusal(RunDir::<Walk>::resume("walk", path)), words);
         }
     }
 

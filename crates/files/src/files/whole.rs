@@ -138,7 +138,6 @@ fn place_pair(
     moved
 }
 
-/// True if two files hold the same bytes.
 fn is_copy(one: &Path, other: &Path) -> bool {
     let length = |path: &Path| std::fs::metadata(path).map(|data| data.len()).ok();
     length(one).is_some()
@@ -174,7 +173,6 @@ fn ready(file: &NamedTempFile, target: &Path, path: &Path) -> Result<(), FileErr
     Ok(())
 }
 
-/// A file that is being written.
 enum PendingFile {
     /// Its bytes go to a pipe or device.
     Sink(File),

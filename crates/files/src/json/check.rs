@@ -168,12 +168,8 @@ pub fn point(at: &Location, value: [f64; 3]) -> Checked<[f64; 3]> {
 /// Lower and upper corner of a box, in metres; `empty` ends the error of one without an extent.
 pub fn corners(at: &Location, min: [f64; 3], max: [f64; 3], empty: &str) -> Checked<[[f64; 3]; 2]> {
     let (min, max) = (point(&at.key("min"), min)?, point(&at.key("max"), max)?);
-    match (0..3).find(|&i| min[i] >= max[i]) {
-        Some(i) => {
-            Err(bad(&at.key("max").item(i), max[i], format!("above min ({}){empty}", min[i])))
-        }
-        None => Ok([min, max]),
-    }
+    let Some(i) = (0..3).find(|&i| min[i] >= max[i]) else { return Ok([min, max]) };
+    Err(bad(&at.key("max").item(i), max[i], format!("above min ({}){empty}", min[i])))
 }
 
 /// A size `[x, y, z]` in metres, each above 0.
@@ -187,8 +183,11 @@ pub fn point_2_or_3(at: &Location, value: &[f64]) -> Checked<[f64; 3]> {
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
         _ => {
-            let numbers = format!("a list of {} numbers", value.len());
-            return Err(bad(at, numbers, "[x, y] or [x, y, z]"));
+            return Err(bad(
+                at,
+                format!("a list of {} numbers", value.len()),
+                "[x, y] or [x, y, z]",
+            ));
         }
     };
     point(at, xyz)
@@ -210,12 +209,9 @@ pub fn within(
     lo: f64,
     hi: f64,
 ) -> Checked<Option<f64>> {
-    match value {
-        Some(value) if !(lo..=hi).contains(&value) => {
-            Err(bad(&at.key(key), value, format!("a number from {lo} to {hi}")))
-        }
-        other => Ok(other),
-    }
+    let wanted = format!("a number from {lo} to {hi}");
+    let fit = |value| fitting(&at.key(key), value, (lo..=hi).contains(&value), &wanted);
+    value.map(fit).transpose()
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.

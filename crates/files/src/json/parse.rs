@@ -189,22 +189,19 @@ pub fn unknown_key(text: &str) -> Option<(&str, Vec<String>)> {
     Some((key, expected.split('`').skip(1).step_by(2).map(str::to_owned).collect()))
 }
 
+const NO_KEY: &str = "a key in double quotes belongs here; JSON has no comments, and numbers have a point: 1.5, not 1,5";
+
 /// Translates serde's message from Rust types to JSON words: `u64` becomes "a whole number, 0 or more".
 pub fn plain_words(text: &str) -> String {
-    match text {
-        "expected value" => {
-            return "no value that JSON knows; numbers are finite, as 1.5".to_owned();
-        }
-        "key must be a string" => {
-            return "a key in double quotes belongs here; JSON has no comments, and numbers have a point: 1.5, not 1,5".to_owned();
-        }
-        "number out of range" => {
-            return "a number too large; write a finite one, as 1.5".to_owned();
-        }
-        _ => (),
-    }
-    if text.starts_with(IS_A_LIST) || text.starts_with(TWICE) {
-        return text.to_owned();
+    let whole = match text {
+        "expected value" => Some("no value that JSON knows; numbers are finite, as 1.5"),
+        "key must be a string" => Some(NO_KEY),
+        "number out of range" => Some("a number too large; write a finite one, as 1.5"),
+        own if own.starts_with(IS_A_LIST) || own.starts_with(TWICE) => Some(own),
+        _ => None,
+    };
+    if let Some(whole) = whole {
+        return whole.to_owned();
     }
     let (head, expected) = text.split_once(", expected ").unwrap_or((text, ""));
     let head = head

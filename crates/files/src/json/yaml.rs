@@ -207,7 +207,6 @@ struct Spot<'a> {
     parent: &'a str,
     key: &'a str,
     depth: usize,
-    /// True if an alias repeats it.
     repeats: bool,
 }
 
@@ -304,7 +303,6 @@ impl YamlBuilder<'_> {
         Ok(())
     }
 
-    /// The value of an anchor, once more.
     fn repeated(&mut self, anchor: usize, spot: &Spot, mark: (u32, u32)) -> Read<Value> {
         let Some(mut at) = anchor.checked_sub(1).and_then(|k| self.anchors.get(k)).copied() else {
             return Err(YamlFault { problem: "an alias names no anchor".to_owned(), mark });
@@ -391,10 +389,7 @@ mod tests {
         let turned = "a: &a !degrees 180\nb: {angle: *a}\n";
         assert_eq!(value(turned).unwrap()["b"]["angle"], json!(std::f64::consts::PI));
         let error = value("a: &a !degrees 180\nb:\n  x: *a\n").unwrap_err();
-        assert!(
-            error.contains("`!degrees` is the unit of an angle") && error.contains("line 1"),
-            "{error}"
-        );
+        assert_holds!(error, "`!degrees` is the unit of an angle", "line 1");
         assert!(value("bare: {x: !inches 1}").unwrap_err().contains("without a unit"));
         assert!(value("a: !inches [1]").unwrap_err().contains("before each number"));
         assert!(value("a: !turns [1]").unwrap_err().contains("`!turns` is not known"));

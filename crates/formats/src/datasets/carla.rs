@@ -31,7 +31,6 @@ type Tagged = (Record, (&'static str, Tag));
 #[derive(Debug, Clone)]
 pub struct CarlaSequence {
     folder: PathBuf,
-    /// Scan and pose of each frame.
     frames: BTreeMap<u32, (PathBuf, TimedPose)>,
     tags: CarlaTags,
     /// Meaning of each tag, by its number.
@@ -297,7 +296,6 @@ fn deeper(old: Option<NearRoad>, new: Option<NearRoad>) -> Option<CarlaTags> {
     }
 }
 
-/// True if a tag's name is one of road.
 fn is_road_tag(name: &str) -> bool {
     let class = class_of_name(name).and_then(|(class, ..)| class);
     class.is_some_and(|class| ground::is_road(DEFAULT_CLASSES[usize::from(class)]))

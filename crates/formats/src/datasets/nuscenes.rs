@@ -152,7 +152,6 @@ impl ScanBox {
     }
 }
 
-/// Meaning of a category.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Category {
     /// Position in the default classes of scenes; `None` does not vote.

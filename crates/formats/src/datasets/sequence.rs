@@ -161,9 +161,6 @@ impl PsogOptions {
 /// moved through the sensor's poses into the ego frame of t. Each votes in the voxel of its hit
 /// ([`Roi::voxel_of_hit`]), seen from where its own sensor stood. Points of moving objects vote only in
 /// their own frame, since they would smear in others; ignored labels never vote.
-///
-/// # Errors
-/// See [`FormatError`].
 pub fn build_psog<S: LabelledSequence>(
     sequences: &[S],
     options: &PsogOptions,
@@ -250,7 +247,6 @@ pub(super) fn open(path: &Path) -> Checked<File> {
     sightline_files::files::open(path).map_err(to_read)
 }
 
-/// Paths of all that lies in a folder.
 pub(super) fn entries(folder: &Path) -> Checked<Vec<PathBuf>> {
     let to_read = |source| FormatError::Read { path: folder.to_owned(), source };
     let mut paths = Vec::new();
@@ -323,7 +319,6 @@ pub(super) fn read_points<const N: usize>(path: &Path) -> Checked<Vec<[f32; 3]>>
     Ok(points)
 }
 
-/// Refuses a coordinate that is no number.
 pub(super) fn check_finite(path: &Path, point: usize, xyz: [f32; 3]) -> Checked<()> {
     let named = xyz.into_iter().zip(['x', 'y', 'z']);
     match named.into_iter().find(|(value, _)| !value.is_finite()) {

@@ -76,9 +76,6 @@ impl PreparedDataset {
 
 impl Dataset {
     /// Checks all that [`Self::create`] checks, writes nothing, and counts the frames that are not there.
-    ///
-    /// # Errors
-    /// See [`Self::create`].
     pub fn check(
         dir: &Path,
         settings: &DatasetSettings,
@@ -215,7 +212,6 @@ impl Dataset {
         frames.iter().copied().filter(|&frame| !self.has(scene, frame)).collect()
     }
 
-    /// Number of frames that are not there.
     fn missing(&self) -> usize {
         missing(&self.folder, &self.scenes)
     }

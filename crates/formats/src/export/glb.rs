@@ -70,9 +70,6 @@ impl Glb {
     }
 
     /// Writes the file.
-    ///
-    /// # Errors
-    /// See `out`.
     pub fn write(&self, out: impl Write) -> std::io::Result<()> {
         self.0.write(out)
     }

@@ -120,9 +120,6 @@ impl FrameRecord {
 /// Scans the frames of a scene that the data set lacks; `scene` is its number in the set.
 ///
 /// `watch` gets every scan once it is written; it returns `false` to stop. Returns true if all frames are there.
-///
-/// # Errors
-/// See [`Dataset::write`].
 pub fn record(
     dataset: &Dataset,
     scene: usize,

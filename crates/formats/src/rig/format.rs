@@ -149,8 +149,14 @@ pub(super) fn format_of(source: &RigSource) -> Checked<RigFormat> {
 /// Refuses program source: only running it tells its sensors.
 ///
 /// # Errors
-/// A file named as a Python program, or with lines that begin like Python's.
+/// A file named as a Python program, or with lines that begin like Python's; USD, which has such lines, and YAML of ROS.
 pub(super) fn refuse_program(source: &RigSource) -> Checked<()> {
+    let others = [("#usda", "USD"), ("launch:", "a launch file in YAML")];
+    let begins_with = |start: &str| source.text.trim_start().starts_with(start);
+    if let Some((_, kind)) = others.iter().find(|(start, _)| begins_with(start)) {
+        let mend = "give the robot's URDF, or a launch file in XML";
+        return Err(refused!("{}: is {kind}, which is not read; {mend}", source.file));
+    }
     let named = source.file.ends_with(".py");
     let starts = ["import ", "from ", "def ", "class ", "#!/usr/bin/env python", "@"];
     let begins = |line: &str| starts.iter().any(|start| line.starts_with(start));

@@ -316,7 +316,6 @@ impl Mounting {
     }
 }
 
-/// The pose that changes nothing.
 pub(super) const IDENTITY: SensorPose = SensorPose::from_values([0.0; 6]);
 
 /// Largest distance of a quaternion's squared length from 1; tf2 leaves out transforms beyond it.

@@ -132,6 +132,9 @@ pub fn from_carla_sensors(
     rig_of(frames, RigFormat::Carla, settings, name)
 }
 
+/// Frame of the inertial unit in calibrations of Apollo.
+const OF_APOLLO: &str = "novatel";
+
 /// The rig of frames that were read.
 fn rig_of(
     mut frames: FrameTree,
@@ -143,6 +146,12 @@ fn rig_of(
     let base = base(format, &mut frames, settings, file)?;
     frames.add_root(&base);
     let mut notes = std::mem::take(&mut frames.notes);
+    if base == OF_APOLLO {
+        notes.push(Note::doubt(format!(
+            "{file}: Apollo's `{base}` has x to the right and y ahead; poses are taken as they stand, with x ahead and y \
+             left: give the transform of a frame whose x is ahead"
+        )));
+    }
     let unplaced = std::mem::take(&mut frames.left_out);
     let (lidars, mut left_out) = picked(&frames, settings, file)?;
     notes.extend(named_but_left_out(&frames, &lidars, settings, file));
@@ -161,6 +170,7 @@ fn rig_of(
         let sensor = rig.lidars.last().and_then(|lidar| lidar.sensor.as_deref());
         let given = settings.mounting.given_height(&frame.name, sensor).is_some();
         doubts(&frames, frame, &base, given, &mut notes);
+        notes.extend(rig.lidars.last().and_then(|lidar| optical_frame(lidar, file)));
     }
     if let Some(frame) = unknown.first() {
         notes.push(Note::fact(format!(
@@ -179,6 +189,20 @@ fn rig_of(
     })?;
     notes.extend(below_ground(&rig, file));
     Ok(ImportedRig { rig, format, left_out, notes })
+}
+
+/// A doubt about a LiDAR in a frame of a camera's axes: z ahead, x right, y down. Its beams turn about a level axis there.
+fn optical_frame(lidar: &RigLidar, file: &str) -> Option<Note> {
+    const LEVEL: f64 = 0.1;
+    let frame = &lidar.frame;
+    let up = lidar.pose.ego_from_sensor().rotation.z_axis.z;
+    let is_odd = frame.to_ascii_lowercase().contains("optical") && up.abs() < LEVEL;
+    is_odd.then(|| {
+        Note::doubt(format!(
+            "{file}: the z axis of `{frame}` is level, as in the optical frame of a camera (x right, y down, z ahead), and \
+             beams turn about z; name the frame that the LiDAR stands in by --frame"
+        ))
+    })
 }
 
 /// Doubts of the units of every pose that a LiDAR's own comes from: of the frames between it and the base, and of its
@@ -310,7 +334,6 @@ fn is_named_lidar(frame: &RigFrame) -> bool {
     frame.holds == FrameContent::Unsaid && is_name_of_lidar(&frame.name)
 }
 
-/// True if a word in a name means a LiDAR.
 pub(super) fn is_name_of_lidar(name: &str) -> bool {
     let name = name.to_lowercase();
     WORDS.iter().any(|word| name.contains(word))

@@ -72,9 +72,6 @@ impl Rig {
     }
 
     /// Checks the name, the number of LiDARs, their frames and every number.
-    ///
-    /// # Errors
-    /// The first fault found.
     pub fn validate(&self) -> Result<(), FormatError> {
         self.placement().validate()?;
         let mut names = HashSet::from([BASE_LINK]);

@@ -380,7 +380,6 @@ fn vehicle<'a, 'i>(
     Ok(model)
 }
 
-/// Addresses of the models that the world includes.
 fn included(document: &Document) -> Vec<String> {
     let of_world = |node: &Node| {
         let above = node.parent_element().map(|parent| parent.tag_name().name());

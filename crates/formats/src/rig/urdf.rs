@@ -153,6 +153,12 @@ fn origin_of<'a, 'i>(
         if !OF_JOINT.contains(&name) && has_no_prefix(name) {
             frames.notes.push(Note::doubt(format!("{at}: <{name}>: not known here, and not read")));
         }
+        if let ("parent" | "child", Some(inner)) = (name, element.first_element_child()) {
+            let inner = inner.tag_name().name();
+            let text =
+                format!("{at}: <{inner}> stands in <{name}> and is not read; write it beside");
+            frames.notes.push(Note::doubt(text));
+        }
     }
     sole_origin(joint, at)
 }

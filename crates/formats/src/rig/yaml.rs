@@ -197,7 +197,6 @@ const PANDASET_PASSED: [&str; 5] = ["comment", "description", "license", "source
 const PASSED_SENSOR: [&str; 6] =
     ["comment", "description", "device", "intrinsic", "intrinsics", "name"];
 
-/// True if a document has this form.
 pub(super) fn is_pandaset(document: &Value) -> bool {
     let sensors = document.get("sensors").and_then(Value::as_object);
     sensors.is_some_and(|map| map.values().any(|sensor| sensor.get("transform").is_some()))

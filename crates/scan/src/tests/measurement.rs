@@ -3,6 +3,7 @@
 use super::{bits, ideal, scan, scene};
 use crate::conditions::Condition;
 use crate::{NO_CLASS, Scan, Scanner, Scanning, Status};
+use sightline_scene::scene::Scene;
 use sightline_scene::vehicle::SensorPose;
 
 /// A wall in front of the sensor, at a distance in metres.
@@ -20,12 +21,21 @@ fn at_wall(distance: f64, response: &str, conditions: &[&str]) -> Scan {
     let scene = scene(&wall(distance), FORWARD, response);
     let conditions = conditions.iter().map(|text| text.parse::<Condition>().unwrap()).collect();
     let scanning = Scanning { conditions, seed: 5, ..Scanning::default() };
-    scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &scanning).swap_remove(0)
+    from_origin(&scene, &scanning)
+}
+
+/// The first frame of a sensor in the origin.
+fn from_origin(scene: &Scene, scanning: &Scanning) -> Scan {
+    scan(scene, &[SensorPose::at(0.0, 0.0, 0.0)], scanning).swap_remove(0)
+}
+
+fn ranges(scan: &Scan, status: Status) -> Vec<f32> {
+    let found = scan.returns.iter().filter(|beam| beam.status == status);
+    found.map(|beam| beam.range).collect()
 }
 
 fn share(scan: &Scan, status: Status) -> f64 {
-    let found = scan.returns.iter().filter(|beam| beam.status == status).count();
-    found as f64 / scan.returns.len() as f64
+    ranges(scan, status).len() as f64 / scan.returns.len() as f64
 }
 
 #[test]
@@ -44,9 +54,8 @@ fn a_target_at_the_rated_range_of_its_reflectance_is_seen_half_of_the_time() {
     let more = seen(limit / 1.1_f64.sqrt());
     assert!((more - 0.841).abs() < 0.03, "{more}");
     let far = at_wall(1.3 * limit, response, &[]);
-    assert!(
-        far.returns.iter().all(|beam| beam.status == Status::Lost && beam.clean_class != NO_CLASS)
-    );
+    assert_eq!(share(&far, Status::Lost), 1.0);
+    assert!(far.returns.iter().all(|beam| beam.clean_class != NO_CLASS));
 }
 
 #[test]
@@ -62,8 +71,7 @@ fn a_scene_says_what_its_surfaces_reflect() {
             distance + 1.0
         );
         let scene = scene(&actor, FORWARD, response);
-        let scan = scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &Scanning::default());
-        share(&scan[0], Status::Hit) > 0.5
+        share(&from_origin(&scene, &Scanning::default()), Status::Hit) > 0.5
     };
     for (said, own, reflectance) in [
         (r#""vehicle": 0.1"#, "", 0.1_f64),
@@ -121,7 +129,7 @@ fn a_wide_beam_at_the_edge_of_a_board_sees_both_and_elsewhere_one() {
             r#"{{ "divergence": [{width}, {width}], "echoes": "{echoes}", "noise": 0, "rated_range": 10000 }}"#
         );
         let scene = scene(things, lidar, &response);
-        scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &Scanning::default()).swap_remove(0).returns
+        from_origin(&scene, &Scanning::default()).returns
     };
     let range_in_the_middle = |echoes: &str, width: f64| {
         let middle = returns(echoes, width);
@@ -153,8 +161,7 @@ fn edges_are_seen_as_far_as_a_beam_is_wide_however_fine_the_steps() {
             r#"{{ "channels": 2, "fov": [-0.01, 0.01], "azimuth": [-0.2, 0.2], "azimuth_steps": {steps}, "range": 100 }}"#
         );
         let scene = scene(things, &lidar, response);
-        let scan = scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &Scanning::default());
-        scan[0].returns.iter().filter(|beam| beam.status == Status::Second).count()
+        ranges(&from_origin(&scene, &Scanning::default()), Status::Second).len()
     };
     // 1.3 mrad are 7 steps of 0.01 degrees and 74 of 0.001, on both sides of the edge, in two channels. Beside the
     // board the wall is the strongest echo as well as the last: the board comes second.
@@ -179,12 +186,10 @@ fn fog_takes_dark_targets_first_and_no_fog_changes_no_byte() {
     assert!(hits[0] == 1.0 && hits[4] == 0.0, "{hits:?}");
     // A sensor that sees far sees the fog itself: its echo is as weak as a target's of reflectance 0.3 at 36 m.
     let dense = at_wall(40.0, r#"{ "rated_range": 300 }"#, &["fog:mor=20"]);
-    let fog = dense.returns.iter().filter(|beam| beam.status == Status::Fog);
-    let mut count = 0;
-    for beam in fog {
+    for beam in dense.returns.iter().filter(|beam| beam.status == Status::Fog) {
         assert!(beam.range < 40.0 && beam.class == NO_CLASS && beam.clean_class != NO_CLASS);
-        count += 1;
     }
+    let count = ranges(&dense, Status::Fog).len();
     assert!(count > 100, "{count}");
 }
 
@@ -192,12 +197,7 @@ fn fog_takes_dark_targets_first_and_no_fog_changes_no_byte() {
 fn snow_sends_back_flakes_and_weakens_what_is_behind() {
     let response = r#"{ "rated_range": 60, "divergence": [0.003, 0.0015] }"#;
     let snow = at_wall(30.0, response, &["snow:rate=2.5,speed=1.6"]);
-    let flakes: Vec<f32> = snow
-        .returns
-        .iter()
-        .filter(|beam| beam.status == Status::Snow)
-        .map(|beam| beam.range)
-        .collect();
+    let flakes = ranges(&snow, Status::Snow);
     assert!(!flakes.is_empty() && flakes.iter().all(|range| *range < 30.2), "{flakes:?}");
     let clear = at_wall(30.0, response, &[]);
     let mean = |scan: &Scan| {
@@ -252,7 +252,7 @@ fn static_vehicles_are_as_dark_as_vehicles_are_on_the_mean_at_any_seed() {
     let mean = 0.6 * 0.05 + 0.4 * 0.225;
     for seed in 0..5 {
         let scanning = Scanning { seed, conditions: conditions.clone(), ..Scanning::default() };
-        let scan = scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &scanning).swap_remove(0);
+        let scan = from_origin(&scene, &scanning);
         let brightest = scan.returns.iter().map(|beam| beam.intensity).fold(0.0, f32::max);
         assert!((f64::from(brightest) - mean).abs() < 1e-4, "seed {seed}: {brightest}");
     }
@@ -266,8 +266,7 @@ fn conditions_of_beams_and_ideal_scans_do_not_go_together() {
         let conditions = vec![condition.parse().unwrap()];
         Scanner::check(&scene, &placement, &Scanning { conditions, ..ideal() })
     };
-    let error = check("snow:rate=1").unwrap_err().to_string();
-    assert!(error.starts_with("the condition `snow:rate=1` acts on beams"), "{error}");
+    assert_begins!(check("snow:rate=1").unwrap_err(), "the condition `snow:rate=1` acts on beams");
 }
 
 #[test]
@@ -279,16 +278,11 @@ fn rain_shortens_the_range_to_a_wall_and_sends_back_drops() {
     let left = |r: f64| 0.41 * (-alpha * r).exp() / (r * r) * 36_000.0;
     let limit = (1..200).map(f64::from).find(|&r| left(r) < 1.0).unwrap();
     assert!((80.0..100.0).contains(&limit), "of 121 m in clear air: {limit}");
-    let ranges = [0.85, 1.15].map(|share| seen(share * limit));
-    assert!(ranges[0] > 0.8 && ranges[1] < 0.2, "{ranges:?}");
+    let [near, far] = [0.85, 1.15].map(|share| seen(share * limit));
+    assert!(near > 0.8 && far < 0.2, "{near} {far}");
     // A sensor that sees far is hit by near drops.
     let far = at_wall(100.0, r#"{ "rated_range": 1000 }"#, &["rain:rate=100"]);
-    let drops: Vec<f32> = far
-        .returns
-        .iter()
-        .filter(|beam| beam.status == Status::Rain)
-        .map(|beam| beam.range)
-        .collect();
+    let drops = ranges(&far, Status::Rain);
     assert!(drops.len() > 20 && drops.iter().all(|range| *range < 100.2), "{}", drops.len());
     let none = at_wall(30.0, response, &["rain:rate=0"]);
     assert_eq!(bits(&[none]), bits(&[at_wall(30.0, response, &[])]));
@@ -299,6 +293,5 @@ fn nothing_is_left_of_a_sensor_that_sees_no_closer_than_the_wall() {
     let scan = at_wall(10.0, r#"{ "min_range": 12 }"#, &[]);
     assert_eq!(share(&scan, Status::Lost), 1.0);
     let scene = scene(&wall(10.0), FORWARD, r#"{ "min_range": 12 }"#);
-    let ideal = super::scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &ideal()).swap_remove(0);
-    assert_eq!(share(&ideal, Status::Hit), 1.0);
+    assert_eq!(share(&from_origin(&scene, &ideal()), Status::Hit), 1.0);
 }

@@ -51,7 +51,8 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<RawMesh> {
         let mut words = words(&text);
         if words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"v")) {
             let fault = |problem| MeshFault::new(format!("line {line}"), problem);
-            reader.mesh.vertices.push(position(words).map_err(fault)?);
+            reader.mesh.vertices.push(position(&mut words).map_err(fault)?);
+            reader.weigh(line, words);
         }
     }
     for (line, text) in (Lines { rest: bytes, line: 0 }) {
@@ -147,9 +148,18 @@ struct ObjReader {
     odd_name: Option<String>,
     /// First known keyword in capitals, with its line.
     capital: Option<(String, usize)>,
+    /// First weight of a position that is not 1, with its line.
+    weight: Option<(f64, usize)>,
 }
 
 impl ObjReader {
+    /// Keeps the only number behind a position, which is a weight; three or more are a colour.
+    fn weigh<'a>(&mut self, line: usize, mut words: impl Iterator<Item = &'a [u8]>) {
+        let (Some(word), None) = (words.next(), words.next()) else { return };
+        let weight = decode(word).parse().ok().filter(|weight| *weight != 1.0);
+        self.weight = self.weight.or(weight.map(|weight| (weight, line)));
+    }
+
     fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), String> {
         let mut words = words(text);
         let Some(keyword) = words.next() else { return Ok(()) };
@@ -235,6 +245,12 @@ impl ObjReader {
             self.mesh.notes.push(Note::doubt(format!(
                 "statements that OBJ does not know are passed over: {}{more}",
                 told.join(", ")
+            )));
+        }
+        if let Some((weight, line)) = self.weight {
+            self.mesh.notes.push(Note::doubt(format!(
+                "a fourth number of a position is a weight and moves no corner, {weight} first (line {line}); where it is \
+                 the w of x, y, z, w, divide by it"
             )));
         }
         if let Some((word, line)) = self.capital {

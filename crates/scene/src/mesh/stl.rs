@@ -52,7 +52,6 @@ struct Corners {
 }
 
 impl Corners {
-    /// Adds a triangle.
     fn add(
         &mut self,
         mesh: &mut RawMesh,

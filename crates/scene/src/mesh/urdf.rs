@@ -20,6 +20,14 @@ use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, p
 const MAX_NODES: u32 = 1_000_000;
 /// Kinds of joints; at rest each stands as near to 0 as it can.
 const JOINTS: [&str; 6] = ["fixed", "continuous", "floating", "planar", "prismatic", "revolute"];
+/// Elements of a joint; no pose at rest depends on those from `calibration` on.
+const OF_JOINT: [&str; 10] = [
+    "origin", "parent", "child", "axis", "limit", "mimic", "calibration", "dynamics",
+    "hardwareInterface", "safety_controller",
+];
+/// Elements of a shape; looks and contacts place nothing.
+const OF_SHAPE: [&str; 6] =
+    ["origin", "geometry", "material", "name", "verbose", "contact_coefficients"];
 /// Largest scale of a mesh.
 const MAX_SCALE: f64 = 1.0e6;
 
@@ -148,7 +156,8 @@ impl RobotFile<'_> {
             return Err(fault("file", problem));
         }
         let includes = robot.children().filter(|node| node.has_tag_name("include")).count();
-        Ok(RobotShapes { parts, origins: self.angles(robot), missing, moved, includes })
+        let strange = strange(robot);
+        Ok(RobotShapes { parts, origins: self.angles(robot), missing, moved, includes, strange })
     }
 
     /// Roll, pitch and yaw of every origin that counts, with its joint or link.
@@ -300,6 +309,28 @@ fn document<'t>(text: &str, plain: &'t str) -> Parsed<Document<'t>> {
         return Err(fault("file", format!("is a <{root}>, not a <robot>; give a URDF")));
     }
     Ok(document)
+}
+
+/// Elements that a joint or a shape does not have, and origins that place nothing, with their link or joint.
+fn strange(robot: Node) -> Vec<String> {
+    let mut told = Vec::new();
+    for of in robot.children().filter(|of| of.has_tag_name("joint") || of.has_tag_name("link")) {
+        let is_joint = of.has_tag_name("joint");
+        for node in of.children().filter(Node::is_element) {
+            let tag = node.tag_name().name();
+            let inner = node.children().filter(Node::is_element).map(|node| node.tag_name().name());
+            let odd = match tag {
+                "visual" | "collision" => inner.filter(|tag| !OF_SHAPE.contains(tag)).collect(),
+                "parent" | "child" if is_joint => inner.collect(),
+                _ if is_joint && !OF_JOINT.contains(&tag) => vec![tag],
+                "origin" if !is_joint => vec![tag],
+                _ => Vec::new(),
+            };
+            let plain = odd.into_iter().filter(|tag| has_no_prefix(tag));
+            told.extend(plain.map(|tag| format!("<{tag}> of {}", called(of))));
+        }
+    }
+    told
 }
 
 /// All links in the order of the file, and the number of each by its name.

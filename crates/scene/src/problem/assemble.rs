@@ -254,7 +254,7 @@ fn surface_required(scene: &Scene, task: &Task) -> Result<Option<SceneSurface>, 
     let Vehicle { targets, require, require_order, .. } = scene.vehicle();
     let Some(first) = targets.iter().position(|rule| rule.on_scene) else { return Ok(None) };
     let (index, name) = (require.len() + first, &targets[first].name);
-    let geometry = task.geometry(0).filter(|_| !scene.is_level_ground()).cloned();
+    let geometry = task.geometry(0).filter(|_| !scene.is_level_ground).cloned();
     let geometry = geometry.ok_or_else(|| {
         let told = format!(
             ".ground: `{name}` stands on the ground of a scene, and there is none; give the command a scene, or leave \

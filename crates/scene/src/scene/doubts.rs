@@ -372,13 +372,10 @@ mod tests {
         };
         let told = |low: f64, class: &str| notes(&text(low, class));
         assert_eq!(told(-0.5, "vehicle"), "");
-        let cut = told(1.0, "vehicle");
-        assert!(cut.contains("roi reaches from z = 1 to 5.5 m, and the ground under"), "{cut}");
-        let road = told(-0.5, "road");
-        assert!(
-            road.contains("the ego body has a shape of class `road`, which is ground"),
-            "{road}"
-        );
+        let cut = "roi reaches from z = 1 to 5.5 m, and the ground under";
+        assert_holds!(told(1.0, "vehicle"), cut);
+        let road = "the ego body has a shape of class `road`, which is ground";
+        assert_holds!(told(-0.5, "road"), road);
     }
 
     #[test]
@@ -397,13 +394,11 @@ mod tests {
             "lidar": {"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100},
             "mount": {"min": [0, 0, 2], "max": [0, 0, 2], "lidars": 1},
             "static": [{"class": "road", "plane": {"min": [-50, -50], "max": [50, 50], "z": 0}}]}"#;
-        let told = notes(text);
-        assert!(told.contains("roi.voxel[2] is 4 m, more than half"), "{told}");
+        assert_holds!(notes(text), "roi.voxel[2] is 4 m, more than half");
         let millimetres =
             text.replace("20, 20", "20000, 20000").replace("-20, -20", "-20000, -20000");
         let millimetres = millimetres.replace("[0.4, 0.4, 4]", "[500, 500, 1]");
-        let told = notes(&millimetres);
-        assert!(told.contains("roi.voxel[0] is 500 m; lengths are in metres"), "{told}");
+        assert_holds!(notes(&millimetres), "roi.voxel[0] is 500 m; lengths are in metres");
     }
 
     #[test]
@@ -417,6 +412,7 @@ mod tests {
         let degrees = ROOF.replace("\"lidars\"", "\"yaw\": [0, 5], \"lidars\"");
         let turned = r#""poses": [{"x": 0, "y": 0, "yaw": 90}, {"x": 0, "y": 1, "yaw": 90}, {"x": 0, "y": 2, "yaw": 91},
             {"x": 0, "y": 3, "yaw": 92}]"#;
+        let tilted = r#""poses": [{"x": 0, "y": 0, "pitch": 2}, {"x": 1, "y": 0}, {"x": 2, "y": 0}, {"x": 3, "y": 0}]"#;
         let mast = ROOF.replace("0.6, 2.6]", "0.6, 4.8]");
         let (level, one_step) = (LIDAR.replace("-25, 5", "5, 5"), LIDAR.replace("180", "1"));
         let short = LIDAR.replace("100}", "0.1}");
@@ -437,17 +433,7 @@ mod tests {
             (told(CAR, AHEAD, 0.0, &one_step, ROOF), "azimuth_steps: 1"),
             (told(CAR, AHEAD, 0.0, LIDAR, &degrees), "mount.yaw is 5 rad; degrees? 5° are 0.0873"),
             (told(CAR, turned, 0.0, LIDAR, ROOF), "ego.poses: yaw of 90 rad; degrees?"),
-            (
-                told(
-                    CAR,
-                    "\"poses\": [{\"x\": 0, \"y\": 0, \"pitch\": 2}, {\"x\": 1, \"y\": 0}, {\"x\": 2, \"y\": 0}, \
-                {\"x\": 3, \"y\": 0}]",
-                    0.0,
-                    LIDAR,
-                    ROOF,
-                ),
-                "ego.poses: a tilt of 2 rad",
-            ),
+            (told(CAR, tilted, 0.0, LIDAR, ROOF), "ego.poses: a tilt of 2 rad"),
         ] {
             assert!(told.contains(word), "{word}: {told}");
         }
@@ -461,12 +447,8 @@ mod tests {
             r#", "actors": [{{"parts": [{box_}, "repeat": {{"count": 5, "step": [0, 0, 0]}}}}], {route}}}]"#
         );
         let keys = format!(r#""lidar": {LIDAR}, "mount": {ROOF}, "frames": 3{actor}"#);
-        let told = crate::scene::tests::told(&keys);
-        for word in [
-            "actors[0].parts[0].repeat.step: 0 m, so that all 5 copies stand in one place",
-            "actors[0].route.spacing is 1000 m from frame to frame",
-        ] {
-            assert!(told.contains(word), "{word}: {told}");
-        }
+        let copies = "actors[0].parts[0].repeat.step: 0 m, so that all 5 copies stand in one place";
+        let spacing = "actors[0].route.spacing is 1000 m from frame to frame";
+        assert_holds!(crate::scene::tests::told(&keys), copies, spacing);
     }
 }

@@ -58,11 +58,6 @@ impl Scene {
         Ok(scene)
     }
 
-    /// True for [`Self::level_ground`], which stands for a scene where a command has none.
-    pub fn is_level_ground(&self) -> bool {
-        self.is_level_ground
-    }
-
     /// Reads a scene from JSON text.
     ///
     /// File names are relative to `dir`; error messages call the text `name_for_errors`.

@@ -182,7 +182,6 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// Refuses more triangles than there may be.
     fn check_count(&self, at: &Location, count: u64) -> Checked<()> {
         if count <= self.most {
             return Ok(());
@@ -315,30 +314,14 @@ impl<'a> Builder<'a> {
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let (packages, without) = (packages.as_deref(), &urdf.without[..]);
         let robot = RobotFile { file: &file, packages, tag, without };
-        let RobotShapes { parts, origins, missing, moved, includes } = robot.parts(at)?;
+        let RobotShapes { parts, origins, missing, moved, includes, strange } = robot.parts(at)?;
         // Origins of one file share one mistake.
         let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {
             vehicle::of_angles(&format!("{at}: {}: {of}: rpy", file.display()), angles)
         });
         self.notes.extend(in_degrees.take(3).map(Note::doubt));
         self.note_missing(at, &file, tag, &missing);
-        if includes > 0 {
-            self.notes.push(Note::doubt(format!(
-                "{at}: {}: <include> is not read, {includes} in all; shapes in it are missing, so merge the files and name \
-                 that one",
-                file.display()
-            )));
-        }
-        if let [first, others @ ..] = &moved[..] {
-            let more = match others.len() {
-                0 => String::new(),
-                more => format!(" (and {more} more)"),
-            };
-            self.notes.push(Note::doubt(format!(
-                "{at}: {}: <limit> or <mimic> keeps the {first}, not at 0{more}; the shapes stand there",
-                file.display()
-            )));
-        }
+        self.note_unread(at, &file, includes, &moved, &strange);
         self.others.push(file.clone());
         let mut solid = Solid::default();
         for part in parts {
@@ -353,6 +336,41 @@ impl<'a> Builder<'a> {
                 let wanted = "a robot within 1e9 m of the origin; correct its origins and scales";
                 Err(bad(&at.key("file"), format!("{:?}", urdf.file), wanted))
             }
+        }
+    }
+
+    /// Doubts about parts of a robot that are not read, and joints that do not stand at 0.
+    fn note_unread(
+        &mut self,
+        at: &Location,
+        file: &Path,
+        includes: usize,
+        moved: &[String],
+        strange: &[String],
+    ) {
+        let file = file.display();
+        let mut doubt =
+            |words: String| self.notes.push(Note::doubt(format!("{at}: {file}: {words}")));
+        let more = |all: &[String]| match all.len() {
+            0 | 1 => String::new(),
+            all => format!(" (and {} more)", all - 1),
+        };
+        if includes > 0 {
+            doubt(format!(
+                "<include> is not read, {includes} in all; shapes in it are missing, so merge the files and name that one"
+            ));
+        }
+        if let Some(first) = moved.first() {
+            doubt(format!(
+                "<limit> or <mimic> keeps the {first}, not at 0{}; the shapes stand there",
+                more(moved)
+            ));
+        }
+        if let Some(first) = strange.first() {
+            doubt(format!(
+                "{first}{} is not known there, and not read; a <joint>, a <visual> and a <collision> have an <origin> each",
+                more(strange)
+            ));
         }
     }
 

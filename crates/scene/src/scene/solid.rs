@@ -57,7 +57,6 @@ pub(crate) struct Solid {
 }
 
 impl Solid {
-    /// Triangles of one class.
     pub(crate) fn of_class(vertices: Vec<DVec3>, faces: Vec<[u32; 3]>, class: u16) -> Self {
         let classes = vec![class; faces.len()];
         Self { vertices, faces, classes, ends: Vec::new() }

@@ -292,8 +292,7 @@ mod tests {
         let all: Vec<Value> = serde_json::from_str(include_str!("targets.json")).unwrap();
         assert_eq!(preset_targets().len(), all.len());
         for (other, preset) in OTHER_NAMES {
-            let told = Target::named(other).unwrap_err().to_string();
-            assert!(told.contains(&format!("did you mean `{preset}`?")), "{told}");
+            assert_holds!(Target::named(other).unwrap_err(), &format!("did you mean `{preset}`?"));
         }
         for name in ["child", "adult", "cyclist", "car", "tyre", "motorcycle", "pole", "kerb"] {
             let target = Target::named(name).unwrap();
@@ -336,29 +335,22 @@ mod tests {
         };
         let cube = r#"{"box": {"foot": [0, 0, 0], "size": [1, 1, 1]}}"#;
         assert!(Target::from_text(&target(cube, ""), Path::new(""), "t.json").is_ok());
+        let many = cube.replace("}}", r#"}, "repeat": {"count": 20000, "step": [0, 0, 0]}}"#);
         let cases = [
             (target("", ""), "at least one box, cylinder or mesh"),
             (target(&cube.replace("0]", "-5]"), ""), "top is at z = -4.000 m"),
             (target(cube, r#", "reflectance": 0"#), "reflectance"),
             (target(cube, r#", "reflectance": 10"#), "reflectance"),
             (target(cube, r#", "colour": 1"#), "colour"),
-            (
-                target(
-                    &cube.replace("}}", r#"}, "repeat": {"count": 20000, "step": [0, 0, 0]}}"#),
-                    "",
-                ),
-                "200000",
-            ),
+            (target(&many, ""), "200000"),
             (target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 0, 1]}}"#, ""), "size"),
             (target(r#"{"box": {"foot": [0, 0, 0], "size": [900, 1, 1]}}"#, ""), "millimetres"),
             (r#"{"sightline": 1, "roi": {}}"#.to_owned(), "a scene"),
         ];
         for (text, word) in cases {
-            let told = refused(&text);
-            assert!(told.contains("t.json") && told.contains(word), "{told}");
+            assert_holds!(refused(&text), "t.json", word);
         }
-        let told = Target::named("chidl").unwrap_err().to_string();
-        assert!(told.contains("`child`"), "{told}");
+        assert_holds!(Target::named("chidl").unwrap_err(), "`child`");
     }
 
     #[test]
@@ -371,13 +363,12 @@ mod tests {
             Target::read(&file)
         };
         let named = target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 1, 1]}}"#).unwrap();
-        let told = named.notes[0].text();
-        assert!(told.contains("name: `car` is the name of a preset, too"), "{told}");
+        assert_holds!(named.notes[0].text(), "name: `car` is the name of a preset, too");
         if cfg!(feature = "mesh") {
-            std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n")
-                .unwrap();
-            let line = target(r#"{"mesh": {"file": "a.obj"}}"#).unwrap_err().to_string();
-            assert!(line.contains("shapes: a list without an area"), "{line}");
+            let line = "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n";
+            std::fs::write(dir.path().join("a.obj"), line).unwrap();
+            let told = target(r#"{"mesh": {"file": "a.obj"}}"#).unwrap_err();
+            assert_holds!(told, "shapes: a list without an area");
         }
     }
 
@@ -387,7 +378,7 @@ mod tests {
             "shapes": [{"box": {"foot": [2, 0, 0.5], "size": [1, 1, 1]}}]}"#;
         let target = Target::from_text(text, Path::new(""), "t.json").unwrap();
         assert_eq!(target.corners, [[-0.5, -0.5, 0.5], [0.5, 0.5, 1.5]]);
-        let told: Vec<&str> = target.notes.iter().map(Note::text).collect();
-        assert!(told[0].contains("x = 2.000 m") && told[1].contains("z = 0.500 m"), "{told:?}");
+        assert_holds!(target.notes[0], "x = 2.000 m");
+        assert_holds!(target.notes[1], "z = 0.500 m");
     }
 }

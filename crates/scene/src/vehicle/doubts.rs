@@ -267,42 +267,33 @@ mod tests {
             (lidar([-25.0, 15.0], Some([-1.0, 1.0]), 100.0), "2.000° (`azimuth`)"),
             (lidar([-25.0, 15.0], None, 0.1), "a range of 0.1 m"),
         ] {
-            let told = of_lidar("a", &lidar).join("; ");
-            assert!(told.contains(word), "{word}: {told}");
+            assert_holds!(of_lidar("a", &lidar).join("; "), word);
         }
     }
 
     #[test]
     fn degrees_millimetres_and_places_beside_the_mount_are_doubted() {
-        let mount = Constraints::in_box(
-            [-1.0, -1.0, 1.5, 0.0, 0.0, 0.0],
-            [1.0, 1.0, 2.5, 0.0, 0.0, 0.0],
-            2,
-        );
+        let box_of = |x: [f64; 2], count| {
+            let level = |x, y, z| [x, y, z, 0.0, 0.0, 0.0];
+            Constraints::in_box(level(x[0], -1.0, 1.5), level(x[1], 1.0, 2.5), count)
+        };
+        let mount = box_of([-1.0, 1.0], 2);
         let all = Doubts::of(&mount);
         let at = SensorPose::at;
         for pose in [at(1.001, -1.0, 2.5), SensorPose { yaw: -TAU, roll: 0.4, ..at(0.0, 0.0, 2.0) }]
         {
             assert_eq!(doubts(&all, pose), "");
         }
-        assert_eq!(
-            doubts(&all, SensorPose { yaw: 90.0, ..at(0.0, 0.0, 2.0) }),
-            "placement `roof`, LiDAR 1: yaw = 90 is more than a turn; angles are in radians, 90° are 1.5708"
-        );
+        let turned = "placement `roof`, LiDAR 1: yaw = 90 is more than a turn; angles are in radians, 90° are 1.5708";
+        assert_eq!(doubts(&all, SensorPose { yaw: 90.0, ..at(0.0, 0.0, 2.0) }), turned);
         let far = "z = 2500 is far from any vehicle; positions are in metres, 2500 mm are 2.5";
-        assert!(doubts(&all, at(0.0, 0.0, 2500.0)).ends_with(far));
-        assert!(doubts(&Doubts::of_units(), at(0.0, 0.0, 2500.0)).ends_with(far));
-        let outside = doubts(&all, at(1.3, 0.0, 2.9));
-        assert!(outside.ends_with(
-            "LiDAR 1: it stands 0.500 m outside its mount; it is looked at there anyway"
-        ));
+        assert_ends!(doubts(&all, at(0.0, 0.0, 2500.0)), far);
+        assert_ends!(doubts(&Doubts::of_units(), at(0.0, 0.0, 2500.0)), far);
+        let outside = "LiDAR 1: it stands 0.500 m outside its mount; it is looked at there anyway";
+        assert_ends!(doubts(&all, at(1.3, 0.0, 2.9)), outside);
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
         // A mount that holds none is named, in the doubt and in the broken rule alike.
-        let rear = Constraints::in_box(
-            [-3.0, -1.0, 1.5, 0.0, 0.0, 0.0],
-            [-2.0, 1.0, 2.5, 0.0, 0.0, 0.0],
-            1,
-        );
+        let rear = box_of([-3.0, -2.0], 1);
         let region = Region { name: "rear".into(), ..Region::clone(&rear.slots[0].region) };
         let mount = Constraints { closed: vec![Arc::new(region)], ..mount };
         let lidars = vec![at(0.5, 0.0, 2.0), at(-2.5, 0.0, 2.0)];
@@ -340,26 +331,25 @@ mod tests {
     fn small_whole_angles_half_turns_and_the_ground_are_doubted() {
         let units = Doubts::of_units();
         let at = SensorPose::at(0.0, 0.0, 2.0);
-        let five = doubts(&units, SensorPose { pitch: 5.0, ..at });
-        assert!(
-            five.ends_with("pitch = 5 rad is 286°; angles are in radians, 5° are 0.0873"),
-            "{five}"
-        );
-        let phase = doubts(&units, SensorPose { phase: Some(100.0), ..at });
-        assert!(
-            phase.ends_with(
-                "phase = 100 is more than a turn; angles are in radians, 100° are 1.7453"
+        for (pose, words) in [
+            (
+                SensorPose { pitch: 5.0, ..at },
+                "= 5 rad is 286°; angles are in radians, 5° are 0.0873",
             ),
-            "{phase}"
-        );
-        let half = doubts(&units, SensorPose { roll: -3.5, ..at });
-        assert!(half.contains("roll = -3.5 is more than half a turn; angles are"), "{half}");
+            (
+                SensorPose { phase: Some(100.0), ..at },
+                "phase = 100 is more than a turn; angles are in radians, 100° are 1.7453",
+            ),
+            (SensorPose { roll: -3.5, ..at }, "roll = -3.5 is more than half a turn; angles are"),
+            (
+                SensorPose { z: -0.25, ..at },
+                "z = -0.250 is below the ground; heights are counted from the ground below the vehicle",
+            ),
+        ] {
+            assert_holds!(doubts(&units, pose), words);
+        }
         let both = doubts(&units, SensorPose { x: 900.0, pitch: 15.0, ..at });
-        assert!(both.contains("15° are 0.2618") && both.contains("900 mm are 0.9"), "{both}");
-        let low = doubts(&units, SensorPose { z: -0.25, ..at });
-        assert!(low.ends_with(
-            "z = -0.250 is below the ground; heights are counted from the ground below the vehicle"
-        ));
+        assert_holds!(both, "15° are 0.2618", "900 mm are 0.9");
         for fine in [
             SensorPose { yaw: 3.5, ..at },
             SensorPose { phase: Some(3.5), ..at },

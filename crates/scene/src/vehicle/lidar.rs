@@ -49,7 +49,6 @@ impl Lidar {
         }
     }
 
-    /// True if it turns all the way round.
     pub(super) fn turns(&self) -> bool {
         matches!(self, Self::Spinning { azimuth: None, .. })
     }

@@ -200,7 +200,6 @@ pub(super) fn least_distance(at: &Location, metres: f64) -> Checked<f64> {
     Err(bad(&at.key("min_distance"), metres, "a distance of 0 m or more"))
 }
 
-/// Lower and upper corners of boxes.
 pub(super) fn keep_out_boxes(
     at: &Location,
     boxes: &[KeepOutDescription],
@@ -264,7 +263,7 @@ mod tests {
     fn lidars_carry_the_names_of_their_mounts() {
         let slot = |region: &Arc<Region>| Slot {
             region: region.clone(),
-            sensor: Default::default(),
+            sensor: SensorName::NONE,
             phase: None,
             others: Vec::new(),
         };
@@ -278,19 +277,15 @@ mod tests {
             Placement { name: "a".to_owned(), lidars }
         };
         // Slot by slot where each stands in its own, else the first mount that holds it.
-        let names = |xs: &[f64]| {
-            rules
-                .mount_names(&placement(xs))
-                .into_iter()
-                .map(|name| name.unwrap_or("-").to_owned())
-                .collect::<Vec<_>>()
+        let names = |xs: &[f64]| -> Vec<String> {
+            let names = rules.mount_names(&placement(xs));
+            names.into_iter().map(|name| name.unwrap_or("-").to_owned()).collect()
         };
         assert_eq!(names(&[0.2, -0.2, 3.5]), ["roof", "wide", "nose"]);
         assert_eq!(names(&[3.0, 0.0, 9.0]), ["nose", "wide", "-"]);
         assert_eq!(names(&[3.001, 0.0]), ["nose", "roof"]);
-        assert!(
-            Constraints::in_box([0.0; 6], [1.0; 6], 2).mount_names(&placement(&[0.0])).is_empty()
-        );
+        let nameless = Constraints::in_box([0.0; 6], [1.0; 6], 2);
+        assert!(nameless.mount_names(&placement(&[0.0])).is_empty());
         // The one mount of a scene has no name to be told by.
         let told = |rules: &Constraints| rules.violations(&placement(&[9.0]))[0].to_string();
         let alone = Constraints::in_box([0.0; 6], [1.0, 1.0, 2.0, 1.0, 1.0, 1.0], 1);

@@ -270,18 +270,12 @@ pub(crate) mod tests {
             let frame = Pose::new(DVec3::new(0.7, side * 0.9, 0.8), 0.0, -0.1, yaw);
             let mut corners = vec![[-0.4 * side, 0.0], [0.5 * side, 0.0], [0.1 * side, 0.3]];
             corners.rotate_left(usize::from(side < 0.0));
+            let [low, high] = if side > 0.0 { [-0.4, 0.5] } else { [-0.5, 0.4] };
             Region {
                 name: format!("door {side}"),
                 ego_from_region: Some(frame),
-                lower: [
-                    0.0,
-                    if side > 0.0 { -0.4 } else { -0.5 },
-                    0.0,
-                    0.0,
-                    -0.1,
-                    -0.2 * side - 0.1,
-                ],
-                upper: [0.1, if side > 0.0 { 0.5 } else { 0.4 }, 0.3, 0.0, 0.1, 0.1 - 0.2 * side],
+                lower: [0.0, low, 0.0, 0.0, -0.1, -0.2 * side - 0.1],
+                upper: [0.1, high, 0.3, 0.0, 0.1, 0.1 - 0.2 * side],
                 outline: Outline { axes: [1, 2], corners },
                 ..Region::default()
             }

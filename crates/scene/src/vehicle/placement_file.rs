@@ -448,19 +448,17 @@ mod tests {
     #[test]
     fn a_list_is_neither_a_lidar_nor_a_placement() {
         let told = |text: &str| {
-            let error = parse::<PlacementFile>(text, 1, Path::new("p.json")).map(|_| ());
-            error.unwrap_err().to_string()
+            let read = parse::<PlacementFile>(text, 1, Path::new("p.json")).map(|_| ());
+            read.unwrap_err()
         };
         let lidar = told(r#"{"placements":[{"name":"p","lidars":[[1,2,2,1.57]]}]}"#);
-        let wanted = "placement `p`: placements[0].lidars[0]: is a list; write an object with `x`, `y`, `z`, ";
-        assert!(lidar.contains(wanted), "{lidar}");
-        let placement = told(r#"{"placements":[["p",[{"x":1,"y":2,"z":2}]]]}"#);
-        assert!(
-            placement.contains("placements[0]: is a list; write an object with `name`"),
-            "{placement}"
+        assert_holds!(
+            lidar,
+            "placement `p`: placements[0].lidars[0]: is a list; write an object with `x`, `y`, "
         );
+        let placement = told(r#"{"placements":[["p",[{"x":1,"y":2,"z":2}]]]}"#);
+        assert_holds!(placement, "placements[0]: is a list; write an object with `name`");
         let line = parse::<Placement>(r#"["p", []]"#, 3, Path::new("p.jsonl")).unwrap_err();
-        assert!(line.to_string().contains("line 3, column"), "{line}");
-        assert!(line.to_string().contains("is a list; write an object with `name`"), "{line}");
+        assert_holds!(line, "line 3, column", "is a list; write an object with `name`");
     }
 }

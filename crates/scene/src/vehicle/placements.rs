@@ -197,10 +197,8 @@ mod tests {
     #[test]
     fn a_pose_is_told_in_millimetres_and_degrees() {
         let pose = SensorPose::from_values([0.6, -0.4, 2.8, -0.001, 0.1, -0.000_01]);
-        assert_eq!(
-            in_millimetres(&pose),
-            "x 600 mm, y -400 mm, z 2800 mm, roll -0.06°, pitch 5.73°, yaw 0°"
-        );
+        let told = "x 600 mm, y -400 mm, z 2800 mm, roll -0.06°, pitch 5.73°, yaw 0°";
+        assert_eq!(in_millimetres(&pose), told);
     }
 
     #[test]

@@ -461,8 +461,7 @@ mod tests {
     fn a_spacing_that_makes_no_grid_is_refused() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let spacing = Spacing { metres: 0.1, radians: bad };
-            let error = PoseGrid::new(&constraints(), spacing).unwrap_err().to_string();
-            assert!(error.contains("rad"), "{error}");
+            assert_holds!(PoseGrid::new(&constraints(), spacing).unwrap_err(), "rad");
         }
         for (metres, radians) in [(1e-4, 1e-3), (1e-40, 1e-40), (2.3e-308, 2.3e-308)] {
             let error = PoseGrid::new(&constraints(), Spacing { metres, radians }).unwrap_err();

@@ -336,26 +336,25 @@ mod tests {
 
     #[test]
     fn distances_in_millimetres_are_asked_about() {
-        let ends = |required: &str, told: &str| {
-            let error = refused(required);
-            assert!(error.ends_with(told), "{error}\nends not in {told}");
-        };
-        ends(
-            r#""ground": 2000, "share": 1"#,
-            "2000 is not metres from the own body, above 0 and at most 10; is it in millimetres? lengths are in metres, \
-             2000 mm are 2",
-        );
-        ends(r#""blind_zone": "behind", "depth": 2500"#, "lengths are in metres, 2500 mm are 2.5");
+        let ground = |metres: u32| format!(r#""ground": {metres}, "share": 1"#);
         let car = |more: &str| format!(r#""target": "car", "share": 1, {more}"#);
-        ends(
-            &car(r#""from": 30000, "within": 30000"#),
-            "30000 is not metres from 0 to 1000; is it in millimetres? lengths are in metres, 30000 mm are 30",
-        );
-        ends(&car(r#""within": 40000"#), "lengths are in metres, 40000 mm are 40");
-        // A thousandth that fits no better is no hint.
-        ends(r#""ground": 20000, "share": 1"#, "above 0 and at most 10");
-        ends(&car(r#""from": -1, "within": 30"#), "metres from 0 to 1000");
-        ends(&car(r#""from": 30, "within": 20"#), "metres from 30 (`from`) to 1000");
+        let millimetres = "is it in millimetres? lengths are in metres,";
+        let near =
+            format!("is not metres from the own body, above 0 and at most 10; {millimetres}");
+        let far = format!("is not metres from 0 to 1000; {millimetres}");
+        let behind = r#""blind_zone": "behind", "depth": 2500"#.to_owned();
+        for (required, told) in [
+            (ground(2000), format!("2000 {near} 2000 mm are 2")),
+            (behind, format!("{millimetres} 2500 mm are 2.5")),
+            (car(r#""from": 30000, "within": 30000"#), format!("30000 {far} 30000 mm are 30")),
+            (car(r#""within": 40000"#), format!("{millimetres} 40000 mm are 40")),
+            // A thousandth that fits no better is no hint.
+            (ground(20_000), "above 0 and at most 10".to_owned()),
+            (car(r#""from": -1, "within": 30"#), "metres from 0 to 1000".to_owned()),
+            (car(r#""from": 30, "within": 20"#), "metres from 30 (`from`) to 1000".to_owned()),
+        ] {
+            assert_ends!(refused(&required), &told);
+        }
     }
 
     #[test]
@@ -371,8 +370,7 @@ mod tests {
             ("[700, 710]", "behind is [170, 190]"),
             ("[0, 370]", "behind is [170, 190]"),
         ] {
-            let error = told(bearing);
-            assert!(error.ends_with(&format!("{first}{meant}")), "{error}\nends not in {meant}");
+            assert_ends!(told(bearing), &format!("{first}{meant}"));
         }
     }
 }

@@ -212,11 +212,8 @@ mod tests {
             let mut lucky = drawn(&rules, &mut rng);
             lucky.lidars[2].phase = Some(0.05);
             let found = rules.violations(&lucky);
-            assert!(
-                found
-                    .iter()
-                    .any(|v| v.to_string().contains("phase is 0.020 rad outside the mount"))
-            );
+            let told: Vec<String> = found.iter().map(ToString::to_string).collect();
+            assert_holds!(told.join("; "), "phase is 0.020 rad outside the mount");
             // A sensor that names no phase is where it is put up, at the angle nearest to 0.
             lucky.lidars.iter_mut().for_each(|pose| pose.phase = None);
             let back = rules.poses_of(&rules.variables_of(&lucky).unwrap());
@@ -250,14 +247,9 @@ mod tests {
     fn a_box_keeps_its_inside_free_and_not_its_faces() {
         let rules = constraints(1, false, false);
         let by = |x, y, z| {
-            let lidars = vec![SensorPose { x, y, z, ..SensorPose::default() }];
-            assert_eq!(
-                rules.is_clear(&lidars[0]),
-                rules
-                    .violations(&Placement { name: "one".into(), lidars: lidars.clone() })
-                    .is_empty()
-            );
-            let found = rules.violations(&Placement { name: "one".into(), lidars });
+            let lidar = SensorPose { x, y, z, ..SensorPose::default() };
+            let found = rules.violations(&Placement { name: "one".into(), lidars: vec![lidar] });
+            assert_eq!(rules.is_clear(&lidar), found.is_empty());
             found.first().map(Violation::amount)
         };
         assert_eq!(by(0.3, 0.0, 2.3), None);

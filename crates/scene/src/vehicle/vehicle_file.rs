@@ -110,7 +110,6 @@ impl Vehicle {
     }
 }
 
-/// Checks the number of entries of a list.
 fn check_count(at: &Location, key: &'static str, count: usize) -> Checked<()> {
     if (1..=MOST).contains(&count) {
         return Ok(());

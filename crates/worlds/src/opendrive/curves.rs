@@ -1,9 +1,11 @@
 //! Ends and lengths of the geometries of a reference line, for doubts about it.
 
+use std::f64::consts::TAU;
+
 use lidar_cast::maths;
 use roxmltree::Node;
 
-use super::document::number_or_0 as number;
+use super::document::{number_or_0 as number, shown};
 
 /// Pieces in which a curve is measured.
 const PIECES: u32 = 200;
@@ -92,4 +94,51 @@ pub(super) fn length_of(shape: Node, length: f64) -> f64 {
         maths::hypot(from[0] - x, from[1] - y)
     });
     pieces.sum()
+}
+
+/// Headings at both ends of a geometry, in radians.
+fn headings(geometry: Node) -> Option<[f64; 2]> {
+    let [heading, length] = ["hdg", "length"].map(|name| number(geometry, name));
+    let shape = geometry.first_element_child()?;
+    let of_shape = |name| number(shape, name);
+    let turned = match shape.tag_name().name() {
+        "line" => [0.0; 2],
+        "arc" => [0.0, of_shape("curvature") * length],
+        "spiral" => [0.0, 0.5 * (of_shape("curvStart") + of_shape("curvEnd")) * length],
+        "paramPoly3" => {
+            /// Share of a curve over which its direction is taken.
+            const SHARE: f64 = 1e-4;
+            let place = on_cubics(shape, length);
+            [[0.0, SHARE], [1.0 - SHARE, 1.0]].map(|ends| {
+                let [[u, v], [x, y]] = ends.map(&place);
+                maths::atan2(y - v, x - u)
+            })
+        }
+        _ => return None,
+    };
+    Some(turned.map(|turned| heading + turned))
+}
+
+/// Largest turn between two geometries of one line, in radians, and shortest one that is looked at, in metres.
+const KINK: f64 = 0.5;
+const SHORTEST: f64 = 0.1;
+
+/// A geometry that does not go on in the direction of the one before it.
+pub(super) fn kinked(plan: Node) -> Option<String> {
+    let all = plan.children().filter(|node| node.has_tag_name("geometry"));
+    let mut all: Vec<Node> = all.filter(|node| number(*node, "length") > SHORTEST).collect();
+    all.sort_by(|a, b| number(*a, "s").total_cmp(&number(*b, "s")));
+    all.windows(2).find_map(|pair| {
+        let by = headings(pair[1])?[0] - headings(pair[0])?[1];
+        let by = by - TAU * (by / TAU).round();
+        let id = plan.parent_element().and_then(|road| road.attribute("id"));
+        (by.abs() > KINK).then(|| {
+            format!(
+                "road {:?}: the <geometry> at s = {} begins with a turn of {by:.2} rad from the one before it; the road is \
+                 taken with that kink: is `hdg` in radians?",
+                shown(id.unwrap_or("without an id")),
+                number(pair[1], "s")
+            )
+        })
+    })
 }

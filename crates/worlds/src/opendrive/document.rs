@@ -72,7 +72,7 @@ const COUNTED: &[(&str, &str)] = &[
 ];
 
 /// Numbers of each element: those that it must have, then those that it may have.
-const NUMBERS: &[(&str, &[&str], &[&str])] = &[
+pub(super) const NUMBERS: &[(&str, &[&str], &[&str])] = &[
     ("road", &["length"], &[]),
     ("geometry", &["s", "x", "y", "hdg", "length"], &[]),
     ("spiral", &["curvStart", "curvEnd"], &[]),
@@ -474,8 +474,7 @@ mod tests {
     fn points_on_one_spot_are_counted() {
         let arc = "<arc curvature='1000'/>";
         assert_eq!(document(1, 2499.0, arc), Ok(()));
-        let told = document(1, 2501.0, arc).unwrap_err();
-        assert!(told.contains("20008 points") && told.contains("x = 4, y = 4"), "{told}");
+        assert_holds!(document(1, 2501.0, arc).unwrap_err(), "20008 points", "x = 4, y = 4");
         assert!(document(1, 50_000.0, "<spiral curvStart='0' curvEnd='1000'/>").is_err());
         // A straight road of equal length, and a helix of ten turns with a radius of 10 m.
         assert_eq!(document(1, 50_000.0, "<line/>"), Ok(()));

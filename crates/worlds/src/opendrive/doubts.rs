@@ -10,23 +10,26 @@ use std::mem::discriminant;
 use roxmltree::{Document, Node};
 use xodr::Warning;
 
-use super::curves::{begin, end, is_by_length, length_of};
+use super::curves::{begin, end, is_by_length, kinked, length_of};
 use super::document::{number_or_0 as number, shown};
+use super::values::miswritten;
 use crate::world::WorldError;
 use lidar_cast::maths;
 use sightline_files::Note;
 
 /// Largest gap between two geometries that rounding leaves, in metres.
 const GAP: f64 = 0.1;
-/// Smallest whole number of radians that is more likely degrees.
+/// Smallest whole number of radians that is more likely degrees, and smallest number of any digits.
 const WHOLE: f64 = 2.0;
+const TURNS: f64 = 30.0;
 
 /// A doubt of each kind, for the first place that it holds for.
 pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
     let roads = || xml.descendants().filter(|node| node.has_tag_name("planView"));
-    let lines = [gap, uneven, in_degrees, stretched].map(|doubt| roads().find_map(doubt));
-    let records =
-        [late, steep, tilted, step, turned].map(|doubt| xml.descendants().find_map(doubt));
+    let lines = [gap, uneven, in_degrees, stretched, kinked];
+    let lines = lines.map(|doubt| roads().find_map(doubt));
+    let records = [late, steep, tilted, step, turned, high, miswritten];
+    let records = records.map(|doubt| xml.descendants().find_map(doubt));
     lines
         .into_iter()
         .chain(records)
@@ -196,10 +199,14 @@ fn step(profile: Node) -> Option<String> {
     })
 }
 
-/// A heading that is most likely one in degrees: a whole number. Maps of CARLA add up turns, so more than one is none.
+/// True for radians that are most likely degrees: a whole number, or many turns. Maps of CARLA add up a few.
+fn is_of_degrees(angle: &f64) -> bool {
+    angle.abs() >= TURNS || (angle.abs() >= WHOLE && angle.fract() == 0.0)
+}
+
+/// A heading that is most likely one in degrees.
 fn in_degrees(plan: Node) -> Option<String> {
-    let is_whole = |hdg: &f64| hdg.abs() >= WHOLE && hdg.fract() == 0.0;
-    let heading = geometries(plan).map(|node| number(node, "hdg")).find(is_whole)?;
+    let heading = geometries(plan).map(|node| number(node, "hdg")).find(is_of_degrees)?;
     Some(format!(
         "{}: `hdg` is {heading} rad; degrees? {heading}° are {:.4} rad",
         road(plan),
@@ -214,8 +221,7 @@ fn turned(node: Node) -> Option<String> {
         "signal" => ["hOffset", "pitch", "roll"],
         _ => return None,
     };
-    let is_whole = |angle: f64| angle.abs() >= WHOLE && angle.fract() == 0.0;
-    let key = keys.into_iter().find(|key| is_whole(number(node, key)))?;
+    let key = keys.into_iter().find(|key| is_of_degrees(&number(node, key)))?;
     let angle = number(node, key);
     let of_road = node.ancestors().find(|n| n.has_tag_name("road"))?;
     Some(format!(
@@ -225,6 +231,19 @@ fn turned(node: Node) -> Option<String> {
         shown(node.attribute("id").unwrap_or("without an id")),
         angle.to_radians()
     ))
+}
+
+/// An object that is higher than any of its kind.
+fn high(node: Node) -> Option<String> {
+    const MOST: [f64; 2] = [100.0, 1000.0];
+    let object = node.ancestors().find(|n| n.has_tag_name("object"))?;
+    let height = ["height", "heightStart", "heightEnd"].map(|key| number(node, key));
+    let height = height.into_iter().fold(0.0, f64::max);
+    let is_building = object.attribute("type") == Some("building");
+    (height > MOST[usize::from(is_building)]).then(|| {
+        let id = shown(object.attribute("id").unwrap_or("without an id"));
+        format!("the <object> {id} is {height} m high; heights are in metres: centimetres, or millimetres?")
+    })
 }
 
 enum Severity {
@@ -293,12 +312,16 @@ pub(super) fn notes(warnings: &[Warning], file: &str) -> Result<Vec<Note>, World
 mod tests {
     use super::*;
 
-    fn told(geometries: &str) -> String {
-        let text =
-            format!("<OpenDRIVE><road id='7'><planView>{geometries}</planView></road></OpenDRIVE>");
+    /// Doubts about a road of 100 m with this content.
+    fn of_road(inner: &str) -> String {
+        let text = format!("<OpenDRIVE><road id='7' length='100'>{inner}</road></OpenDRIVE>");
         let notes = doubts(&Document::parse(&text).unwrap(), "m");
         assert!(notes.iter().all(Note::is_doubt));
         notes.iter().map(Note::text).collect::<Vec<_>>().join("\n")
+    }
+
+    fn told(geometries: &str) -> String {
+        of_road(&format!("<planView>{geometries}</planView>"))
     }
 
     fn line(s: f64, x: f64, heading: f64) -> String {
@@ -308,17 +331,19 @@ mod tests {
     #[test]
     fn gaps_are_told_whatever_the_order() {
         assert_eq!(told(&(line(50.0, 50.0, 0.0) + &line(0.0, 0.0, 0.0))), "");
-        let gap = told(&(line(0.0, 0.0, 0.0) + &line(50.0, 80.0, 0.0)));
-        let uneven = told(&(line(0.0, 0.0, 0.0) + &line(60.0, 50.0, 0.0)));
-        assert_eq!(
-            uneven,
-            "m: road \"7\": the <geometry> at s = 0 is 50 m long, and the next one begins at s = 60; which of the two is right?"
-        );
-        assert_eq!(
-            gap,
-            "m: road \"7\": the <geometry> at s = 50 begins 30.00 m from the end of the one before it; the road is \
-         taken with that gap"
-        );
+        for (next, words) in [
+            (
+                line(60.0, 50.0, 0.0),
+                "at s = 0 is 50 m long, and the next one begins at s = 60; which of the two is right?",
+            ),
+            (
+                line(50.0, 80.0, 0.0),
+                "at s = 50 begins 30.00 m from the end of the one before it; the road is taken with that gap",
+            ),
+        ] {
+            let told = told(&(line(0.0, 0.0, 0.0) + &next));
+            assert_eq!(told, format!("m: road \"7\": the <geometry> {words}"));
+        }
     }
 
     #[test]
@@ -360,31 +385,20 @@ mod tests {
     #[test]
     fn records_that_begin_late_are_doubted() {
         let late = told(&line(20.0, 0.0, 0.0));
-        assert!(late.contains("road \"7\": the first <geometry> begins at s = 20"), "{late}");
-        let of = |inner: &str| {
-            let text = format!("<OpenDRIVE><road id='7'>{inner}</road></OpenDRIVE>");
-            let notes = doubts(&Document::parse(&text).unwrap(), "m");
-            notes.iter().map(Note::text).collect::<String>()
-        };
+        assert_holds!(late, "road \"7\": the first <geometry> begins at s = 20");
         let heights = |s: f64| {
-            of(&format!("<elevationProfile><elevation s='{s}' a='9'/></elevationProfile>"))
+            of_road(&format!("<elevationProfile><elevation s='{s}' a='9'/></elevationProfile>"))
         };
         assert_eq!(heights(0.0), "");
-        assert!(heights(5.0).contains("the first <elevation> begins at s = 5; the map"));
-        let widths =
-            |s: f64| of(&format!("<lane id='1'><width sOffset='9'/><width sOffset='{s}'/></lane>"));
+        assert_holds!(heights(5.0), "the first <elevation> begins at s = 5; the map");
+        let widths = |s: f64| {
+            of_road(&format!("<lane id='1'><width sOffset='9'/><width sOffset='{s}'/></lane>"))
+        };
         assert_eq!(widths(0.0), "");
-        assert!(
-            widths(3.0)
-                .contains("road \"7\", lane 1: the first <width> begins at sOffset = 3; the map")
-        );
-    }
-
-    /// Doubts about a road of 100 m with this content.
-    fn of_road(inner: &str) -> String {
-        let text = format!("<OpenDRIVE><road id='7' length='100'>{inner}</road></OpenDRIVE>");
-        let notes = doubts(&Document::parse(&text).unwrap(), "m");
-        notes.iter().map(Note::text).collect::<Vec<_>>().join("\n")
+        let first = "road \"7\", lane 1: the first <width> begins at sOffset = 3; the map";
+        assert_holds!(widths(3.0), first);
+        let sections = of_road("<lanes><laneSection s='30'/></lanes>");
+        assert_holds!(sections, "the first <laneSection> begins at s = 30;");
     }
 
     fn records(record: &str, rows: &[[f64; 3]]) -> String {
@@ -400,9 +414,8 @@ mod tests {
         // 50 m at 0.38, then level; the record behind the end of the road is none of it.
         assert_eq!(heights(&[[50.0, 19.0, 0.0], [0.0, 0.0, 0.38], [100.0, 0.0, 9.0]]), "");
         for (slope, word) in [(4.0, "rises"), (-4.0, "falls")] {
-            let steep = heights(&[[0.0, 0.0, slope]]);
             let words = format!("road \"7\": the <elevation> at s = 0 {word} by 4.00 m a metre;");
-            assert!(steep.contains(&words), "{steep}");
+            assert_holds!(heights(&[[0.0, 0.0, slope]]), &words);
         }
         for (height, word) in [(6.0, "above"), (-4.0, "below")] {
             let step = heights(&[[0.0, 0.0, 0.02], [50.0, height, 0.0]]);
@@ -410,19 +423,13 @@ mod tests {
             assert!(step.contains(&words) && step.ends_with("step: correct `a`?"), "{step}");
         }
         let tilt = |record: &str, a: f64| {
-            of_road(&format!(
-                "<lateralProfile>{}</lateralProfile>",
-                records(record, &[[0.0, a, 0.0]])
-            ))
+            let records = records(record, &[[0.0, a, 0.0]]);
+            of_road(&format!("<lateralProfile>{records}</lateralProfile>"))
         };
         assert_eq!(tilt("superelevation", -0.86), "");
-        let tilted = tilt("superelevation", 4.0);
-        assert!(tilted.contains("the <superelevation> at s = 0 tilts the road by 4.000 rad; degrees? 4.000° are 0.0698"), "{tilted}");
-        assert!(tilt("crossfall", -2.0).contains("the <crossfall> at s = 0 tilts"));
-        assert!(
-            of_road("<lanes><laneSection s='30'/></lanes>")
-                .contains("the first <laneSection> begins at s = 30;")
-        );
+        let words = "at s = 0 tilts the road by 4.000 rad; degrees? 4.000° are 0.0698";
+        assert_holds!(tilt("superelevation", 4.0), "the <superelevation>", words);
+        assert_holds!(tilt("crossfall", -2.0), "the <crossfall> at s = 0 tilts");
     }
 
     #[test]
@@ -433,44 +440,32 @@ mod tests {
                  bV='0' cV='0' dV='0' {range}/></geometry></planView>"
             ))
         };
-        assert_eq!(
-            [
-                curve("pRange='arcLength'", 1.0),
-                curve("pRange='normalized'", 100.0),
-                curve("", 100.0)
-            ],
-            ["", "", ""]
-        );
+        for (range, u) in [("pRange='arcLength'", 1.0), ("pRange='normalized'", 100.0), ("", 100.0)]
+        {
+            assert_eq!(curve(range, u), "");
+        }
         let long = curve("pRange='arcLength'", 100.0);
-        assert!(
-            long.contains(
-                "is 10000.00 m long and its `length` is 100 m; is its `pRange`, read as arcLength"
-            ),
-            "{long}"
-        );
-        assert!(curve("", 1.0).contains(
-            "is 1.00 m long and its `length` is 100 m; is its `pRange`, read as normalized"
-        ));
+        assert_holds!(long, "is 10000.00 m long and its `length` is 100 m;", "read as arcLength");
+        let short = curve("", 1.0);
+        assert_holds!(short, "is 1.00 m long and its `length` is 100 m;", "read as normalized");
     }
 
     #[test]
     fn headings_in_degrees_are_doubted() {
-        assert!(
-            told(&line(0.0, 0.0, 90.0)).ends_with("`hdg` is 90 rad; degrees? 90° are 1.5708 rad")
-        );
+        let heading = told(&line(0.0, 0.0, 90.0));
+        assert_holds!(heading, "`hdg` is 90 rad; degrees? 90° are 1.5708 rad");
         assert_eq!(told(&line(0.0, 0.0, 9.42)), "");
+        assert!(told(&line(0.0, 0.0, 45.5)).contains("degrees? 45.5° are"));
+        let object = |words: &str| of_road(&format!("<objects><object id='3' {words}/></objects>"));
+        assert!(object("type='pole' height='600'").contains("the <object> 3 is 600 m high"));
+        assert_eq!(object("type='building' height='600'"), "");
+        assert!(object("zoffset='1'").contains("OpenDRIVE calls it `zOffset`"));
         let objects =
             |angle: f64| of_road(&format!("<objects><object id='3' hdg='{angle}'/></objects>"));
         assert_eq!([objects(1.0), objects(2.5)], ["", ""]);
-        let turned = objects(90.0);
-        assert!(
-            turned.ends_with("`hdg` of the <object> 3 is 90 rad; degrees? 90° are 1.5708 rad"),
-            "{turned}"
-        );
+        let words = "`hdg` of the <object> 3 is 90 rad; degrees? 90° are 1.5708 rad";
+        assert_holds!(objects(90.0), words);
         let board = of_road("<signals><signal id='8' hOffset='-180'/></signals>");
-        assert!(
-            board.contains("`hOffset` of the <signal> 8 is -180 rad; degrees? -180° are -3.1416"),
-            "{board}"
-        );
+        assert_holds!(board, "`hOffset` of the <signal> 8 is -180 rad; degrees? -180° are -3.1416");
     }
 }

@@ -27,15 +27,17 @@ const MAX_AREA: f64 = 4e6;
 const WORDS: &[(&str, u16)] = &[
     ("hedge", class::VEGETATION), ("tree", class::VEGETATION), ("bush", class::VEGETATION),
     ("vegetation", class::VEGETATION), ("pole", class::POLE), ("post", class::POLE), ("lamp", class::POLE),
-    ("bollard", class::POLE), ("trafficlight", class::TRAFFIC_LIGHT), ("sign", class::TRAFFIC_SIGN),
+    ("bollard", class::POLE), ("trafficlight", class::TRAFFIC_LIGHT), ("traffic_light", class::TRAFFIC_LIGHT),
+    ("traffic light", class::TRAFFIC_LIGHT), ("signal", class::TRAFFIC_LIGHT), ("sign", class::TRAFFIC_SIGN),
     ("guard", class::GUARD_RAIL), ("jersey", class::WALL), ("wall", class::WALL), ("noise", class::WALL),
     ("fence", class::FENCE), ("railing", class::FENCE), ("barrier", class::GUARD_RAIL), ("bridge", class::BRIDGE),
-    ("building", class::BUILDING), ("house", class::BUILDING),
+    ("building", class::BUILDING), ("house", class::BUILDING), ("light", class::POLE),
 ];
 
 /// Class of an object: by its type, where that leaves a choice by the words of its subtype and name.
 fn class_of(object: &Object) -> u16 {
-    let words = format!("{} {}", object.subtype, object.name).to_lowercase();
+    // A street holds the letters of a tree.
+    let words = format!("{} {}", object.subtype, object.name).to_lowercase().replace("street", " ");
     let word = WORDS.iter().find(|(word, _)| words.contains(word)).map(|(_, class)| *class);
     match object.kind {
         ObjectType::Pole | ObjectType::StreetLamp | ObjectType::Gantry => class::POLE,

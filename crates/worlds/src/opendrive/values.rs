@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use roxmltree::{Document, Node};
 use sightline_files::Note;
 
-use super::document::{number_or_0 as number, shown};
+use super::document::{NUMBERS, number_or_0 as number, shown};
 
 /// Words of a truth value.
 const TRUTH: &[&str] = &["true", "false", "1", "0"];
@@ -99,6 +99,26 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
         }
         _ => Ok(()),
     }
+}
+
+/// A doubt about an attribute that is written in other capitals than those of one that is read, and so is lost.
+pub(super) fn miswritten(node: Node<'_, '_>) -> Option<String> {
+    let name = node.tag_name().name();
+    let of_numbers = NUMBERS.iter().filter(|(element, ..)| *element == name);
+    let of_words = WORDS.iter().filter(|(element, ..)| *element == name);
+    let known = of_numbers.flat_map(|(_, must, may)| must.iter().chain(*may).copied());
+    let known: Vec<&str> = known.chain(of_words.map(|(_, attribute, _)| *attribute)).collect();
+    node.attributes().find_map(|attribute| {
+        let odd = attribute.name();
+        let is_it = |known: &&str| *known != odd && known.eq_ignore_ascii_case(odd);
+        let right = known.iter().copied().find(is_it)?;
+        let line = node.document().text_pos_at(node.range().start).row;
+        node.attribute(right).is_none().then(|| {
+            format!(
+                "line {line}: `{odd}` of the <{name}> is not read; OpenDRIVE calls it `{right}`"
+            )
+        })
+    })
 }
 
 /// Refuses an arc or a spiral that turns round and round: a curvature of another unit, most likely.
@@ -216,7 +236,8 @@ pub(super) fn notes(xml: &Document<'_>, file: &str) -> Vec<Note> {
     let past = what(past.collect(), "reach beyond the ends of their roads and are cut there");
     let low = what(low.collect(), "have no `height` and lie flat on the ground");
     let roads = [loose_links(xml, file), loose_junctions(xml, file), gaps_of_lanes(xml, file)];
-    [past, low].into_iter().chain(roads).chain([versions(xml, file)]).flatten().collect()
+    let others = [without_lanes(xml, file), versions(xml, file)];
+    [past, low].into_iter().chain(roads).chain(others).flatten().collect()
 }
 
 /// True if a part of an object is beyond an end of its road.
@@ -231,12 +252,30 @@ fn has_no_height(object: Node<'_, '_>) -> bool {
     let flat = object.attribute("type").is_some_and(|kind| FLAT.contains(&kind));
     let footprint =
         above_0(object, "radius") || (above_0(object, "length") && above_0(object, "width"));
-    let shaped = |n: Node<'_, '_>| {
-        ["outlines", "outline", "skeleton"].iter().any(|tag| n.has_tag_name(*tag))
-            || above_0(n, "heightStart")
-            || above_0(n, "heightEnd")
+    let has =
+        |tags: &[&str]| object.descendants().any(|n| tags.iter().any(|tag| n.has_tag_name(*tag)));
+    let raised = |n: Node<'_, '_>| above_0(n, "heightStart") || above_0(n, "heightEnd");
+    // The corners of an outline have heights of their own, and the object's counts for none of them.
+    let corner = |n: Node<'_, '_>| n.tag_name().name().starts_with('c') && above_0(n, "height");
+    let stands = match has(&["outline"]) {
+        true => !above_0(object, "height") || object.descendants().any(corner),
+        false => above_0(object, "height") || has(&["skeleton"]),
     };
-    !flat && footprint && !above_0(object, "height") && !object.children().any(shaped)
+    !flat && (footprint || has(&["outline"])) && !stands && !object.children().any(raised)
+}
+
+/// A note of roads that have no lane beside the line in their middle.
+fn without_lanes(xml: &Document<'_>, file: &str) -> Option<Note> {
+    let has_none = |road: &Node<'_, '_>| {
+        let mut lanes = road.descendants().filter(|n| n.has_tag_name("lane"));
+        road.has_tag_name("road") && lanes.all(|lane| number(lane, "id") == 0.0)
+    };
+    let found: Vec<Node<'_, '_>> = xml.root_element().children().filter(has_none).collect();
+    let first = shown(found.first()?.attribute("id").unwrap_or("without an id"));
+    let count = found.len();
+    Some(Note::fact(format!(
+        "{file}: {count} roads have no lane beside their middle, and so no surface, first road {first}"
+    )))
 }
 
 /// A note of links of roads and junctions whose goal is not in the document.
@@ -359,8 +398,7 @@ mod tests {
         let least = told(&[-1, i64::MIN]).unwrap();
         assert!(least.contains("lane -9223372036854775808 stands in place of lane -2;"), "{least}");
         assert_eq!([told(&[0]), told(&[0, 1, 2]), told(&[])], [None, None, None]);
-        let gap = told(&[0, 2]).unwrap();
-        assert!(gap.contains("lane 2 stands in place of lane 1;"), "{gap}");
+        assert_holds!(told(&[0, 2]).unwrap(), "lane 2 stands in place of lane 1;");
     }
 
     #[test]

@@ -120,6 +120,23 @@ fn boards(world: &GeneratedWorld) -> Vec<(DVec2, DVec2)> {
 }
 
 #[test]
+fn words_of_a_name_tell_the_class_of_an_object() {
+    for (name, wanted) in [
+        ("StreetLamp", class::POLE),
+        ("Street_Light_01", class::POLE),
+        ("StreetTree", class::VEGETATION),
+        ("Traffic_Light", class::TRAFFIC_LIGHT),
+        ("StreetSign", class::TRAFFIC_SIGN),
+        ("street furniture", class::STATIC),
+    ] {
+        let place = r#"s="50" t="9" length="1" width="1" height="1""#;
+        let object = format!(r#"<object id="1" name="{name}" type="obstacle" {place}/>"#);
+        let network = network(&road("RHT", "", "", &format!("<objects>{object}</objects>")));
+        assert_eq!(network.shapes[0].class, wanted, "{name}");
+    }
+}
+
+#[test]
 fn objects_become_shapes_of_their_class_and_size() {
     let objects = r#"<objects>
         <object id="1" name="guardRail" type="barrier" s="0" t="6.5" zOffset="0" hdg="0" length="0.2" width="0.2" height="0.8">
@@ -214,16 +231,16 @@ fn signals_stand_where_the_map_says_or_are_counted() {
 
 #[test]
 fn a_number_of_no_element_may_be_missing_written_with_a_comma_or_nan() {
-    let record = |name: &str, s: &str| format!(r#"<{name} {s}="0" a="0" b="0" c="0" d="0"/>"#);
+    let record = |name: &str| record(name, "s", [0.0; 5]);
     let more = format!(
         r#"<elevationProfile>{}</elevationProfile><lateralProfile>{}</lateralProfile>
         <objects><object id="1" type="pole" s="10" t="9" zOffset="0" radius="0.1" height="6"/></objects>
         <signals><signal id="1" s="10" t="9" zOffset="0" hOffset="0" type="274" subtype="50"/></signals>"#,
-        record("elevation", "s"),
-        record("superelevation", "s")
+        record("elevation"),
+        record("superelevation")
     );
     let text = road("RHT", "", "", &more)
-        .replace("<lanes>", &format!("<lanes>{}", record("laneOffset", "s")))
+        .replace("<lanes>", &format!("<lanes>{}", record("laneOffset")))
         .replace("<line/>", r#"<arc curvature="0"/>"#);
     import_opendrive(&text, "m.xodr", 1, 2).unwrap();
     for (element, attributes) in [
@@ -246,11 +263,7 @@ fn a_number_of_no_element_may_be_missing_written_with_a_comma_or_nan() {
                 let to = from + text[from..].find('"').unwrap();
                 let broken = format!("{}{value}{}", &text[..from], &text[to..]);
                 let error = import_opendrive(&broken, "m.xodr", 1, 2).map(|_| ());
-                let told = error.unwrap_err().to_string();
-                assert!(
-                    told.contains(&format!("<{element}>")) && told.contains(expected),
-                    "{element} {attribute}: {told}"
-                );
+                assert_holds!(error.unwrap_err(), &format!("<{element}>"), expected);
             }
         }
     }
@@ -264,7 +277,7 @@ fn changed_maps_are_read_or_refused() {
         <repeat s="0" length="200" distance="5" tStart="6.5" tEnd="6.5"/></object></objects><signals>
         <signal id="1" s="10" t="9" zOffset="0" hOffset="0" type="274" subtype="50" height="1" width="1"/></signals>"#;
     let height = r#"<height sOffset="0" inner="0.1" outer="0.3"/>"#;
-    let seeds = [road("LHT", height, "parking", objects), fork_of_roads()];
+    let seeds = [road("LHT", height, "parking", objects), fork()];
     let words = [
         "NaN", "1e300", "-1", "0", "1,5", "\"", "<", ">", "/>", "1e-300", "&amp;", "<line/>",
         " s=\"5\"",
@@ -302,11 +315,6 @@ fn changed_maps_are_read_or_refused() {
     assert!(read > count / 20 && read < count, "{read} of {count}");
 }
 
-fn fork_of_roads() -> String {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/fork.xodr");
-    std::fs::read_to_string(file).unwrap()
-}
-
 /// Height and y of both edges of the first driven lane to the right, at a place along x.
 fn right_lane(network: &Network, x: f64) -> [DVec3; 2] {
     let strip = network.strips.iter().filter(|s| s.used == crate::network::StripUse::Road);
@@ -318,13 +326,17 @@ fn right_lane(network: &Network, x: f64) -> [DVec3; 2] {
 }
 
 /// A straight road of 120 m with one lane to the right, `profiles` before its lanes, `offsets` in them, `widths` in the lane.
-fn lane_of(profiles: &str, offsets: &str, widths: &str) -> Network {
-    network(&format!(
+fn text_of_lane(profiles: &str, offsets: &str, widths: &str) -> String {
+    format!(
         r#"<OpenDRIVE><header revMajor="1" revMinor="6"/><road id="1" length="120" junction="-1">
         <planView><geometry s="0" x="0" y="0" hdg="0" length="120"><line/></geometry></planView>{profiles}
         <lanes>{offsets}<laneSection s="0"><center><lane id="0" type="none" level="false"/></center>
         <right><lane id="-1" type="driving" level="false">{widths}</lane></right></laneSection></lanes></road></OpenDRIVE>"#
-    ))
+    )
+}
+
+fn lane_of(profiles: &str, offsets: &str, widths: &str) -> Network {
+    network(&text_of_lane(profiles, offsets, widths))
 }
 
 /// A cubic record: its place, a, b, c, d.
@@ -430,16 +442,8 @@ fn points_come_where_a_road_bends_and_no_more() {
             record("elevation", "s", [s, 0.0, if k % 2 == 0 { 0.1 } else { -0.1 }, 0.0, 0.0])
         })
         .collect();
-    let text = format!(
-        r#"<OpenDRIVE><header revMajor="1" revMinor="6"/><road id="1" length="10000" junction="-1">
-        <planView><geometry s="0" x="0" y="0" hdg="0" length="10000"><line/></geometry></planView>
-        <elevationProfile>{many}</elevationProfile><lanes><laneSection s="0"><center><lane id="0" type="none"/></center>
-        <right><lane id="-1" type="driving">{flat}</lane></right></laneSection></lanes></road></OpenDRIVE>"#
-    );
-    let network = network(&text);
+    let text = text_of_lane(&format!("<elevationProfile>{many}</elevationProfile>"), "", &flat);
+    let network = network(&text.replace("\"120\"", "\"10000\""));
     let told: Vec<&str> = network.notes.iter().map(sightline_files::Note::text).collect();
-    assert!(
-        told.iter().any(|t| t.contains("road 1 bends at more places than are followed")),
-        "{told:?}"
-    );
+    assert_holds!(told.join("\n"), "road 1 bends at more places than are followed");
 }

@@ -16,6 +16,12 @@ use super::{GeneratedWorld, WorldKind, generate, write_ply};
 use lidar_cast::geom::Pose;
 use sightline_scene::scene::{DEFAULT_CLASSES, EgoBody, Scene};
 
+/// A map of a road that forks: two lines and two arcs, one of them rising.
+fn fork() -> String {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/fork.xodr");
+    std::fs::read_to_string(file).unwrap()
+}
+
 /// Writes a world to a folder and reads it as any scene.
 fn read_back(world: &GeneratedWorld) -> Scene {
     let dir = TempDir::new().unwrap();
@@ -142,10 +148,8 @@ fn nothing_stands_on_the_road(world: &GeneratedWorld, name: &str) {
         let ([i0, j0], [i1, j1]) = (cell(low), cell(high));
         for key in (i0..=i1).flat_map(|i| (j0..=j1).map(move |j| [i, j])) {
             for p in by_cell.get(&key).into_iter().flatten() {
-                assert!(
-                    height_over(triangle, *p).is_none(),
-                    "{name}: something on the road at {p}"
-                );
+                let over = height_over(triangle, *p);
+                assert!(over.is_none(), "{name}: something on the road at {p}");
             }
         }
     }

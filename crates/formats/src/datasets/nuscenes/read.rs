@@ -14,6 +14,7 @@ use crate::datasets::{BoxTrack, Checked, FormatError, TrackPose, ground};
 use lidar_cast::geom::Pose;
 use sightline_files::Note;
 use sightline_files::json::quoted;
+use sightline_scene::scene::DEFAULT_CLASSES;
 use sightline_scene::vehicle::{SensorPose, doubts_of_units};
 
 /// Shortest way between two keyframes that tells where a vehicle drives, in metres.
@@ -57,6 +58,7 @@ pub fn read_nuscenes(
             notes: times_doubted(&tables, name, &times).into_iter().chain(tables.notes()).collect(),
         };
         scene.notes.extend(poses_doubted(&tables, &scene));
+        scene.notes.extend(boxes_doubted(&tables, &scene));
         scene.notes.extend(ground::doubts(&scene, None)?);
         read.push(scene);
     }
@@ -135,6 +137,35 @@ fn poses_doubted(tables: &SourceTables, scene: &NuscenesScene) -> Vec<Note> {
     notes
 }
 
+/// Doubts about boxes of vehicles, most of which are wider than long, or do not move ahead.
+fn boxes_doubted(tables: &SourceTables, scene: &NuscenesScene) -> Vec<Note> {
+    let is_vehicle = |track: &&BoxTrack| DEFAULT_CLASSES[usize::from(track.class)] == "vehicle";
+    let vehicles: Vec<&BoxTrack> = scene.tracks.iter().filter(is_vehicle).collect();
+    let wide = vehicles.iter().filter(|track| track.size[1] > track.size[0]).count();
+    let pairs = vehicles.iter().flat_map(|track| track.poses.windows(2));
+    let steps = pairs.map(|pair| {
+        let [from, to] = [0, 1].map(|k| pair[k].world_from_box);
+        let step = from.inverse().apply(to.translation);
+        (step.x, step.length())
+    });
+    let steps: Vec<(f64, f64)> = steps.filter(|(_, length)| *length >= STEP).collect();
+    let odd = steps.iter().filter(|(ahead, length)| *ahead < 0.5 * length).count();
+    let told = |is_odd: bool, words: String| {
+        let (path, name) = (tables.path("sample_annotation"), &scene.name);
+        is_odd.then(|| Note::doubt(format!("{}: {words} of the scene {name:?}.", path.display())))
+    };
+    let of_sizes = format!(
+        "`size` is width, length, height, and by it {wide} of {} vehicles are wider than long: boxes",
+        vehicles.len()
+    );
+    let of_turns = format!(
+        "rotations are w, x, y, z, and by them vehicles move backwards or sideways in {odd} of {} steps: boxes",
+        steps.len()
+    );
+    let doubts = [told(2 * wide > vehicles.len(), of_sizes), told(2 * odd > steps.len(), of_turns)];
+    doubts.into_iter().flatten().collect()
+}
+
 /// Token and name of the scenes, in the requested order or the table's.
 fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, String)>> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
@@ -169,9 +200,7 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, Strin
 
 struct Sample {
     token: String,
-    /// Position of its scene.
     scene: usize,
-    /// Number in its scene.
     frame: u32,
     timestamp: f64,
 }

@@ -56,7 +56,6 @@ const PASSED: [(&str, &[&str]); 10] = [
 /// Table of categories that sets of Place3D have beside `category`.
 pub(super) const LIDARSEG_CATEGORIES: &str = "lidarseg_category";
 
-/// Fields of a table that are passed over.
 fn passed_over(table: &str) -> &'static [&'static str] {
     let table = if table == LIDARSEG_CATEGORIES { "category" } else { table };
     PASSED.iter().find(|(name, _)| *name == table).map_or(&[], |(_, fields)| fields)

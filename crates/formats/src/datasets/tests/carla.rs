@@ -106,18 +106,12 @@ fn poses_are_those_of_carla_mirrored() {
     let pose = open(dir.path()).unwrap().world_from_sensor(8).unwrap();
     let [(sr, cr), (sp, cp), (sy, cy)] = [11.0_f64, -23.0, 37.0].map(|v| v.to_radians().sin_cos());
     // carla.Transform.get_matrix(), row by row.
-    let carla = DMat3::from_cols_array(&[
-        cp * cy,
-        cy * sp * sr - sy * cr,
-        -cy * sp * cr - sy * sr,
-        cp * sy,
-        sy * sp * sr + cy * cr,
-        -sy * sp * cr + cy * sr,
-        sp,
-        -cp * sr,
-        cp * cr,
-    ])
-    .transpose();
+    let rows = [
+        DVec3::new(cp * cy, cy * sp * sr - sy * cr, -cy * sp * cr - sy * sr),
+        DVec3::new(cp * sy, sy * sp * sr + cy * cr, -sy * sp * cr + cy * sr),
+        DVec3::new(sp, -cp * sr, cp * cr),
+    ];
+    let carla = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
     let mirror = DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
     assert!(pose.rotation.abs_diff_eq(mirror * carla * mirror, 1e-12), "{:?}", pose.rotation);
     assert_eq!(pose.translation, DVec3::new(4.0, -5.0, 6.0));
@@ -212,14 +206,12 @@ fn the_road_tells_the_version_of_the_tags() {
     assert!(!note.is_doubt() && note.text().contains("--carla-tags"), "{note}");
     let forced = open(Some(CarlaTags::Since0914), Some(2.4));
     assert_eq!(forced.tags(), CarlaTags::Since0914);
-    assert!(
-        forced.notes()[0].is_doubt() && forced.notes()[0].text().contains("of 0.9.10 fit better")
-    );
+    let is_told = |sequence: &CarlaSequence, words: &str| {
+        sequence.notes().iter().any(|note| note.is_doubt() && note.text().contains(words))
+    };
+    assert!(is_told(&forced, "of 0.9.10 fit better"));
     // A height that the road contradicts.
-    let high = open(None, Some(4.0));
-    assert!(
-        high.notes().iter().any(|note| note.is_doubt() && note.text().contains("2.40 m below it"))
-    );
+    assert!(is_told(&open(None, Some(4.0)), "2.40 m below it"));
     // Few points of a road: the scan that has most of them counts, and their number is told.
     let few = |frame: u32, count: i16, z: f32| {
         let points: Vec<Point> = (0..count).map(|k| (f32::from(k), 1.0, z, 0, 1)).collect();
@@ -230,12 +222,11 @@ fn the_road_tells_the_version_of_the_tags() {
     let since = Some(CarlaTags::Since0914);
     let unsure = open(since, None);
     assert_eq!(unsure.lidar_height(), 2.0);
-    let told =
-        unsure.notes().iter().find(|note| note.text().contains("at most 9 points in a scan"));
+    assert!(is_told(&unsure, "at most 9 points in a scan"));
     let words =
         "which put the LiDAR 2.00 m above the ground; --lidar-height gives the LiDAR's height.";
-    assert!(told.is_some_and(|note| note.is_doubt() && note.text().ends_with(words)), "{told:?}");
-    assert!(!open(since, Some(2.0)).notes().iter().any(|note| note.text().contains("at most 9")));
+    assert!(is_told(&unsure, words), "{:?}", unsure.notes());
+    assert!(!is_told(&open(since, Some(2.0)), "at most 9"));
     few(8, 10, -2.5);
     let sure = open(since, None);
     assert_eq!((sure.lidar_height(), sure.notes()), (2.5, &[][..]));
@@ -265,13 +256,22 @@ fn poses(folder: &Path, text: &str) {
     put(folder, "poses.csv", text);
 }
 
-/// Replaces a text in the PLY of the first frame.
 fn in_ply(folder: &Path, from: &str, to: &str) {
     put(folder, "lidar_000007.ply", ply(&scan(0.0)).replacen(from, to, 1));
 }
 
-/// Faults planted in good scans, and how each error begins.
-const SPOILT: [(Spoil, &str); 18] = [
+/// Text of `poses.csv`, what it is replaced by, and how the error begins.
+const SPOILT_POSES: [(&str, &str, &str); 6] = [
+    ("2.4,0", "2,4,0", " line 2: has more cells than the first row; write decimals with a point"),
+    ("roll", "x", " line 1: has two columns \"x\"; leave one out"),
+    ("\n8,", "\n9,", " has no row for frame 8, whose scan is DIR/000008.bin;"),
+    ("\n8,", "\n7,", " line 3: frame 7 comes twice;"),
+    ("110", "nan", " line 3: \"nan\" is no number within"),
+    ("\n8,", "\nlast,", " line 3: \"last\" ends with no frame number"),
+];
+
+/// Other faults planted in good scans, and how each error begins.
+const SPOILT: [(Spoil, &str); 12] = [
     (
         |d| {
             for (old, new) in [("lidar_000007.ply", "7.bin"), ("000008.bin", "8.bin")] {
@@ -280,14 +280,6 @@ const SPOILT: [(Spoil, &str); 18] = [
             }
         },
         "DIR/7.bin: point 0 has tag 99; tags of CARLA 0.9.14 end at 28,",
-    ),
-    (
-        |d| poses(d, &POSES.replace("2.4,0", "2,4,0")),
-        "DIR/poses.csv line 2: has more cells than the first row; write decimals with a point",
-    ),
-    (
-        |d| poses(d, &POSES.replace("roll", "x")),
-        "DIR/poses.csv line 1: has two columns \"x\"; leave one out",
     ),
     (
         |d| in_ply(d, " 0.5000", " 0.5000 7"),
@@ -303,19 +295,6 @@ const SPOILT: [(Spoil, &str); 18] = [
     ),
     (|d| poses(d, ""), "DIR/poses.csv line 1: give a first row with frame (or file)"),
     (|d| poses(d, "frame,x,y,z,roll,pitch\n"), "DIR/poses.csv line 1: has no column yaw;"),
-    (
-        |d| poses(d, &POSES.replace("\n8,", "\n9,")),
-        "DIR/poses.csv has no row for frame 8, whose scan is DIR/000008.bin;",
-    ),
-    (|d| poses(d, &POSES.replace("\n8,", "\n7,")), "DIR/poses.csv line 3: frame 7 comes twice;"),
-    (
-        |d| poses(d, &POSES.replace("110", "nan")),
-        "DIR/poses.csv line 3: \"nan\" is no number within",
-    ),
-    (
-        |d| poses(d, &POSES.replace("\n8,", "\nlast,")),
-        "DIR/poses.csv line 3: \"last\" ends with no frame number",
-    ),
     (|d| put(d, "8.ply", "ply\n"), "DIR has two scans of frame 8; keep one"),
     (|d| put(d, "000008.bin", [0; 25]), "DIR/000008.bin has 25 bytes, not a multiple of 24,"),
     (
@@ -340,10 +319,15 @@ const SPOILT: [(Spoil, &str); 18] = [
 fn bad_scans_are_refused() {
     assert_eq!(scan(0.0).len(), 920);
     let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).unwrap();
-    for (spoil, wanted) in SPOILT {
+    let refused = |spoil: &dyn Fn(&Path), wanted: &str| {
         let folder = folder();
         begins(folder.path(), spoil, wanted, || {
             build_psog(&[open(folder.path())?], &PsogOptions::new(roi)).map(drop)
         });
+    };
+    for (from, to, fault) in SPOILT_POSES {
+        let spoil = |d: &Path| poses(d, &POSES.replace(from, to));
+        refused(&spoil, &format!("DIR/poses.csv{fault}"));
     }
+    SPOILT.into_iter().for_each(|(spoil, wanted)| refused(&spoil, wanted));
 }

@@ -119,13 +119,9 @@ fn brute_force(set: &[Keyframe], window: usize) -> Counts {
                 }
                 let (point, origin) = (to_ego(point), to_ego(sensor));
                 let pushed = point + 0.001 * (point - origin).normalize();
-                let voxel =
-                    [(pushed.x + 15.0) / 0.5, (pushed.y + 15.0) / 0.5, (pushed.z + 0.5) / 0.5];
-                let voxel = voxel.map(|v| v.floor() as i64);
-                if (0..60).contains(&voxel[0])
-                    && (0..60).contains(&voxel[1])
-                    && (0..8).contains(&voxel[2])
-                {
+                let voxel = (pushed + DVec3::new(15.0, 15.0, 0.5)) / 0.5;
+                let voxel = voxel.to_array().map(|v| v.floor() as i64);
+                if (0..3).all(|k| (0..[60, 60, 8][k]).contains(&voxel[k])) {
                     *votes.entry(voxel).or_default().entry(class).or_default() += 1;
                 }
             }
@@ -145,10 +141,8 @@ fn counts_are_those_of_brute_force() {
     let set = set();
     write(folder.path(), &set, &BOXES);
     let scenes = read_nuscenes(folder.path(), None, &["scene-0061".to_owned()]).unwrap();
-    assert_eq!(
-        (scenes.len(), scenes[0].name(), scenes[0].rate()),
-        (1, "scene-0061".to_owned(), Some(2.0))
-    );
+    assert_eq!((scenes.len(), &scenes[0].name()[..]), (1, "scene-0061"));
+    assert_eq!(scenes[0].rate(), Some(2.0));
     for window in [0, 1, 9] {
         let options = PsogOptions { window: Some(window as u32), ..PsogOptions::new(roi()) };
         let (psog, report) = build_psog(&scenes, &options).unwrap();
@@ -274,23 +268,13 @@ const EDITED: [(&str, &str, &str, &str); 18] = [
     ("sample", r#""sample-1""#, r#""sample-0""#, r#": the row "sample-0": it comes twice"#),
     (
         "category",
-        r#""c-flat.sidewalk""#,
-        r#""c-vehicle.car""#,
+        "c-flat.sidewalk",
+        "c-vehicle.car",
         r#": the row "c-vehicle.car": it comes twice"#,
     ),
     ("sensor", r#""camera""#, r#""lidar""#, r#": the row "lidar": it comes twice"#),
-    (
-        "calibrated_sensor",
-        r#""cs-camera""#,
-        r#""cs-lidar""#,
-        r#": the row "cs-lidar": it comes twice"#,
-    ),
-    (
-        "sample_annotation",
-        r#""sample-2""#,
-        r#""sample-0""#,
-        r#": the row "box-1": its instance has another row"#,
-    ),
+    ("calibrated_sensor", "cs-camera", "cs-lidar", r#": the row "cs-lidar": it comes twice"#),
+    ("sample_annotation", "sample-2", "sample-0", r#": the row "box-1": its instance has another"#),
     ("sample", r#""timestamp""#, "timestamp", ": row 0: key must be a string at line 4 column 5;"),
     ("ego_pose", r#""rotation""#, r#""turned""#, ": row 0: missing field `rotation` at line"),
     (
@@ -301,9 +285,9 @@ const EDITED: [(&str, &str, &str, &str); 18] = [
     ),
     (
         "sample",
-        r#""sample-1""#,
-        r#""sample-x""#,
-        r#": has no row for "sample-1", which sample_data.json names;"#,
+        "sample-1",
+        "sample-x",
+        r#": has no row for "sample-1", which sample_data.json names"#,
     ),
     ("ego_pose", "ego-1", "ego-x", r#": has no row for "ego-1", which sample_data.json names;"#),
     (
@@ -314,8 +298,8 @@ const EDITED: [(&str, &str, &str, &str); 18] = [
     ),
     (
         "instance",
-        r#""token": "parked""#,
-        r#""token": "left""#,
+        "parked",
+        "left",
         r#": has no row for "parked", which sample_annotation.json names;"#,
     ),
     (
@@ -330,7 +314,7 @@ const EDITED: [(&str, &str, &str, &str); 18] = [
         "sample_annotation",
         "612.0",
         "1e300",
-        r#": the row "box-0": its translation is farther than 1e7 m"#,
+        r#": the row "box-0": its translation is farther than"#,
     ),
 ];
 
@@ -452,8 +436,7 @@ fn poses_of_other_units_and_orders_are_doubted() {
         // The table holds x, y, z, w of this turn as w, x, y, z of another one.
         *turn = DQuat::from_xyzw(turn.y, turn.z, turn.w, turn.x);
     }
-    let told = doubts(&mixed, &|_| {});
-    assert!(told.contains("in 2 of 2 steps between keyframes"), "{told}");
+    assert_holds!(doubts(&mixed, &|_| {}), "in 2 of 2 steps between keyframes");
     let told = doubts(&set(), &|folder| edit(folder, "calibrated_sensor", "0.9437", "943.7"));
     assert!(told.contains("calibrated_sensor.json: LIDAR_TOP of the scene"), "{told}");
 }

@@ -1,4 +1,4 @@
-//! Fields of nuScenes tables that no reader knows are named; those that are passed over are not.
+//! Fields of nuScenes tables that no reader knows are named, and boxes of another order of numbers doubted.
 
 use std::path::Path;
 
@@ -70,12 +70,29 @@ fn few_names_are_told_and_only_the_head_of_a_long_one() {
     let mut said = said(folder.path());
     said.sort();
     let names: Vec<String> = (0..8).map(|k| format!("`n{k:02}`")).collect();
-    assert!(
-        said[0].starts_with(&format!("DIR/v1.0-mini/sample.json: {}: not", names.join(", "))),
-        "{said:?}"
-    );
-    assert!(
-        said[1].starts_with(&format!("DIR/v1.0-mini/scene.json: `a`, `{}`: not", "x".repeat(40))),
-        "{said:?}"
-    );
+    assert_begins!(said[0], &format!("DIR/v1.0-mini/sample.json: {}: not", names.join(", ")));
+    assert_begins!(said[1], &format!("DIR/v1.0-mini/scene.json: `a`, `{}`: not", "x".repeat(40)));
+}
+
+/// A car of 4.5 m that drives 3 m ahead, in tables whose numbers have another order.
+#[test]
+fn boxes_of_other_orders_are_doubted() {
+    let doubts = |size: [f64; 3], yaw: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        let keyframe = |k: usize| {
+            let ego = (DVec3::new(600.0 + k as f64, 1600.0, 0.0), DQuat::IDENTITY);
+            let points = (0..50).map(|k| ([4.0 + 0.1 * k as f32, 1.0, -1.84], 24)).collect();
+            Keyframe { time: 1000.0 + 0.5 * k as f64, ego, points }
+        };
+        let at =
+            |k: usize| ("a", "vehicle.car", k, [612.0 + 3.0 * k as f64, 1604.0, 0.8], size, yaw);
+        write(folder.path(), &[keyframe(0), keyframe(1)], &[at(0), at(1)]);
+        said(folder.path()).concat()
+    };
+    assert_eq!(doubts([1.9, 4.5, 1.6], 0.0), "");
+    let wide = doubts([4.5, 1.9, 1.6], 0.0);
+    assert!(wide.contains("by it 1 of 1 vehicles are wider than long"), "{wide}");
+    // The identity as x, y, z, w is half a turn as w, x, y, z.
+    let back = doubts([1.9, 4.5, 1.6], std::f64::consts::PI);
+    assert!(back.contains("vehicles move backwards or sideways in 1 of 1 steps"), "{back}");
 }

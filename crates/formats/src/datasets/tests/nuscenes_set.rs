@@ -61,13 +61,8 @@ pub(super) fn write(folder: &Path, keyframes: &[Keyframe], boxes: &[BoxRow]) {
         json!({ "token": token, "sensor_token": sensor, "translation": at.to_array(),
                 "rotation": wxyz(turn), "camera_intrinsic": [] })
     };
-    table(
-        "calibrated_sensor",
-        vec![
-            calibrated("cs-camera", "camera", DVec3::X, DQuat::IDENTITY),
-            calibrated("cs-lidar", "lidar", at, turn),
-        ],
-    );
+    let camera = calibrated("cs-camera", "camera", DVec3::X, DQuat::IDENTITY);
+    table("calibrated_sensor", vec![camera, calibrated("cs-lidar", "lidar", at, turn)]);
     let category = |&(name, index): &(&str, u8)| json!({ "token": format!("c-{name}"), "name": name, "description": "", "index": index });
     table("category", CATEGORIES.iter().map(category).collect());
     let (mut samples, mut data, mut egos, mut lidarseg) = (vec![], vec![], vec![], vec![]);
@@ -124,23 +119,13 @@ fn write_boxes(table: impl Fn(&str, Vec<Value>), boxes: &[BoxRow]) {
                 "num_lidar_pts": 1, "num_radar_pts": 0, "prev": "", "next": "" })
     };
     table("sample_annotation", boxes.iter().enumerate().map(row).collect());
-    table(
-        "visibility",
-        ["1", "2", "3", "4"]
-            .map(|t| json!({ "token": t, "level": "", "description": "" }))
-            .to_vec(),
-    );
+    let level = |token| json!({ "token": token, "level": "", "description": "" });
+    table("visibility", ["1", "2", "3", "4"].map(level).to_vec());
     table("attribute", vec![json!({ "token": "a", "name": "vehicle.moving", "description": "" })]);
-    table(
-        "log",
-        vec![
-            json!({ "token": "log", "logfile": "", "vehicle": "", "date_captured": "", "location": "boston-seaport" }),
-        ],
-    );
-    table(
-        "map",
-        vec![
-            json!({ "token": "m", "log_tokens": ["log"], "category": "semantic_prior", "filename": "maps/m.png" }),
-        ],
-    );
+    let log = json!({ "token": "log", "logfile": "", "vehicle": "", "date_captured": "",
+        "location": "boston-seaport" });
+    table("log", vec![log]);
+    let map = json!({ "token": "m", "log_tokens": ["log"], "category": "semantic_prior",
+        "filename": "maps/m.png" });
+    table("map", vec![map]);
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Matrix, difference, matrix, product, read, source};
+use super::{Matrix, difference, error, matrix, product, read, source};
 use crate::rig::frames::{compose, of_quaternion, turn};
 use crate::rig::{ImportSettings, import_texts};
 use sightline_scene::vehicle::SensorPose;
@@ -58,8 +58,7 @@ fn a_quaternion_of_length_1_is_a_rotation() {
         }
     }
     for length in [0.0, 1e-200, 0.9, 2.0, 1e200, f64::NAN] {
-        let said = pose(length).unwrap_err().to_string();
-        assert!(said.starts_with("file: `a quaternion of length "), "{said}");
+        assert_begins!(pose(length).unwrap_err(), "file: `a quaternion of length ");
     }
 }
 
@@ -154,21 +153,16 @@ fn the_pose_of_a_sensor_in_urdf_is_one_of_sdf() {
         let found = matrix(&imported.rig.lidars[0].pose);
         assert!(difference(&found, &matrix(&SensorPose::from_values(wanted))) < 1e-14, "{pose}");
     }
-    let fails = |pose: &str| read(&with_sensor(pose)).unwrap_err().to_string();
-    assert!(fails("<pose>0 0 1 0 0 0</pose><pose/>").contains("`q`.pose: `a second <pose>`"));
-    assert!(fails("<pose degree='true'>0 0 1 0 30 0</pose>").contains("pose.degree: `true`"));
+    let fails = |pose: &str| error(&with_sensor(pose));
+    assert_holds!(fails("<pose>0 0 1 0 0 0</pose><pose/>"), "`q`.pose: `a second <pose>`");
+    assert_holds!(fails("<pose degree='true'>0 0 1 0 30 0</pose>"), "pose.degree: `true`");
     // Sensors that hang on nothing, and links that are moved, are named.
     let unread = with_sensor("").replace(
         "</robot>",
         "<gazebo><model/></gazebo><gazebo reference='a'><pose>9 0 0 0 0 0</pose></gazebo></robot>",
     );
-    let notes = read(&unread).unwrap().notes;
-    for part in ["<gazebo>: <model> is not read", "<gazebo> of `a`: <pose> is not read"] {
-        assert!(
-            notes.iter().any(|note| note.is_doubt() && note.text().contains(part)),
-            "{notes:?}"
-        );
-    }
+    let told = super::doubts(&read(&unread).unwrap());
+    assert_holds!(told, "<gazebo>: <model> is not read", "<gazebo> of `a`: <pose> is not read");
 }
 
 /// Poses of links, of sensors in either format, and of the base's own chain: each is doubted once.
@@ -182,8 +176,8 @@ fn every_pose_on_the_way_to_the_base_is_doubted() {
     };
     let odd = "<pose>1000 0 2000 0 90 0</pose>";
     let doubts = |text: &str| -> Vec<String> {
-        let notes = read(text).unwrap().notes.into_iter().filter(|note| note.is_doubt());
-        notes.map(|note| note.text().to_owned()).filter(|text| !text.contains("ground")).collect()
+        let told = super::doubts(&read(text).unwrap());
+        told.lines().filter(|line| !line.contains("ground")).map(str::to_owned).collect()
     };
     for text in [sdf("", "", odd), sdf("", odd, ""), sdf(odd, "", ""), with_sensor(odd)] {
         let all = doubts(&text);
@@ -216,9 +210,9 @@ fn sensors_of_urdf_stand_at_their_origins() {
              <origin xyz='1 0 1'/></joint>{beside}</robot>"
         )
     };
-    let doubts = |text: &str| -> Vec<String> {
-        let notes = read(text).unwrap().notes.into_iter().filter(|note| note.is_doubt());
-        notes.map(|note| note.text().to_owned()).collect()
+    let of_top = |text: &str| -> Vec<String> {
+        let told = super::doubts(&read(text).unwrap());
+        told.lines().filter(|line| line.contains("<sensor> `top`")).map(str::to_owned).collect()
     };
     let own = |more: &str| {
         format!(
@@ -231,26 +225,20 @@ fn sensors_of_urdf_stand_at_their_origins() {
     assert_eq!(rig.lidars.len(), 1, "{rig:?}");
     let expected = SensorPose::from_values([1.0, 0.0, 1.5, 0.0, 0.0, 1.0]);
     assert!(difference(&matrix(&rig.lidars[0].pose), &matrix(&expected)) < 1e-12, "{rig:?}");
-    let of = |told: Vec<String>, word: &str| told.into_iter().filter(|t| t.contains(word)).count();
-    assert_eq!(of(doubts(&ray), "<sensor> `top`"), 0);
-    assert_eq!(of(doubts(&robot("", &own("<camera/>"))), "<sensor> `top`"), 0);
+    assert!(of_top(&ray).is_empty() && of_top(&robot("", &own("<camera/>"))).is_empty());
     let gazebo = "<gazebo reference='lidar_link'><sensor name='top' type='ray'><origin xyz='0 0 1'/></sensor></gazebo>";
+    let posed = own("<ray/><pose>0 0 1 0 0 0</pose>");
     for (text, words) in [
         (robot("", &own("")), "is not read, nor its <origin>"),
-        (
-            robot("", &own("<ray/><pose>0 0 1 0 0 0</pose>")),
-            "<pose> is not read; write an <origin>",
-        ),
+        (robot("", &posed), "<pose> is not read; write an <origin>"),
         (
             robot(&own("<ray/>"), ""),
             "stands in the link `lidar_link` and is not read, nor its pose",
         ),
         (robot("", gazebo), "<origin> is not read here; write its pose as <pose>"),
     ] {
-        let told: Vec<String> =
-            doubts(&text).into_iter().filter(|t| t.contains("<sensor> `top`")).collect();
+        let told = of_top(&text);
         assert!(told.len() == 1 && told[0].contains(words), "{words}: {told:?}");
     }
-    let wrong = robot("", &own("<ray/><origin xyz='0 0 1'/>"));
-    assert!(read(&wrong).unwrap_err().to_string().contains("a second <origin>"));
+    assert_holds!(error(&robot("", &own("<ray/><origin xyz='0 0 1'/>"))), "a second <origin>");
 }

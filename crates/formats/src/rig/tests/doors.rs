@@ -1,17 +1,7 @@
 //! Values that a careless reader loses without a word: behind comments, under keys of another place, in repeated keys.
 
-use super::read;
-use crate::rig::{ImportSettings, ImportedRig, Models, Mounting, RigFormat, export};
-
-/// Doubts of a rig, one after the other.
-fn doubts(rig: &ImportedRig) -> String {
-    let doubts = rig.notes.iter().filter(|note| note.is_doubt());
-    doubts.map(ToString::to_string).collect::<Vec<_>>().join("\n")
-}
-
-fn error(text: &str) -> String {
-    read(text).unwrap_err().to_string()
-}
+use super::{doubts, error, read};
+use crate::rig::{ImportSettings, Models, Mounting, RigFormat, export};
 
 /// Values of the only LiDAR's pose.
 fn values(text: &str) -> [f64; 6] {
@@ -125,11 +115,7 @@ fn lidars_that_hang_on_other_things_are_named() {
     assert!(doubts(&read(list).unwrap()).contains("1 LiDAR left out"));
     // The bridge's layout by its `objects`, whatever its other words are; lists in a list and in a sensor.
     let bare = objects(r#""range": 50"#, "");
-    assert!(
-        error(&bare).contains("objects[0].sensors[0]: `spawn_point` is missing"),
-        "{}",
-        error(&bare)
-    );
+    assert_holds!(error(&bare), "objects[0].sensors[0]: `spawn_point` is missing");
     let nested =
         format!(r#"{plain}, {{"type": "sensor.other.gnss", "id": "g", "sensors": [{inner}]}}"#);
     let (count, told) = vehicle(&nested, "");
@@ -137,10 +123,7 @@ fn lidars_that_hang_on_other_things_are_named() {
     let list = r#"[{"type": "sensor.lidar.ray_cast", "id": "l", "x": 1, "y": 2, "z": 3},
         {"type": "vehicle.a", "id": "e", "sensors": [{"type": "sensor.lidar.ray_cast", "id": "m"}]}]"#;
     let told = doubts(&read(list).unwrap());
-    assert!(
-        told.contains("[1].sensors: 1 LiDAR left out, as nothing there is read: `m`"),
-        "{told}"
-    );
+    assert_holds!(told, "[1].sensors: 1 LiDAR left out, as nothing there is read: `m`");
     let (_, walker) = of("walker.pedestrian.0001", &plain, "");
     assert!(walker.contains("hang on a `walker.pedestrian.0001`, which is no vehicle"), "{walker}");
 }
@@ -163,10 +146,7 @@ fn joints_that_cannot_stand_at_0_move_the_lidar() {
     assert_eq!((pose.x, pose.y, &told[..]), (1.0, 0.0, ""));
     let (pose, told) = at("revolute", "<limit lower='1.5707963267948966' upper='2'/>");
     assert!(pose.x.abs() < 1e-12 && (pose.y - 1.0).abs() < 1e-12, "{pose:?}");
-    assert!(
-        told.contains("`j` (revolute) moves") && told.contains("is at 1.5707963267948966 rad"),
-        "{told}"
-    );
+    assert_holds!(told, "`j` (revolute) moves", "is at 1.5707963267948966 rad");
     let (pose, _) = at("prismatic", "<limit lower='-2' upper='-0.5'/>");
     assert_eq!([pose.x, pose.y, pose.z], [1.0, 0.0, 1.5]);
     let twice = robot("fixed", "")
@@ -337,4 +317,51 @@ fn names_that_readers_replace_by_values_are_not_written() {
         }
         assert!(export(&frame, RigFormat::Ros2Launch).is_err());
     }
+}
+
+#[test]
+fn an_origin_in_the_wrong_place_and_the_axes_of_a_camera_are_doubted() {
+    let urdf = |parent: &str, name: &str, rpy: &str| {
+        format!(
+            "<robot name='r'><link name='base_link'/><link name='{name}'/><joint name='j' type='fixed'>{parent}\
+             <child link='{name}'/><origin xyz='0 0 2' rpy='{rpy}'/></joint></robot>"
+        )
+    };
+    let plain = "<parent link='base_link'/>";
+    let said = |text: &str| doubts(&read(text).unwrap());
+    assert_eq!(said(&urdf(plain, "lidar", "0 0 1")), "");
+    let inside = "<parent link='base_link'><origin xyz='1 0 0'/></parent>";
+    let told = said(&urdf(inside, "lidar", "0 0 1"));
+    assert!(told.contains("<origin> stands in <parent> and is not read"), "{told}");
+    let told = said(&urdf(plain, "lidar_optical_frame", "-1.5707963 0 -1.5707963"));
+    assert!(told.contains("the z axis of `lidar_optical_frame` is level"), "{told}");
+    assert_eq!(said(&urdf(plain, "lidar_optical_frame", "0 0 1")), "");
+}
+
+#[test]
+fn axes_of_apollo_are_doubted() {
+    let text = |base: &str| {
+        let at =
+            "translation: {x: 0.0, y: 1.5, z: 1.4}, rotation: {x: 0.0, y: 0.0, z: 0.0, w: 1.0}";
+        format!("header: {{frame_id: {base}}}\nchild_frame_id: velodyne64\ntransform: {{{at}}}\n")
+    };
+    let said = |base: &str| {
+        let settings = ImportSettings { base_frame: Some(base.to_owned()), ..Default::default() };
+        let source = crate::rig::RigSource { file: "extrinsics.yaml".to_owned(), text: text(base) };
+        doubts(&crate::rig::import_texts(&[source], &settings).unwrap())
+    };
+    assert!(said("novatel").contains("has x to the right and y ahead"), "{}", said("novatel"));
+    assert_eq!(said("base"), "");
+}
+
+#[test]
+fn files_of_other_programs_are_named() {
+    let usd = "#usda 1.0\ndef Xform \"lidar\" { double3 xformOp:translate = (1, 0, 2) }\n";
+    assert!(
+        error(usd).contains("is USD, which is not read; give the robot's URDF"),
+        "{}",
+        error(usd)
+    );
+    let launch = "launch:\n- node: {pkg: tf2_ros, exec: static_transform_publisher, args: 1 0 2 0 0 0 a b}\n";
+    assert!(error(launch).contains("is a launch file in YAML"), "{}", error(launch));
 }

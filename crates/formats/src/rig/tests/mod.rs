@@ -45,3 +45,13 @@ fn source(file: &str, text: &str) -> RigSource {
 fn read(text: &str) -> Result<ImportedRig, FormatError> {
     import_texts(&[source("file", text)], &ImportSettings::default())
 }
+
+fn error(text: &str) -> String {
+    read(text).unwrap_err().to_string()
+}
+
+/// Doubts of a rig, a line each.
+fn doubts(rig: &ImportedRig) -> String {
+    let doubts = rig.notes.iter().filter(|note| note.is_doubt());
+    doubts.map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}

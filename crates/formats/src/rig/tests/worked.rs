@@ -4,10 +4,10 @@
 //! by transforms3d: `python3 -c "from transforms3d.euler import euler2quat as q; print(q(-.3, .1, -.5))"`.
 
 use sightline_scene::vehicle::{
-    Lidar, Response, SensorName, SensorPose, SpinPhase, Ties, Vehicle, VehicleSensor,
+    Lidar, Response, SensorName, SensorPose, SpinPhase, Vehicle, VehicleSensor,
 };
 
-use super::{read, source};
+use super::{doubts, error, read, source};
 use crate::rig::{
     Fan, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, RigSource, export,
     import_texts,
@@ -179,19 +179,8 @@ fn turning(lidar: Lidar, rate: f64) -> Models {
     let response = Response { min_range: 0.5, rate, ..Response::usual(lidar.range()) };
     let (name, phase) = (SensorName::NONE, SpinPhase::Locked(0.0));
     Models::from(&Vehicle {
-        name: String::new(),
         sensors: vec![VehicleSensor { name, lidar, phase, price: 0.0, has_price: false, response }],
-        mounts: Vec::new(),
-        min_distance: 0.0,
-        keep_out: Vec::new(),
-        ties: Ties::default(),
-        require: Vec::new(),
-        targets: Vec::new(),
-        overlap: Vec::new(),
-        require_order: Vec::new(),
-        ground: Vec::new(),
-        other_sensors: Vec::new(),
-        notes: Vec::new(),
+        ..Vehicle::default()
     })
 }
 
@@ -228,8 +217,7 @@ fn what_a_format_cannot_say_is_said() {
     rig.lidars[0].pose.x = 3.5;
     rig.lidars.extend([1, 2].map(|k| RigLidar { frame: format!("l{k}"), ..rig.lidars[0].clone() }));
     let exported = export(&rig, RigFormat::Carla, &Mounting::default(), &none).unwrap();
-    let all = exported.warnings.join("\n");
-    assert!(all.contains("at most 2 LiDARs, here are 3") && all.contains("4.50 m"), "{all}");
+    assert_holds!(exported.warnings.join("\n"), "at most 2 LiDARs, here are 3", "4.50 m");
 }
 
 /// 2 channels × 500 steps × 12.5 turns a second are 12 500 points a second.
@@ -275,13 +263,11 @@ fn a_table_of_channels_is_a_fan_even_or_not() {
 fn files_of_one_rig_are_read_together_and_others_are_not() {
     let (sensors, kit) = AUTOWARE.split_at(AUTOWARE.find("\nsensor_kit").unwrap() + 1);
     let pair: [RigSource; 2] = [source("a.yaml", sensors), source("b.yaml", kit)];
-    let read = import_texts(&pair, &ImportSettings::default()).unwrap();
-    assert_eq!(read.left_out, ["sensor_kit_base_link", "gnss_link"]);
-    let error = import_texts(&pair[1..], &ImportSettings::default()).unwrap_err().to_string();
-    assert!(error.contains("has the parent `sensor_kit_base_link`"), "{error}");
+    let read = |files: &[RigSource]| import_texts(files, &ImportSettings::default());
+    assert_eq!(read(&pair).unwrap().left_out, ["sensor_kit_base_link", "gnss_link"]);
+    assert_holds!(read(&pair[1..]).unwrap_err(), "has the parent `sensor_kit_base_link`");
     let two = [source("a.json", OBJECTS), source("b.json", OBJECTS)];
-    let error = import_texts(&two, &ImportSettings::default()).unwrap_err().to_string();
-    assert!(error.contains("b.json") && error.contains("one at a time"), "{error}");
+    assert_holds!(read(&two).unwrap_err(), "b.json", "one at a time");
 }
 
 #[test]
@@ -297,10 +283,8 @@ fn a_narrow_fan_and_unknown_keys_of_carla_are_named() {
         "lower_fov": -15, "upper_fov": 15, "horizontal_fov": 120, "colour": 3, "range": 50}]"#;
     let narrow = read(text).unwrap();
     let notes: Vec<&str> = narrow.notes.iter().map(|note| note.text()).collect();
-    assert!(
-        notes[0].contains("`horizontal_fov` 120") && notes[1].contains("`colour`"),
-        "{notes:?}"
-    );
+    assert_holds!(notes[0], "`horizontal_fov` 120");
+    assert_holds!(notes[1], "`colour`");
     assert!(!notes[1].contains("range"), "{notes:?}");
     assert_eq!(narrow.rig.lidars[0].sensor, None);
     let whole = read(&text.replace("120", "360")).unwrap();
@@ -343,11 +327,9 @@ fn an_origin_of_urdf_is_read_whole_or_refused() {
             .unwrap()
             .rig;
     assert!((turned.lidars[0].pose.yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-14);
-    let fails = |inside: &str| read(&joint(inside)).unwrap_err().to_string();
-    assert!(fails("<origin xyz='1 0 2'/><origin xyz='5 0 2'/>").contains("a second <origin>"));
-    assert!(fails("<origin xyz='1 0 2' pitch='0.1'/>").contains("no attribute but xyz, rpy"));
-    let notes = read(&joint("<pose>1 0 2 0 0 0</pose><axis xyz='0 0 1'/>")).unwrap().notes;
-    let doubts: Vec<_> =
-        notes.iter().filter(|note| note.is_doubt()).map(ToString::to_string).collect();
-    assert!(doubts.iter().any(|doubt| doubt.contains("<pose>: not known here")), "{doubts:?}");
+    let fails = |inside: &str| error(&joint(inside));
+    assert_holds!(fails("<origin xyz='1 0 2'/><origin xyz='5 0 2'/>"), "a second <origin>");
+    assert_holds!(fails("<origin xyz='1 0 2' pitch='0.1'/>"), "no attribute but xyz, rpy");
+    let posed = read(&joint("<pose>1 0 2 0 0 0</pose><axis xyz='0 0 1'/>")).unwrap();
+    assert_holds!(doubts(&posed), "<pose>: not known here");
 }

@@ -76,8 +76,7 @@ fn unknown_endings_and_missing_files_are_told() {
         "s.json: static[0].mesh: mesh car.dae: name: ends in none of .obj, .ply, .stl, .gltf, .glb; \
          docs/own-mesh.md has a converter of three lines"
     );
-    let message = load(&at, Path::new("car.max")).unwrap_err().to_string();
-    assert!(message.ends_with("convert it to one of these"), "{message}");
+    assert_ends!(load(&at, Path::new("car.max")).unwrap_err(), "convert it to one of these");
     let message = load(&at, Path::new("nowhere/car.obj")).unwrap_err().to_string();
     let start = "s.json: static[0].mesh: mesh nowhere/car.obj: file: cannot be read: No such file";
     assert!(message.starts_with(start), "{message}");

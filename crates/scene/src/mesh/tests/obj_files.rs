@@ -73,8 +73,7 @@ fn obj_faults_name_their_line() {
     }
     for number in ["nan", "1e400", "-inf"] {
         let text = format!("v 0 0 0\nv 1 {number} 0\nv 0 1 0\nv 0 {number} 2\nf 1 2 3\n");
-        let message = obj_error(&text);
-        assert!(message.starts_with("vertex 1: ") && message.contains("not a finite"), "{message}");
+        assert_holds!(obj_error(&text), "vertex 1: ", "not a finite");
         // A vertex without a face may be anywhere.
         let mut mesh = obj::read(text.replace("f 1 2 3", "f 1 3 1").as_bytes()).unwrap();
         check_mesh(&mesh).unwrap();
@@ -88,6 +87,7 @@ fn obj_faults_name_their_line() {
 fn obj_is_read_in_every_spelling() {
     let plain = "v 10 -4 -2\nv 10 4 -2\nv 10 4 2\nv 10 -4 2\nusemtl road\nf 1 2 3 4\n";
     let expected = obj::read(plain.as_bytes()).unwrap();
+    assert!(expected.notes.is_empty());
     let spellings = [
         format!("\u{feff}{plain}"),
         plain.replace('\n', "\r\n"),
@@ -101,17 +101,25 @@ fn obj_is_read_in_every_spelling() {
     ];
     for text in spellings {
         let mesh = obj::read(text.as_bytes()).unwrap_or_else(|fault| panic!("{text:?}: {fault:?}"));
-        assert_eq!(mesh.vertices, expected.vertices, "{text:?}");
-        assert_eq!(
-            (&mesh.faces, &mesh.materials),
-            (&expected.faces, &expected.materials),
-            "{text:?}"
-        );
-        assert!(mesh.notes.is_empty(), "{:?}", mesh.notes);
+        assert_eq!(mesh, expected, "{text:?}");
     }
     let first = plain.replace("usemtl road\nf 1 2 3 4\n", "");
     let mesh = obj::read(format!("usemtl road\nf 1 2 3 4\n{first}").as_bytes()).unwrap();
     assert_eq!(mesh.faces, expected.faces);
+}
+
+#[test]
+fn a_weight_of_a_position_is_told() {
+    let read = |end: &str| {
+        let text = format!("v 2 0 0{end}\nv 2 2 0\nv 0 2 0\nf 1 2 3\n");
+        let mesh = obj::read(text.as_bytes()).unwrap();
+        assert_eq!(mesh.vertices[0].to_array(), [2.0, 0.0, 0.0]);
+        mesh.notes.iter().map(Note::text).collect::<String>()
+    };
+    for plain in ["", " 1", " 1.0 # 2", " 0.5 0.5 0.5", " 0.5 0.5 0.5 1"] {
+        assert_eq!(read(plain), "", "{plain}");
+    }
+    assert!(read(" 2").contains("moves no corner, 2 first (line 1)"), "{}", read(" 2"));
 }
 
 #[test]
@@ -123,12 +131,9 @@ fn obj_names_in_other_encodings_and_unknown_statements_are_told() {
         let mesh = obj::read(&bytes).unwrap();
         assert_eq!(mesh.materials, [Some(read.to_owned())]);
         let notes: Vec<&str> = mesh.notes.iter().map(Note::text).collect();
-        assert!(
-            notes.len() == 2
-                && notes[0].starts_with("1 of 2 faces")
-                && notes[1].contains("Latin-1"),
-            "{notes:?}"
-        );
+        assert_eq!(notes.len(), 2, "{notes:?}");
+        assert_begins!(notes[0], "1 of 2 faces");
+        assert_holds!(notes[1], "Latin-1");
     }
     let mesh = obj::read(format!("{square}f 1 2 3\ncubes 1\ncubes 2\n").as_bytes()).unwrap();
     let [note] = &mesh.notes[..] else { panic!("{:?}", mesh.notes) };
@@ -161,8 +166,7 @@ fn obj_keywords_in_capitals_are_read_with_a_note() {
     let start = "keywords in capitals are read like small ones, \"V\" first (line 1)";
     assert!(note.text().starts_with(start), "{note}");
     assert!(wanted.notes.is_empty());
-    let message = obj_error("v 0 0 0\nSURF 0 1 0 1 1\n");
-    assert!(message.starts_with("line 2: `SURF` is a free-form surface"), "{message}");
+    assert_begins!(obj_error("v 0 0 0\nSURF 0 1 0 1 1\n"), "line 2: `SURF` is a free-form surface");
     let unknown = obj::read((small.to_owned() + "FACE 1 2 3\n").as_bytes()).unwrap();
     assert!(unknown.notes[0].text().contains("\"FACE\" (line 7, 1 in all)"), "{:?}", unknown.notes);
 }

@@ -150,7 +150,6 @@ fn faults_of_texts_name_their_line() {
         ("solid empty\nendsolid\n".to_owned(), "file: holds no triangle"),
     ];
     for (text, told) in cases {
-        let message = stl_error(text.as_bytes());
-        assert!(message.contains(told), "{message}");
+        assert_holds!(stl_error(text.as_bytes()), told);
     }
 }

@@ -172,8 +172,7 @@ fn faults_name_their_link_or_joint_and_the_mend() {
         ),
     ];
     for (text, told) in cases {
-        let message = read(&text, &[]).unwrap_err();
-        assert!(message.contains(told), "{message}\nis not {told}");
+        assert_holds!(read(&text, &[]).unwrap_err(), told);
     }
     let message = read(&robot(&link("wheel")), &["whel"]).unwrap_err();
     assert_eq!(message, "without: no link is called \"whel\"; did you mean `wheel`?");

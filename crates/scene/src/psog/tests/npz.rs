@@ -131,8 +131,7 @@ fn message(bytes: &[u8]) -> String {
 
 #[track_caller]
 fn refused(bytes: &[u8], wanted: &str) {
-    let message = message(bytes);
-    assert!(message.starts_with(wanted), "{message}\n  wanted {wanted}");
+    assert_begins!(message(bytes), wanted);
 }
 
 #[test]
@@ -284,8 +283,7 @@ fn files_that_are_cut_short_or_damaged_never_panic_nor_pass() {
     for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
         let bytes = Npz::sound().zip(method);
         for cut in 0..bytes.len() {
-            let message = message(&bytes[..cut]);
-            assert!(message.starts_with("FILE is not a readable .npz archive ("), "{message}");
+            assert_begins!(message(&bytes[..cut]), "FILE is not a readable .npz archive (");
         }
     }
     // A changed byte of data is found by its checksum.

@@ -111,9 +111,7 @@ mod tests {
             "the ego body is 60.0 m large with the `scale` of 0.01 that its mesh has; lengths are in metres: \
              `\"scale\": 0.001` would make it 6.00 m"
         );
-        assert!(
-            large(6000.0, None).unwrap().ends_with("`\"scale\": 0.001`, or 0.01 for centimetres")
-        );
+        assert_ends!(large(6000.0, None).unwrap(), "`\"scale\": 0.001`, or 0.01 for centimetres");
         assert!(large(1e9, Some(1.0)).unwrap().ends_with("give its mesh a smaller one"));
         assert_eq!(large(30.0, Some(0.01)), None);
         let small =

@@ -336,10 +336,8 @@ mod tests {
     fn bodies_under_the_ground_and_high_above_it_are_doubted() {
         let text = |low: f64| told_of_body([[low, 1.5], [1.2, 1.8]], [20.0, 21.0]);
         assert_eq!([0.3, 0.0, -0.09, 0.9].map(text).concat(), "");
-        let under = text(-0.8);
-        assert!(under.contains("the ego body reaches 0.80 m below the ground"), "{under}");
-        let above = text(1.1);
-        assert!(above.contains("the ego body begins 1.10 m above the ground"), "{above}");
+        assert_holds!(text(-0.8), "the ego body reaches 0.80 m below the ground");
+        assert_holds!(text(1.1), "the ego body begins 1.10 m above the ground");
     }
 
     #[test]
@@ -349,13 +347,11 @@ mod tests {
         for beside in [[3.0, 3.3], [-1.3, -1.0], [10.0, 19.0]] {
             assert_eq!(told(beside), "", "{beside:?}");
         }
-        let through = told([0.0, 0.3]);
-        let words =
+        let through =
             "a `building` of the static world stands inside the ego body in frame 0, at x = -0.70";
-        assert!(through.contains(words), "{through}");
-        let within = told([-5.0, 10.0]);
-        let words = "the ego stands inside a `building` of the static world in frame 0";
-        assert!(within.contains(words), "{within}");
+        assert_holds!(told([0.0, 0.3]), through);
+        let within = "the ego stands inside a `building` of the static world in frame 0";
+        assert_holds!(told([-5.0, 10.0]), within);
         assert_eq!(told([-60.0, 60.0]), "", "a hall");
     }
 
@@ -399,11 +395,9 @@ mod tests {
         assert!(!told_at(away, away).contains("inside"), "{}", told_at(away, away));
         for (place, frame) in [(straight, 0), (bent, 1)] {
             let words = format!("actors[0] stands inside the ego in frame {frame}");
-            assert!(told_at(place, away).contains(&words), "{}", told_at(place, away));
-            let words = format!(
-                "a `wall` of the static world stands inside the ego body in frame {frame}, at"
-            );
-            assert!(told_at(away, place).contains(&words), "{}", told_at(away, place));
+            assert_holds!(told_at(place, away), &words);
+            let words = format!("world stands inside the ego body in frame {frame}, at");
+            assert_holds!(told_at(away, place), "a `wall` of the static", &words);
         }
     }
 
@@ -416,7 +410,7 @@ mod tests {
             told_of_mount_beside(&mount, trailer)
         };
         let words = "mounts[0]: the whole mount lies inside the ego's body 0 that moves in frame 1";
-        assert!(at(3.0).contains(words), "{}", at(3.0));
+        assert_holds!(at(3.0), words);
         assert!(!at(-2.0).contains("the whole mount"), "{}", at(-2.0));
     }
 

@@ -64,11 +64,9 @@ fn an_actor_that_no_beam_can_hit_is_noted() {
             .unwrap();
         let actor = r#", "actors": [{ "parts": [{ "class": "vehicle", "mesh": { "file": "a.obj" } }],
                                       "poses": [{ "x": 0, "y": 0 }] }]"#;
-        let scene = Scene::from_json(&full(BOX, actor), dir.path(), "s.json").unwrap();
-        scene.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+        notes(&Scene::from_json(&full(BOX, actor), dir.path(), "s.json").unwrap())
     };
-    let note = noted("2 2 2");
-    assert!(note.starts_with("s.json: actors[0].parts: no triangle has an area"), "{note}");
+    assert_begins!(noted("2 2 2"), "s.json: actors[0].parts: no triangle has an area");
     assert_eq!(noted("2 2 3"), "");
 }
 
@@ -78,8 +76,8 @@ fn a_vertex_far_away_is_told_with_an_exponent() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     let shape = r#"{ "class": "building", "mesh": { "file": "a.obj" } }"#;
-    let error = Scene::from_json(&full(shape, ""), dir.path(), "s.json").unwrap_err().to_string();
-    assert!(error.contains("vertex 1: lies at [1e300, 0e0, 0e0], further than"), "{error}");
+    let error = Scene::from_json(&full(shape, ""), dir.path(), "s.json").unwrap_err();
+    assert_holds!(error, "vertex 1: lies at [1e300, 0e0, 0e0], further than");
 }
 
 #[test]
@@ -148,9 +146,8 @@ fn a_list_in_place_of_an_object_is_refused_with_its_place_and_keys() {
         (full("[]", ""), "static[0]"),
     ];
     for (text, place) in cases {
-        let told = message(&text);
         let wanted = format!("s.json: {place}: is a list; write an object with `");
-        assert!(told.starts_with(&wanted), "{told}");
+        assert_begins!(message(&text), &wanted);
     }
     assert!(message("[1]").contains("s.json: is a list; write an object with `sightline`"));
 }

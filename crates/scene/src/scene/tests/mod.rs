@@ -49,16 +49,27 @@ fn message(text: &str) -> String {
     }
 }
 
+/// Notes on a scene, a line each.
+fn notes(scene: &Scene) -> String {
+    scene.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+/// Doubts about a scene, a line each.
+fn doubts(scene: &Scene) -> String {
+    let doubts = scene.notes().iter().filter(|note| note.is_doubt());
+    doubts.map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
 /// Notes on a scene with further keys, a line each; all of them are doubts.
 pub(super) fn told(keys: &str) -> String {
     let roi = r#"{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}"#;
     let text = format!(r#"{{"sightline": 1, "roi": {roi}, {keys}}}"#);
     let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
     // That bodies move is a fact.
-    let notes =
-        scene.notes().iter().filter(|note| !note.text().contains("moves from frame to frame"));
-    let notes = notes.inspect(|note| assert!(note.is_doubt(), "{note}"));
-    notes.map(Note::text).collect::<Vec<_>>().join("\n")
+    let is_known =
+        |note: &Note| note.is_doubt() || note.text().contains("moves from frame to frame");
+    assert!(scene.notes().iter().all(is_known), "{}", notes(&scene));
+    doubts(&scene)
 }
 
 const BOX: &str = r#"{ "class": "building", "box": { "foot": [10, 0, 0], "size": [2, 3, 4] } }"#;
@@ -79,10 +90,8 @@ fn the_small_form_is_read() {
     assert_eq!(scene.detection_among(&["road".into(), "car".into()]), [1]);
     let vehicle = scene.vehicle();
     let [mount] = &vehicle.mounts[..] else { panic!("{vehicle:?}") };
-    assert_eq!(
-        (&mount.region.lower[3..], &mount.region.upper[3..]),
-        (&[-0.3, 0.0, 0.0][..], &[0.3, 0.0, 0.0][..])
-    );
+    assert_eq!(mount.region.lower[3..], [-0.3, 0.0, 0.0]);
+    assert_eq!(mount.region.upper[3..], [0.3, 0.0, 0.0]);
     assert_eq!((vehicle.min_distance, mount.count), (0.2, [4; 2]));
     assert_eq!((vehicle.keep_out.len(), vehicle.ties), (0, Ties::default()));
     let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } =
@@ -91,10 +100,7 @@ fn the_small_form_is_read() {
         panic!("{:?}", scene.lidars()[0]);
     };
     assert_eq!((elevations[0], elevations[15], *azimuth), (-24.8, 2.0, None));
-    assert_eq!(
-        (azimuth_offsets.as_slice(), *azimuth_steps, *range),
-        ([0.0; 16].as_slice(), 250, 100.0)
-    );
+    assert_eq!((&azimuth_offsets[..], *azimuth_steps, *range), (&[0.0; 16][..], 250, 100.0));
     assert_eq!(scene.lidars()[0].beam_count(), 4000);
 }
 
@@ -139,11 +145,8 @@ fn directions_are_normalized() {
     assert!((DVec3::from(directions[0]) - DVec3::new(0.6, 0.0, 0.8)).length() < 1e-15);
     assert_eq!((directions[1], range), ([0.0, 1.0, 0.0], 50.0));
     let zero = text.replace("[3, 0, 4]", "[0, 0, 0]");
-    assert_eq!(
-        message(&zero),
-        "s.json: lidar.directions[0]: [0.0, 0.0, 0.0] is not a direction: its length is 0; give a \
-         vector that points somewhere"
-    );
+    let words = "is not a direction: its length is 0; give a vector that points somewhere";
+    assert_eq!(message(&zero), format!("s.json: lidar.directions[0]: [0.0, 0.0, 0.0] {words}"));
 }
 
 #[test]
@@ -166,9 +169,9 @@ fn a_sensor_file_gives_channels_and_offsets() {
         assert_eq!(elevations, &[-5.0, 5.5]);
         assert_eq!(azimuth_offsets, &offsets);
     }
-    let message = with("\"file\": \"none.json\"").unwrap_err().to_string();
-    assert!(message.contains("none.json: `elevation_deg` is missing: "), "{message}");
-    assert!(with("\"file\": \"nowhere.json\"").unwrap_err().to_string().contains("cannot be read"));
+    let none = with("\"file\": \"none.json\"").unwrap_err();
+    assert_holds!(none, "none.json: `elevation_deg` is missing: ");
+    assert_holds!(with("\"file\": \"nowhere.json\"").unwrap_err(), "cannot be read");
 }
 
 #[test]
@@ -189,13 +192,9 @@ fn a_sector_points_from_its_first_to_its_last_azimuth() {
     let thin = scene.lidars()[0].thinned(2).table().unwrap();
     assert_eq!(thin.directions()[2], table.directions()[4]);
     let turn = with("\"azimuth\": [-180, 180]").unwrap_err().to_string();
-    assert_eq!(
-        turn,
-        "s.json: lidar.azimuth: [-180.0, 180.0] is not less than a turn: leave `azimuth` out for a \
-         sensor that turns"
-    );
-    let back = with("\"azimuth\": [60, -60]").unwrap_err().to_string();
-    assert!(back.contains("with from < to"), "{back}");
+    let words = "is not less than a turn: leave `azimuth` out for a sensor that turns";
+    assert_eq!(turn, format!("s.json: lidar.azimuth: [-180.0, 180.0] {words}"));
+    assert_holds!(with("\"azimuth\": [60, -60]").unwrap_err(), "with from < to");
     let one =
         SMALL.replace("\"azimuth_steps\": 250", "\"azimuth_steps\": 1, \"azimuth\": [90, 100]");
     let [x, y, _] = read(&one).unwrap().lidars()[0].table().unwrap().directions()[0];
@@ -206,10 +205,9 @@ fn a_sector_points_from_its_first_to_its_last_azimuth() {
 fn keys_that_a_sensor_file_does_not_need_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
-    file(
-        "ouster",
-        r#"{"beam_altitude_angles": [1], "beam_azimuth_angles": [2], "lidar_mode": "512x20"}"#,
-    );
+    let ouster =
+        r#"{"beam_altitude_angles": [1], "beam_azimuth_angles": [2], "lidar_mode": "512x20"}"#;
+    file("ouster", ouster);
     file("livox", "Time,Azimuth,Zenith\n0,0,90\n0.5,10,90\n0.6,20,90\n");
     let with = |lidar: &str| {
         let form = "\"channels\": 16, \"fov\": [-24.8, 2.0], \"azimuth_steps\": 250";
@@ -219,18 +217,19 @@ fn keys_that_a_sensor_file_does_not_need_are_refused() {
     assert_eq!(with(r#""file": "ouster""#).unwrap().lidars()[0].beam_count(), 512);
     let own = with(r#""file": "ouster", "azimuth_steps": 100"#).unwrap();
     assert_eq!(own.lidars()[0].beam_count(), 100);
-    let sector = error(r#""file": "ouster", "azimuth": [0, 90]"#);
-    assert!(sector.contains("`azimuth_steps` is missing"), "{sector}");
-    let sign = error(r#""file": "ouster", "azimuth_offsets": "clockwise""#);
-    assert!(sign.contains("says which way it counts; leave it out"), "{sign}");
-    let window = error(r#""file": "ouster", "window": [0, 1]"#);
-    assert!(window.contains("`window` cannot stand here: it cuts a Livox"), "{window}");
+    for (keys, words) in [
+        (r#", "azimuth": [0, 90]"#, "`azimuth_steps` is missing"),
+        (r#", "azimuth_offsets": "clockwise""#, "says which way it counts; leave it out"),
+        (r#", "window": [0, 1]"#, "`window` cannot stand here: it cuts a Livox"),
+    ] {
+        assert_holds!(error(&format!(r#""file": "ouster"{keys}"#)), words);
+    }
     assert_eq!(with(r#""file": "livox""#).unwrap().lidars()[0].beam_count(), 1);
     let two = with(r#""file": "livox", "window": [0.5, 0.7]"#).unwrap();
     assert_eq!(two.lidars()[0].beam_count(), 2);
-    assert!(error(r#""file": "livox", "window": [1, 0]"#).contains("with from < to"));
+    assert_holds!(error(r#""file": "livox", "window": [1, 0]"#), "with from < to");
     let steps = error(r#""file": "livox", "azimuth_steps": 4"#);
-    assert!(steps.contains("`azimuth_steps` cannot stand here"), "{steps}");
+    assert_holds!(steps, "`azimuth_steps` cannot stand here");
 }
 
 #[test]
@@ -345,15 +344,14 @@ fn further_rules_narrow_the_mount_and_are_checked_like_its_own() {
         (("roll", 0.1), "mount.symmetric: true is not possible where roll runs from 0.1 to 0.1"),
         (("y", 0.0), "mount.symmetric: true is not possible where y runs from 0 to 0"),
     ] {
-        let error = scene().with_rules(&rules(&[fixed], true), "s.json").unwrap_err().to_string();
-        assert!(error.starts_with(&format!("s.json: {wanted}")), "{error}");
+        let error = scene().with_rules(&rules(&[fixed], true), "s.json").unwrap_err();
+        assert_begins!(error, &format!("s.json: {wanted}"));
     }
     for (fixed, wanted) in [
         (vec![("z", 2.3), ("z", 2.5)], "mount.z: 2.5 is not the only value, z is fixed twice"),
         (vec![("roll", 10.0)], "in radians? 10° are 0.1745 rad"),
     ] {
-        let error = scene().with_rules(&rules(&fixed, true), "s.json").unwrap_err().to_string();
-        assert!(error.contains(wanted), "{error}");
+        assert_holds!(scene().with_rules(&rules(&fixed, true), "s.json").unwrap_err(), wanted);
     }
 }
 
@@ -368,10 +366,7 @@ fn a_text_in_latin_1_is_refused_at_its_first_such_letter() {
     let vehicle = dir.path().join("v.json");
     std::fs::write(&vehicle, b"{ \"sightline\": 1, \"name\": \"Bus-f\xfcr\" }").unwrap();
     let told = Scene::level_ground(&vehicle).unwrap_err().to_string();
-    assert!(
-        told.contains("v.json") && told.contains("is not UTF-8 text; save it as UTF-8"),
-        "{told}"
-    );
+    assert_holds!(told, "v.json", "is not UTF-8 text; save it as UTF-8");
 }
 
 const OWN: [(&str, usize); 4] =
@@ -428,10 +423,8 @@ fn own_scenes_surround_a_moving_ego_and_nothing_stands_in_it() {
                 })
             };
             let [lo, hi] = bounds(&with.vertices[outside.vertices.len()..]);
-            assert!(
-                (hi[2] as f64) < scene.vehicle().corners()[0][2] && lo[2] >= 0.0,
-                "{name}: {lo:?} {hi:?}"
-            );
+            let mount = scene.vehicle().corners()[0][2];
+            assert!(f64::from(hi[2]) < mount && lo[2] >= 0.0, "{name}: {lo:?} {hi:?}");
             assert!((0..2).all(|i| lo[i] > -2.5 && hi[i] < 2.5), "{name}: {lo:?} {hi:?}");
             let [lo, hi] = bounds(&outside.vertices);
             assert!((0..2).all(|i| lo[i] < -90.0 && hi[i] > 90.0), "{name} {t}: {lo:?} {hi:?}");

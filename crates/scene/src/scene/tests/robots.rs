@@ -53,27 +53,17 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
     let all = with_body(folder.path(), &collision.replace("\"lidar\"", "")).unwrap();
     assert_eq!(body(&all).len(), 12 + 2 * 32 * 15);
     // The mast has no visual shape: it is missing there, and named unless it is left out.
-    let doubts = |shape: &str| {
-        let scene = with_body(folder.path(), shape).unwrap();
-        let notes = scene.notes().iter().filter(|note| note.is_doubt());
-        notes.map(|note| note.text().to_owned()).collect::<String>()
-    };
+    let doubts = |shape: &str| super::doubts(&with_body(folder.path(), shape).unwrap());
     let visual = r#""urdf": {"file": "car/urdf/car.urdf", "packages": "."}"#;
     let told = doubts(visual);
-    assert!(
-        told.contains("car.urdf: no <visual>, so that no beam meets them: links `lidar`; write"),
-        "{told}"
-    );
+    assert_holds!(told, "car.urdf: no <visual>, so that no beam meets them: links `lidar`; write");
     assert!(!doubts(collision).contains("no beam meets them"), "{}", doubts(collision));
     let file = folder.path().join("car/urdf/car.urdf");
     let fixed = fs::read_to_string(&file).unwrap();
     let slide = fixed.replace("\"fixed\">", "\"prismatic\"><limit lower=\"0.5\" upper=\"1\"/>");
     fs::write(&file, slide).unwrap();
     let told = doubts(collision);
-    assert!(
-        told.contains("<limit> or <mimic> keeps the joint `mast` at 0.5 m, not at 0; the"),
-        "{told}"
-    );
+    assert_holds!(told, "<limit> or <mimic> keeps the joint `mast` at 0.5 m, not at 0; the");
     // An <include> of a plugin brings no shape of the robot.
     let plugin = "<gazebo><plugin><include/></plugin></gazebo><link name=\"lidar\">";
     fs::write(&file, fixed.replace("<link name=\"lidar\">", plugin)).unwrap();
@@ -82,10 +72,15 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
         .replace("<link name=\"lidar\">", "<include filename=\"o.urdf\"/><link name=\"lidar\">");
     fs::write(&file, included).unwrap();
     let told = doubts(collision);
-    assert!(
-        told.contains("car.urdf: <include> is not read, 1 in all; shapes in it are missing"),
-        "{told}"
-    );
+    assert_holds!(told, "car.urdf: <include> is not read, 1 in all; shapes in it are missing");
+    // An <origin> of a link, one inside of <parent> and a misspelt one place nothing.
+    let box_ = "<visual><orgin/><geometry><box size=\"1 1 1\"/></geometry></visual>";
+    let lost = fixed
+        .replace("<link name=\"lidar\">", &format!("<link name=\"lidar\"><origin/>{box_}"))
+        .replace("<parent link=\"base\"/>", "<parent link=\"base\"><origin/></parent>");
+    fs::write(&file, lost).unwrap();
+    let told = doubts(collision);
+    assert!(told.contains("<origin> of link `lidar` (and 2 more) is not known there"), "{told}");
     fs::write(&file, fixed).unwrap();
     let without = visual.replace("\"}", "\", \"without\": [\"lidar\"]}");
     assert!(!doubts(&without).contains("no beam meets them"), "{}", doubts(&without));
@@ -96,17 +91,14 @@ fn a_package_without_its_xml_is_refused_and_found_with_it_or_in_packages() {
     let folder = tempfile::tempdir().unwrap();
     package(folder.path());
     let shape = r#""urdf": {"file": "car/urdf/car.urdf"}"#;
-    let told = with_body(folder.path(), shape).unwrap_err().to_string();
-    assert!(
-        told.starts_with("s.json: ego.body[0].urdf: mesh ") && told.contains("link `base`"),
-        "{told}"
-    );
-    assert!(told.contains("give `\"packages\"`, the folder that holds `car`"), "{told}");
+    let told = with_body(folder.path(), shape).unwrap_err();
+    assert_begins!(told, "s.json: ego.body[0].urdf: mesh ");
+    assert_holds!(told, "link `base`", "give `\"packages\"`, the folder that holds `car`");
     let named = shape.replace("urdf\"}", "urdf\", \"packages\": \".\"}");
     let in_packages = with_body(folder.path(), &named).unwrap();
     let wrong = named.replace("\"packages\": \".\"", "\"packages\": \"car\"");
-    let told = with_body(folder.path(), &wrong).unwrap_err().to_string();
-    assert!(told.contains("car, holds no folder `car`; give the folder that does"), "{told}");
+    let told = with_body(folder.path(), &wrong).unwrap_err();
+    assert_holds!(told, "car, holds no folder `car`; give the folder that does");
     fs::write(folder.path().join("car/package.xml"), "<package/>").unwrap();
     let found = with_body(folder.path(), shape).unwrap();
     let expected = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -2.0, 1.0]]];
@@ -121,13 +113,9 @@ fn a_body_in_millimetres_is_noted_and_wrong_keys_are_refused() {
     package(folder.path());
     let stl = r#""mesh": {"file": "car/meshes/hull.stl"}"#;
     let scene = with_body(folder.path(), stl).unwrap();
-    let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
-    assert!(told.join("\n").contains("2000 mm would be 2.00 m"), "{told:?}");
+    assert_holds!(notes(&scene), "2000 mm would be 2.00 m");
     for (shape, told) in [
-        (
-            r#""urdf": {"file": "car/urdf/car.urdf", "geometri": "visual"}"#,
-            "did you mean `geometry`?",
-        ),
+        (r#""urdf": {"file": "a.urdf", "geometri": "visual"}"#, "did you mean `geometry`?"),
         (
             r#""urdf": {"file": "car/urdf/car.urdf", "geometry": "visuals"}"#,
             "ego.body[0].urdf.geometry: \"visuals\" is not \"visual\" or \"collision\"",
@@ -135,11 +123,8 @@ fn a_body_in_millimetres_is_noted_and_wrong_keys_are_refused() {
         (r#""urdf": {"file": "no.urdf"}"#, "mesh no.urdf: file: cannot be read"),
         (r#""urdf": {"file": "car/meshes/hull.stl"}"#, "file: is not XML"),
     ] {
-        let message = with_body(folder.path(), shape)
-            .unwrap_err()
-            .to_string()
-            .replace(&format!("{}/", folder.path().display()), "");
-        assert!(message.contains(told), "{message}");
+        let message = with_body(folder.path(), shape).unwrap_err().to_string();
+        assert_holds!(message.replace(&format!("{}/", folder.path().display()), ""), told);
     }
 }
 
@@ -154,9 +139,9 @@ fn origins_in_degrees_are_doubted_with_their_joint() {
         let origin = format!("xyz=\"0 0 1.5\" rpy=\"{rpy}\"");
         fs::write(&path, text.replace("xyz=\"0 0 1.5\"", &origin)).unwrap();
         let scene = with_body(folder.path(), shape).unwrap();
-        let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
-        let is_told = told.join("\n").contains("joint `mast`: rpy is 90 rad; degrees?");
-        assert_eq!(is_told, doubted, "{told:?}");
+        let told = notes(&scene);
+        let is_told = told.contains("joint `mast`: rpy is 90 rad; degrees?");
+        assert_eq!(is_told, doubted, "{told}");
     }
 }
 
@@ -168,13 +153,12 @@ fn bodies_without_an_area_are_refused_and_one_triangle_is_doubted() {
         fs::write(folder.path().join("a.obj"), text).unwrap();
         with_body(folder.path(), mesh)
     };
-    let line = told("v 0 0 0.1\nv 1 0.5 0.3\nv 4 2 0.9\nf 1 2 3\n").unwrap_err().to_string();
+    let line = told("v 0 0 0.1\nv 1 0.5 0.3\nv 4 2 0.9\nf 1 2 3\n").unwrap_err();
     let words =
         "s.json: ego.body: a list of triangles without an area is not a body that beams can hit";
-    assert!(line.starts_with(words), "{line}");
+    assert_begins!(line, words);
     let scene = told("v 0 0 0.1\nv 4 0 0.1\nv 0 2 0.1\nf 1 2 3\n").unwrap();
-    let told: Vec<&str> = scene.notes().iter().map(sightline_files::Note::text).collect();
-    assert!(told.join("\n").contains("the ego body is 1 triangle"), "{told:?}");
+    assert_holds!(notes(&scene), "the ego body is 1 triangle");
 }
 
 /// `urdf` has no `axes`: the note on a glTF of a link names what there is.
@@ -191,8 +175,7 @@ fn a_gltf_of_a_link_is_turned_by_its_origin() {
     let robot = r#"<robot name="r"><link name="a"><visual><geometry><mesh filename="t.gltf"/></geometry></visual></link></robot>"#;
     fs::write(folder.path().join("r.urdf"), robot).unwrap();
     let scene = with_body(folder.path(), r#""urdf": {"file": "r.urdf"}"#).unwrap();
-    let told =
-        scene.notes().iter().map(sightline_files::Note::text).find(|t| t.contains("forward"));
-    let told = told.unwrap();
+    let told = notes(&scene);
+    let told = told.lines().find(|line| line.contains("forward")).unwrap();
     assert!(!told.contains("`axes`") && told.contains("turn the <origin> of the shape"), "{told}");
 }

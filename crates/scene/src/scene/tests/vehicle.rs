@@ -90,14 +90,9 @@ fn placements_keep_the_rules_of_a_vehicle_in_any_order() {
     assert_eq!(ordered[0], top);
     let variables = rules.variables_of(&good).unwrap();
     let back = rules.poses_of(&variables);
-    assert!(
-        ordered.iter().zip(&back).all(|(a, b)| a
-            .values()
-            .iter()
-            .zip(b.values())
-            .all(|(a, b)| (a - b).abs() < 1e-9)),
-        "{back:?}"
-    );
+    for (a, b) in ordered.iter().zip(&back) {
+        assert!(a.values().iter().zip(b.values()).all(|(a, b)| (a - b).abs() < 1e-9), "{back:?}");
+    }
     for (bad, word) in [
         (vec![side(0.8, solid), top, side(0.7, solid)], "too close"),
         (vec![side(1.8, solid), top, side(-0.8, solid)], "outside the mount"),
@@ -193,30 +188,22 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
     for (from, to, wanted) in cases {
         let text = VEHICLE.replacen(from, to, 1);
         assert_ne!(text, VEHICLE, "{from}");
-        let found = message(&with(&text));
-        assert!(found.contains(wanted), "{found}\n  lacks {wanted}");
+        assert_holds!(message(&with(&text)), wanted);
     }
     let cut = VEHICLE.find("\"mounts\"").unwrap();
     let end = VEHICLE.find("\"min_distance\"").unwrap();
     let none = format!("{}\"mounts\": [], {}", &VEHICLE[..cut], &VEHICLE[end..]);
-    assert!(
-        message(&with(&none)).contains("mounts: a list of 0 is not"),
-        "{}",
-        message(&with(&none))
-    );
+    assert_holds!(message(&with(&none)), "mounts: a list of 0 is not");
     let cut = VEHICLE.find("\"sensors\"").unwrap();
     let bare = format!("{{ \"sightline\": 1, \"body\": [], {}", &VEHICLE[cut..]);
     let wanted = "vehicle.body: an empty list is not a list of shapes; leave `body` out to keep";
-    assert!(message(&with(&bare)).contains(wanted), "{}", message(&with(&bare)));
-    let both = with(VEHICLE).replacen(
-        "\"vehicle\":",
-        "\"mount\": { \"min\": [0,0,2], \"max\": [0,0,2], \"lidars\": 1 }, \"vehicle\":",
-        1,
-    );
-    assert!(message(&both).contains("`mount` cannot stand here"), "{}", message(&both));
-    assert!(message(&full(BOX, "").replace("\"lidar\"", "\"x\"")).contains("unknown key"));
-    assert!(message(&with("\"none.json\"")).contains("none.json: cannot be read"));
-    assert!(message(&with("3")).contains("the name of a vehicle file, or a vehicle"));
+    assert_holds!(message(&with(&bare)), wanted);
+    let mount = r#""mount": { "min": [0,0,2], "max": [0,0,2], "lidars": 1 }, "vehicle":"#;
+    let both = with(VEHICLE).replacen("\"vehicle\":", mount, 1);
+    assert_holds!(message(&both), "`mount` cannot stand here");
+    assert_holds!(message(&full(BOX, "").replace("\"lidar\"", "\"x\"")), "unknown key");
+    assert_holds!(message(&with("\"none.json\"")), "none.json: cannot be read");
+    assert_holds!(message(&with("3")), "the name of a vehicle file, or a vehicle");
 }
 
 /// True if each LiDAR of a rig can have a place of its own; tries every order of the places.
@@ -311,8 +298,7 @@ fn a_mesh_that_is_listed_twice_is_doubted() {
         let (own, rest) = VEHICLE.split_once("\"body\": [").unwrap();
         let rest = rest.split_once("],\n").unwrap().1;
         let text = with(&format!("{own}\"body\": [{}, {}],\n{rest}", mesh(0.0), mesh(second)));
-        let scene = Scene::from_json(&text, dir.path(), "s.json").unwrap();
-        scene.notes().iter().map(|note| note.text().to_owned()).collect::<Vec<_>>().join("\n")
+        super::notes(&Scene::from_json(&text, dir.path(), "s.json").unwrap())
     };
     assert!(!notes(0.5).contains("is listed before"), "{}", notes(0.5));
     assert!(notes(0.0).contains("body[1].mesh: is listed before"), "{}", notes(0.0));

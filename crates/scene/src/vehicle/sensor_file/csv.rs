@@ -81,7 +81,6 @@ fn sole_column(at: &Location, titles: &[&str], title: &str) -> Checked<Option<us
     }
 }
 
-/// Like [`sole_column`], for a column that must be there.
 fn needed_column(at: &Location, titles: &[&str], title: &str) -> Checked<usize> {
     sole_column(at, titles, title)?.ok_or_else(|| {
         bad(at, quoted(&titles.join(",")), format!("a row of titles with `{title}`"))
@@ -103,6 +102,16 @@ fn unknown<'a>(titles: &[&'a str], known: &[&str]) -> Vec<&'a str> {
 fn in_degrees(at: &Location, title: &str) -> Checked<()> {
     if title.to_ascii_lowercase().contains("rad") {
         return Err(bad(at, quoted(title), "a column of degrees; convert it"));
+    }
+    Ok(())
+}
+
+/// Refuses a title of azimuths that count the other way than Hesai's.
+fn clockwise(at: &Location, title: &str) -> Checked<()> {
+    let small = title.to_ascii_lowercase();
+    if small.contains("ccw") || small.contains("counter") {
+        let wanted = "a column of azimuths that count clockwise; turn their signs, and the title";
+        return Err(bad(at, quoted(title), wanted));
     }
     Ok(())
 }
@@ -156,6 +165,7 @@ pub(super) fn parse_hesai(at: &Location, text: &str) -> Checked<SensorPattern> {
         return Err(bad(&title_at, quoted(&titles.join(",")), wanted));
     }
     let azimuth = if has_offsets { Some(find("azimuth")?) } else { None };
+    azimuth.map_or(Ok(()), |column| clockwise(&title_at, titles[column]))?;
     let of_channel = sole_column(&title_at, &titles, "channel")?;
     let number = of_channel.or(sole_column(&title_at, &titles, "laser")?);
     let mut numbers = BTreeSet::new();

@@ -221,7 +221,6 @@ fn window(at: &Location, profile: &IsaacProfile) -> Checked<Option<[f64; 2]>> {
     Ok(window)
 }
 
-/// Ranges and errors, checked.
 fn measures(at: &Location, profile: &IsaacProfile, notes: &mut Vec<Note>) -> Checked<Measures> {
     let within = |key: &str, value, low, high| check::within(at, key, value, low, high);
     let range =

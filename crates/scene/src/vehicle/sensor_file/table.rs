@@ -219,6 +219,7 @@ pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern
     });
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
     let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();
+    notes.extend(offsets_in_degrees(&list, &lasers));
     notes.extend(pattern::unknown(at, &document.read::<Rest>()?, VELODYNE_PASSED));
     let lasers = document.read::<UnreadKeys>()?.lasers;
     let keys = || lasers.iter().enumerate().map(|(i, keys)| (list.item(i), keys));
@@ -226,6 +227,19 @@ pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern
     let unknown = |(at, keys): (Location, &Rest)| pattern::unknown(&at, keys, VELODYNE_PASSED);
     notes.extend(keys().filter_map(unknown).take(1));
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Velodyne, beams) })
+}
+
+/// A doubt about the first azimuth offset that no sensor has in radians: the largest known are below 0.2.
+fn offsets_in_degrees(list: &Location, lasers: &[Laser]) -> Option<Note> {
+    const MOST: f64 = 1.0;
+    let offset = |laser: &Laser| laser.rot_correction - TAU * (laser.rot_correction / TAU).round();
+    let (i, laser) = lasers.iter().enumerate().find(|(_, laser)| offset(laser).abs() > MOST)?;
+    let (at, angle) = (list.item(i).key("rot_correction"), laser.rot_correction);
+    Some(Note::doubt(format!(
+        "{at}: {angle} rad is {:.0}°; degrees? {angle}° are {:.4} rad",
+        angle.to_degrees(),
+        angle.to_radians()
+    )))
 }
 
 /// Refuses a number among keys: a comma ends `0,2` behind the 0, and the 2 is a key then.

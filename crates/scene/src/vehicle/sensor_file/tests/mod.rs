@@ -4,7 +4,7 @@ mod own_word;
 mod samples;
 mod times;
 
-use super::{SensorPattern, parse};
+use super::{Beams, SensorPattern, parse};
 use sightline_files::json::{Checked, Location};
 
 fn read(bytes: impl AsRef<[u8]>) -> Checked<SensorPattern> {
@@ -13,6 +13,17 @@ fn read(bytes: impl AsRef<[u8]>) -> Checked<SensorPattern> {
 
 fn message(bytes: impl AsRef<[u8]>) -> String {
     read(bytes).unwrap_err().to_string()
+}
+
+/// Elevation and offset of each channel.
+fn channels(pattern: &SensorPattern) -> Vec<[f64; 2]> {
+    let Beams::Channels(all) = &pattern.beams else { panic!("{:?}", pattern.beams) };
+    all.iter().map(|c| [c.elevation, c.azimuth_offset]).collect()
+}
+
+fn directions(pattern: &SensorPattern) -> &[[f64; 3]] {
+    let Beams::Directions(all) = &pattern.beams else { panic!("{:?}", pattern.beams) };
+    all
 }
 
 /// All notes of a pattern.

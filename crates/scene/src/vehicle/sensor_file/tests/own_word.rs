@@ -2,7 +2,7 @@
 //! channels that are there twice, decimal commas, spreadsheets.
 
 use super::super::{Beams, Measures};
-use super::{doubts, message, notes, read};
+use super::{channels, doubts, message, notes, read};
 
 /// 16 channels of 1024 columns with other parts beside them.
 fn ouster(more: &str) -> String {
@@ -26,13 +26,11 @@ fn ouster_windows_are_cast_alone() {
     assert_eq!(pattern.measures.rate, Some(20.0));
     // A window through column 0, which looks back; the same one as angles.
     let back = r#", "data_format": {"column_window": [1022, 1]}"#;
-    let (count, ends) = read(ouster(back)).unwrap().columns(1024);
-    assert_eq!((count, ends), (4, Some([180.0 - step, 180.0 + 2.0 * step])));
     let angles = r#", "config_params": {"azimuth_window": [359500, 900]}"#;
-    assert_eq!(
-        read(ouster(angles)).unwrap().columns(1024),
-        (4, Some([180.0 - step, 180.0 + 2.0 * step]))
-    );
+    for window in [back, angles] {
+        let ends = [180.0 - step, 180.0 + 2.0 * step];
+        assert_eq!(read(ouster(window)).unwrap().columns(1024), (4, Some(ends)));
+    }
     // ouster-sdk's 2_5_0_os-992146000760-128.json has both spellings of one window.
     let both = r#", "config_params": {"azimuth_window": [583, 39402]},
                    "lidar_data_format": {"columns_per_frame": 1024, "column_window": [912, 1022]}"#;
@@ -59,17 +57,14 @@ fn ouster_counts_fit_their_lists() {
     let sparse = r#"{"prod_line": "OS-1-2-A0", "lidar_mode": "512x10",
         "beam_altitude_angles": [0, 5, 0, -5], "beam_azimuth_angles": [0, 1, 0, 0]}"#;
     let pattern = read(sparse).unwrap();
-    assert!(
-        matches!(&pattern.beams, Beams::Channels(all) if all.len() == 2 && all[1].elevation == -5.0)
-    );
-    assert!(notes(&pattern).contains("2 of 4 places"), "{}", notes(&pattern));
+    let found = channels(&pattern);
+    assert_eq!((found.len(), found[1][0]), (2, -5.0));
+    assert_holds!(notes(&pattern), "2 of 4 places");
     let three = read(sparse.replace("OS-1-2", "OS-1-3")).unwrap();
-    assert!(matches!(&three.beams, Beams::Channels(all) if all.len() == 4));
-    assert!(
-        three.notes.iter().any(|note| note.is_doubt() && note.text().contains("names 3 beams"))
-    );
+    assert_eq!(channels(&three).len(), 4);
+    assert_holds!(doubts(&three).join("\n"), "names 3 beams");
     let rows = message(ouster(r#", "data_format": {"pixels_per_column": 15}"#));
-    assert!(rows.contains("a list of 16 is not one angle for each of the 15"), "{rows}");
+    assert_holds!(rows, "a list of 16 is not one angle for each of the 15");
     let modes = read(ouster(r#", "data_format": {"columns_per_frame": 512}"#)).unwrap();
     assert!(modes.notes[0].is_doubt() && modes.azimuth_steps == Some(512));
 }
@@ -82,18 +77,16 @@ fn ouster_parts_that_nothing_needs_may_be_broken() {
     let pattern = read(ouster(broken)).unwrap();
     assert_eq!((pattern.azimuth_steps, pattern.model.as_deref()), (Some(1024), None));
     let said = notes(&pattern);
-    for part in [
-        "lidar_data_format: the text",
-        "lidar_to_sensor_transform: is no list",
+    assert_holds!(said, "lidar_data_format: the text", "lidar_to_sensor_transform: is no list");
+    assert_holds!(
+        said,
         "origin_mm: is no number",
         "prod_line: is no text",
-        "`odd`: not known here",
-    ] {
-        assert!(said.contains(part), "{part} is not in {said}");
-    }
+        "`odd`: not known here"
+    );
     assert!(!said.contains("calibration_status"), "{said}");
     let needed = message(r#"{"beam_intrinsics": "error: Command not recognized."}"#);
-    assert!(needed.starts_with("f: beam_intrinsics: \"error: Command"), "{needed}");
+    assert_begins!(needed, "f: beam_intrinsics: \"error: Command");
 }
 
 fn isaac(kind: &str, more: &str) -> String {
@@ -151,8 +144,7 @@ fn isaac_windows_and_counts() {
             "f: profile.rotationDirection: \"left\" is not \"CW\" or \"CCW\"",
         ),
     ] {
-        let said = message(isaac("rotary", count));
-        assert!(said.starts_with(place), "{said}");
+        assert_begins!(message(isaac("rotary", count)), place);
     }
 }
 
@@ -165,9 +157,8 @@ fn counts_of_tables_and_lasers_fit() {
     }
     let uneven = read(isaac("rotary", "").replace("3600", "3605")).unwrap();
     assert_eq!(uneven.azimuth_steps, Some(361));
-    assert!(
-        notes(&uneven).contains("3605 columns a second in 10 turns are 360.5 a turn; 361 are cast")
-    );
+    let told = "3605 columns a second in 10 turns are 360.5 a turn; 361 are cast";
+    assert_holds!(notes(&uneven), told);
     let lasers = "num_lasers: 3\nlasers:\n- {rot_correction: 0, vert_correction: 0.1}\n";
     let twice = "lasers:\n- {laser_id: 0, rot_correction: 0, vert_correction: 0.1}\n\
                  - {laser_id: 0, rot_correction: 0, vert_correction: 0.2}\n";
@@ -181,14 +172,11 @@ fn counts_of_tables_and_lasers_fit() {
         (across, "f: lasers[0].rot_correction: 400 is not an azimuth in radians"),
         (up, "f: lasers[0].vert_correction: 100 is not an elevation in radians"),
     ] {
-        assert!(message(text).starts_with(start), "{}", message(text));
+        assert_begins!(message(text), start);
     }
     let odd = "speed: 1\nlasers:\n- {rot_correction: 0, vert_correction: 0.1, colour: 2, dist_correction: 1}\n";
     let said = notes(&read(odd).unwrap());
-    assert!(
-        said.contains("`speed`: not known") && said.contains("lasers[0]: `colour`: not known"),
-        "{said}"
-    );
+    assert_holds!(said, "`speed`: not known", "lasers[0]: `colour`: not known");
     assert!(!said.contains("dist_correction"));
 }
 
@@ -201,38 +189,25 @@ fn facts_are_a_table() {
     let pattern = read(facts).unwrap();
     assert_eq!(pattern.columns(360), (91, Some([-45.0, 45.0])));
     assert_eq!((pattern.measures.range, pattern.measures.noise), (Some(80.0), Some(0.03)));
-    let said = notes(&pattern);
-    assert!(
-        said.contains("`odd`: not known") && said.contains("`\"azimuth_offsets\": \"clockwise\"`"),
-        "{said}"
-    );
+    assert_holds!(notes(&pattern), "`odd`: not known", "`\"azimuth_offsets\": \"clockwise\"`");
 }
 
 /// Two values of one fact: refused where they decide the beams, else a doubt that has both.
 #[test]
 fn conflicting_values_are_told() {
     let twice = "Channel,Elevation,Elevation,Azimuth\n1,15,16,-2\n2,14,13,1\n";
-    let told = message(twice);
-    assert!(
-        told.starts_with("f: line 1: \"Elevation\" is not the only column of that title"),
-        "{told}"
-    );
+    assert_begins!(message(twice), "f: line 1: \"Elevation\" is not the only column of that title");
     assert!(message("Channel,Channel,Elevation\n1,2,15\n").contains("\"Channel\" is not the only"));
-    assert!(
-        message("Time,Azimuth,Zenith,Zenith\n0,1,90,91\n").contains("\"Zenith\" is not the only")
-    );
+    assert_holds!(message("Time,Azimuth,Zenith,Zenith\n0,1,90,91\n"), "\"Zenith\" is not the only");
     let table = |more: &str| format!(r#"{{"elevation_deg": [-15, 0], {more}}}"#);
     let told = message(table(r#""azimuth_steps": 100, "columns_per_frame": 200"#));
-    assert_eq!(
-        told,
-        "f: columns_per_frame: 200 is not 100, as `azimuth_steps` says; correct one of the two"
-    );
+    let both =
+        "f: columns_per_frame: 200 is not 100, as `azimuth_steps` says; correct one of the two";
+    assert_eq!(told, both);
     assert!(read(table(r#""azimuth_steps": 100, "columns_per_frame": 100"#)).is_ok());
     let rated = read(table(r#""azimuth_steps": 100, "range": 50, "rated_range": 80"#)).unwrap();
     assert!(rated.notes[0].is_doubt(), "{}", notes(&rated));
-    assert!(
-        notes(&rated).contains("a range of 80 m at 10 % reflectance lies beyond `range`, 50 m")
-    );
+    assert_holds!(notes(&rated), "a range of 80 m at 10 % reflectance lies beyond `range`, 50 m");
     let near = read(table(r#""azimuth_steps": 100, "range": 50, "rated_range": 50"#)).unwrap();
     assert!(near.notes.is_empty(), "{}", notes(&near));
     for (more, both) in [
@@ -243,8 +218,7 @@ fn conflicting_values_are_told() {
         ),
     ] {
         let pattern = read(ouster(more)).unwrap();
-        let doubt = pattern.notes.iter().find(|note| note.is_doubt()).unwrap().text();
-        assert!(both.iter().all(|value| doubt.contains(value)), "{doubt}");
+        assert_holds!(doubts(&pattern)[0], both[0], both[1]);
     }
 }
 
@@ -253,8 +227,7 @@ fn two_rates_of_an_isaac_profile_agree_or_are_doubted() {
     let doubted = |rate: u32| {
         let pattern = read(isaac("rotary", &format!("\"patternFiringRateHz\": {rate},"))).unwrap();
         assert_eq!(pattern.azimuth_steps, Some(360));
-        let mut notes = pattern.notes.iter().filter(|note| note.is_doubt());
-        notes.any(|note| note.text().contains("is 3600 and `patternFiringRateHz` 1800"))
+        doubts(&pattern).join("\n").contains("is 3600 and `patternFiringRateHz` 1800")
     };
     assert!(doubted(1800) && !doubted(3600));
 }
@@ -318,9 +291,9 @@ fn isaac_windows_cut_the_columns_of_all_states() {
 fn ouster_transforms_that_are_others_are_doubted() {
     let transform = |t: &str| ouster(&format!(r#", "lidar_to_sensor_transform": [{t}]"#));
     let identity = read(transform("1,0,0,0, 0,1,0,0, 0,0,1,36.18, 0,0,0,1")).unwrap();
-    assert!(notes(&identity).contains("is not a half turn about z"), "{}", notes(&identity));
+    assert_holds!(notes(&identity), "is not a half turn about z");
     let half = read(transform("-1,0,0,0, 0,-1,0,0, 0,0,1,36.18, 0,0,0,1")).unwrap();
-    assert!(half.notes.iter().all(|note| !note.is_doubt()), "{}", notes(&half));
+    assert_eq!(doubts(&half), [""; 0]);
     let origin = |moved: f64| {
         let more = format!(
             r#", "lidar_origin_to_beam_origin_mm": 15.806, "beam_to_lidar_transform": [1,0,0,{moved}, 0,1,0,0, 0,0,1,0, 0,0,0,1]"#
@@ -329,11 +302,8 @@ fn ouster_transforms_that_are_others_are_doubted() {
     };
     let other = origin(27.1);
     let said = notes(&other);
-    assert!(
-        said.contains("moves beams by 27.1 mm, and `lidar_origin_to_beam_origin_mm` says 15.806"),
-        "{said}"
-    );
-    assert!(origin(15.806).notes.iter().all(|note| !note.is_doubt()));
+    assert_holds!(said, "moves beams by 27.1 mm, and `lidar_origin_to_beam_origin_mm` says 15.806");
+    assert_eq!(doubts(&origin(15.806)), [""; 0]);
 }
 
 #[test]
@@ -363,7 +333,7 @@ fn radians_in_place_of_degrees() {
         assert!(doubts(&livox)[0].contains("radians?"), "{livox:?}");
     }
     let timed = message("Time,Azimuth,Elevation\n0,1,10\n0.1,2,20\n");
-    assert!(timed.contains("line 1: \"Time\" is not a column of channels; a pattern"), "{timed}");
+    assert_holds!(timed, "line 1: \"Time\" is not a column of channels; a pattern");
     let title = message("Channel,Elevation(rad),Azimuth\n1,0.1,0\n");
     assert!(title.contains("is not a column of degrees"), "{title}");
 }
@@ -374,7 +344,7 @@ fn channels_that_are_there_twice() {
         read(r#"{"elevation_deg": [1, 0, 0, -1], "azimuth_offset_deg": [2, 0, 0, 2]}"#).unwrap();
     assert!(doubts(&padded)[0].contains("2 channels, 1 and 2 among them"), "{padded:?}");
     let twice = message("Channel,Elevation,Azimuth\n1,5,0\n1,6,0\n");
-    assert!(twice.starts_with("f: line 3: channel 1 is not listed once"), "{twice}");
+    assert_begins!(twice, "f: line 3: channel 1 is not listed once");
     let gap = read("Channel,Elevation,Azimuth\n1,5,0\n3,7,0\n").unwrap();
     assert!(doubts(&gap)[0].contains("numbered from 1 to 3: are 1 left out"), "{gap:?}");
 }
@@ -383,9 +353,7 @@ fn channels_that_are_there_twice() {
 fn tables_that_a_spreadsheet_saved() {
     let good =
         read("\"Channel\",\"Elevation\",\"Azimuth\"\r1,\"14.5\",-1.25\r2,-3,0\r,,\r").unwrap();
-    assert!(
-        matches!(&good.beams, Beams::Channels(all) if all.len() == 2 && all[0].elevation == 14.5)
-    );
+    assert_eq!((channels(&good).len(), channels(&good)[0][0]), (2, 14.5));
     let commas = message("Channel,Elevation,Azimuth\n1,14,436,-3,257\n");
     assert!(commas.contains("write decimals with a point"), "{commas}");
     let semicolons = message("Channel;Elevation;Azimuth\n1;14,436;-3,257\n");
@@ -410,14 +378,12 @@ fn arrays_in_any_order_of_rows_and_bytes() {
     let big = array(">f8", "False", "(3, 2)", rows.map(f64::to_be_bytes).concat());
     assert_eq!(c.beams, read(fortran).unwrap().beams);
     assert_eq!(c.beams, read(big).unwrap().beams);
-    let degrees =
-        message(array("<f8", "False", "(1, 2)", [1.0_f64, 52.0].map(f64::to_le_bytes).concat()));
-    assert!(degrees.contains("an elevation in radians"), "{degrees}");
-    let across =
-        message(array("<f8", "False", "(1, 2)", [573.0_f64, 0.2].map(f64::to_le_bytes).concat()));
-    for told in [degrees, across] {
-        assert!(told.contains("radians are expected, this looks like degrees"), "{told}");
-    }
+    let one = |angles: [f64; 2]| {
+        message(array("<f8", "False", "(1, 2)", angles.map(f64::to_le_bytes).concat()))
+    };
+    let degrees = "radians are expected, this looks like degrees";
+    assert_holds!(one([1.0, 52.0]), "an elevation in radians", degrees);
+    assert_holds!(one([573.0, 0.2]), degrees);
 }
 
 #[test]
@@ -432,8 +398,7 @@ fn misspelt_keys_of_an_own_file_and_offsets_in_radians() {
         (r#""azimuth_offset_deg": [0.02, 0, -0.08]"#, "all within ±0.08°; radians?"),
         (r#""noise": 5, "range": 100"#, "f: noise: 5 m; millimetres?"),
     ] {
-        let pattern = file(more);
-        assert!(doubts(&pattern).join("\n").contains(word), "{word}: {pattern:?}");
+        assert_holds!(doubts(&file(more)).join("\n"), word);
     }
     for sound in [r#""owner": "me""#, r#""azimuth_offset_deg": [0, 0, 0]"#, r#""noise": 0.02"#] {
         assert!(doubts(&file(sound)).is_empty(), "{sound}");
@@ -445,11 +410,9 @@ fn decimal_commas_in_place_of_points() {
     let read = |text: &str| read(text).unwrap();
     let commas = read("-25,0\n-4,5\n-4,0\n");
     let told = doubts(&commas);
-    assert!(
-        told.len() == 1 && told[0].contains("line 2: -4,5 is read as an elevation of -4°"),
-        "{told:?}"
-    );
-    assert!(told[0].ends_with("Write -4.5"), "{told:?}");
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert_holds!(told[0], "line 2: -4,5 is read as an elevation of -4°");
+    assert_ends!(told[0], "Write -4.5");
     for sure in ["-25,0\n-4,0\n", "-25.5,1\n-4,2\n", "-25,10\n-4,5\n", "-25,1\n-4,-1\n"] {
         assert!(doubts(&read(sure)).is_empty(), "{sure}");
     }

@@ -3,21 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::super::{self as sensor_file, Beams, SensorFormat, SensorPattern, isaac_profile, parse};
-use super::{message, notes, read};
+use super::super::{self as sensor_file, Beams, SensorFormat, isaac_profile, parse};
+use super::{channels, directions, message, notes, read};
 use crate::vehicle::{BeamTable, Lidar, Response};
 use sightline_files::json::Location;
-
-/// Elevation and offset of each channel.
-fn channels(pattern: &SensorPattern) -> Vec<[f64; 2]> {
-    let Beams::Channels(all) = &pattern.beams else { panic!("{:?}", pattern.beams) };
-    all.iter().map(|c| [c.elevation, c.azimuth_offset]).collect()
-}
-
-fn directions(pattern: &SensorPattern) -> &[[f64; 3]] {
-    let Beams::Directions(all) = &pattern.beams else { panic!("{:?}", pattern.beams) };
-    all
-}
 
 fn assert_near(got: &[[f64; 3]], want: &[[f64; 3]]) {
     assert_eq!(got.len(), want.len());
@@ -35,16 +24,13 @@ fn our_tables() {
     assert_eq!((pattern.format, pattern.model.as_deref()), (SensorFormat::Table, Some("two")));
     assert_eq!(channels(&pattern), [[-5.0, 1.0], [5.5, 0.0]]);
     let short = r#"{"elevation_deg": [1, 2], "azimuth_offset_deg": [1]}"#;
-    assert_eq!(
-        message(short),
-        "f: azimuth_offset_deg: a list of 1 is not one offset for each of the 2 elevations"
-    );
+    let wanted =
+        "f: azimuth_offset_deg: a list of 1 is not one offset for each of the 2 elevations";
+    assert_eq!(message(short), wanted);
     assert!(message(r#"{"elevation_deg": []}"#).contains("a list of 0 is not 1 to 1024"));
     assert!(message(r#"{"elevation_deg": [0, 90.5]}"#).starts_with("f: elevation_deg[1]: 90.5 "));
-    let none = message(r#"{"name": "none"}"#);
-    assert!(none.contains("`elevation_deg` is missing") && none.contains("Hesai"), "{none}");
-    let slip = message(r#"{"elevations_deg": [1]}"#);
-    assert!(slip.contains("call `elevations_deg` so, if it lists"), "{slip}");
+    assert_holds!(message(r#"{"name": "none"}"#), "`elevation_deg` is missing", "Hesai");
+    assert_holds!(message(r#"{"elevations_deg": [1]}"#), "call `elevations_deg` so, if it lists");
     let facts = message(r#"{"name": "x", "file": "x.npy"}"#);
     assert!(facts.ends_with("it names \"x.npy\" as its `file`; give that one"), "{facts}");
 }
@@ -72,20 +58,26 @@ fn velodyne_in_block_and_flow() {
         assert!(pattern.notes[0].text().contains("0 to 210 mm above and -26 to 0 mm beside"));
     }
     let wrong = message("lasers:\n- rot_correction: 0\n");
-    assert!(wrong.contains("lasers[0]: missing key `vert_correction`"), "{wrong}");
+    assert_holds!(wrong, "lasers[0]: missing key `vert_correction`");
     let nan = message("lasers:\n- {rot_correction: 0, vert_correction: .nan}\n");
-    let wanted =
-        "f: lasers[0].vert_correction: string \".nan\" stands where a number belongs (line 2";
-    assert!(nan.starts_with(wanted), "{nan}");
+    let wanted = "string \".nan\" stands where a number belongs (line 2";
+    assert_holds!(nan, "f: lasers[0].vert_correction: ", wanted);
     let tagged = "lasers:\n- {rot_correction: !degrees -2, vert_correction: !degrees 15}\n";
     let [first] = channels(&read(tagged).unwrap())[..] else { panic!() };
     assert!((first[0] - 15.0).abs() < 1e-12 && (first[1] + 2.0).abs() < 1e-12, "{first:?}");
     let length = message(tagged.replace("!degrees 15", "!inches 15"));
-    assert!(
-        length.contains("`!inches` is the unit of a length") && length.contains("line 2"),
-        "{length}"
-    );
+    assert_holds!(length, "`!inches` is the unit of a length", "line 2");
     assert!(message("lasers: []\n").contains("a list of 0"));
+    let offset = |angle: f64| {
+        let text = format!("lasers:\n- {{rot_correction: {angle}, vert_correction: 0.1}}\n");
+        read(&text).unwrap().notes.iter().map(ToString::to_string).collect::<String>()
+    };
+    assert_eq!([offset(0.2), offset(-6.2)], ["", ""]);
+    assert!(
+        offset(4.2).ends_with("4.2 rad is 241°; degrees? 4.2° are 0.0733 rad"),
+        "{}",
+        offset(4.2)
+    );
 }
 
 /// Degrees; offsets count clockwise. Versions, titles, line ends, byte order marks and checksums differ.
@@ -114,9 +106,7 @@ fn hesai_in_all_its_forms() {
     let gap = message("Channel,Elevation,Azimuth\n1,14.5,-1.25\n5,,\n");
     assert_eq!(gap, "f: line 3: \"\" is not a number in column 2, as 1.5");
     let untitled = message("Channel,Elevation,Horizontal offset\n1,2,3\n");
-    assert!(
-        untitled.contains("line 1: ") && untitled.contains("write `Channel,Elevation,Azimuth`")
-    );
+    assert_holds!(untitled, "line 1: ", "write `Channel,Elevation,Azimuth`");
     for plain in ["elevation\n14.5\n-3\n", "channel,elevation_deg\n1,14.5\n2,-3\n"] {
         let pattern = read(plain).unwrap();
         assert_eq!(channels(&pattern), [[14.5, 0.0], [-3.0, 0.0]], "{plain}");
@@ -124,9 +114,10 @@ fn hesai_in_all_its_forms() {
     }
     assert!(message("Channel,Elevation,Azimuth\n").contains("a list of 0"));
     // The firing table of a Hesai holds no angles.
-    assert!(
-        message("EEFF,1,1\nLaserNum,80,BlockNum,2\nLoop1,Loop2\n49,17\n").contains("not that of a")
-    );
+    let firing = message("EEFF,1,1\nLaserNum,80,BlockNum,2\nLoop1,Loop2\n49,17\n");
+    assert_holds!(firing, "not that of a");
+    let counter = message("Channel,Elevation,Azimuth (ccw)\n1,14.5,-1.25\n");
+    assert!(counter.contains("a column of azimuths that count clockwise"), "{counter}");
 }
 
 #[test]
@@ -140,17 +131,12 @@ fn ouster_flat_and_nested() {
     for (text, steps, note) in [(flat, 512, "15.806 mm"), (nested, 2048, "38.195 mm above")] {
         let pattern = read(text).unwrap();
         assert_eq!(channels(&pattern), [[20.5, -4.25], [-1.0, 0.0]]);
-        assert_eq!(
-            (pattern.azimuth_steps, pattern.model.as_deref()),
-            (Some(steps), Some("OS-1-2"))
-        );
-        assert!(pattern.notes[0].text().contains(note), "{:?}", pattern.notes);
+        assert_eq!(pattern.azimuth_steps, Some(steps));
+        assert_eq!(pattern.model.as_deref(), Some("OS-1-2"));
+        assert_holds!(pattern.notes[0], note);
     }
     let missing = message(r#"{"beam_intrinsics": {"beam_altitude_angles": [1]}}"#);
-    assert!(
-        missing.starts_with("f: beam_intrinsics: `beam_azimuth_angles` is missing"),
-        "{missing}"
-    );
+    assert_begins!(missing, "f: beam_intrinsics: `beam_azimuth_angles` is missing");
     let mode = message(flat.replace("512x10", "fast"));
     assert_eq!(mode, "f: lidar_mode: \"fast\" is not a mode such as \"1024x10\"");
 }
@@ -166,19 +152,17 @@ fn livox_cuts_a_window() {
         assert!(pattern.notes[0].text().contains("2 of 4 samples"), "{:?}", pattern.notes);
         let later = parse(&Location::top("f"), text.as_bytes(), Some([0.1, 1.0])).unwrap();
         assert_near(directions(&later), &[[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
-        let none = parse(&Location::top("f"), text.as_bytes(), Some([2.0, 3.0])).unwrap_err();
-        assert!(none.to_string().contains("0 of 4 samples from 2 to 3 s"), "{none}");
+        let none = parse(&Location::top("f"), text.as_bytes(), Some([2.0, 3.0]));
+        assert_holds!(none.unwrap_err(), "0 of 4 samples from 2 to 3 s");
     }
-    assert!(
-        message("Time,Azimuth,Zenith\n0,0,181\n").starts_with("f: line 2: 181 is not a zenith")
-    );
+    assert_begins!(message("Time,Azimuth,Zenith\n0,0,181\n"), "f: line 2: 181 is not a zenith");
     assert!(message("Time,Azimuth,Zenith\n").contains("0 of 0 samples"));
     // The window begins with the least time, whatever the order of rows.
     let mixed = read("0.05,90,60\n0.15,270,180\n0,0,90\n").unwrap();
     assert_near(directions(&mixed), &[[0.0, root, half], [1.0, 0.0, 0.0]]);
     for title in ["Time/us", "time (ms)", "Time_ns"] {
         let said = message(format!("{title},Azimuth/deg,Zenith/deg\n0,0,90\n10,1,85\n"));
-        assert!(said.contains("a column of seconds; convert it"), "{title}: {said}");
+        assert_holds!(said, "a column of seconds; convert it");
     }
 }
 
@@ -275,26 +259,28 @@ fn the_unknown_is_told_what_is_read() {
     for bytes in
         [&b"<sdf/>"[..], b"\xee\xff\x01\x05\0\0", b"a,b,c\n", b"1,2,3,4\n", b"EEFF,1,1\n", b"PK"]
     {
-        let message = message(bytes);
-        assert!(message.starts_with("f: the content is not that of a sensor file that is read"));
-        assert!(
-            ["Velodyne", "Hesai", "Ouster", "Livox", "RoboSense", "Isaac", "RGL"]
-                .iter()
-                .all(|vendor| message.contains(vendor))
-        );
+        let told = message(bytes);
+        assert_begins!(told, "f: the content is not that of a sensor file that is read");
+        for vendor in ["Velodyne", "Hesai", "Ouster", "Livox", "RoboSense", "Isaac", "RGL"] {
+            assert_holds!(told, vendor);
+        }
     }
     assert!(message(b"").contains("the file is empty"));
 }
 
 /// A sensor of two channels, one of them off to the left.
 fn spinning(azimuth_steps: u32, azimuth: Option<[f64; 2]>) -> Lidar {
-    Lidar::Spinning {
-        elevations: vec![-24.123456789, 15.0],
-        azimuth_offsets: vec![0.0, 1.7],
-        azimuth_steps,
-        azimuth,
-        range: 120.0,
-    }
+    spinning_at([-24.123456789, 15.0], [0.0, 1.7], azimuth_steps, azimuth)
+}
+
+fn spinning_at(
+    elevations: [f64; 2],
+    offsets: [f64; 2],
+    azimuth_steps: u32,
+    azimuth: Option<[f64; 2]>,
+) -> Lidar {
+    let (elevations, azimuth_offsets) = (elevations.to_vec(), offsets.to_vec());
+    Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range: 120.0 }
 }
 
 /// The beams that a profile is read as.
@@ -330,13 +316,7 @@ fn profiles_are_read_back_as_the_same_beams_in_the_same_order() {
         ..Response::usual(120.0)
     };
     let listed = vec![[1.0, 0.0, 0.0], [0.6, 0.0, 0.8], [-0.48, -0.64, -0.6], [0.0, 0.0, 1.0]];
-    let tilted = Lidar::Spinning {
-        elevations: vec![100.0, 10.0],
-        azimuth_offsets: vec![0.0; 2],
-        azimuth_steps: 36,
-        azimuth: None,
-        range: 120.0,
-    };
+    let tilted = spinning_at([100.0, 10.0], [0.0; 2], 36, None);
     for (lidar, turns) in [
         (spinning(900, None), true),
         // Columns of a turn of 360: a window of it, before and behind 0°.
