@@ -27,7 +27,7 @@ pub use regions::Subregion;
 pub use settings::{Kind, StudyError, StudySettings};
 pub(crate) use table::{REQUIREMENTS, TablePlot};
 pub use table::{Row, StudyObserver, Table};
-pub(crate) use transfer::mean_over_scenes;
+pub use transfer::mean_over_scenes;
 
 /// Makes a study of scenes, with frames and weather of the settings in place of their own: several for [`Kind::Transfer`], one
 /// for all others. [`Kind::Weather`] looks at each condition of the settings for itself.

@@ -13,9 +13,9 @@ use crate::scan::scan_scene;
 use crate::scene::{Ground, PsogSource, ScanSettings};
 
 /// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
-pub(crate) const PAPER_REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];
+pub const PAPER_REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];
 /// Voxel of the paper's segmentation task, in metres.
-pub(crate) const PAPER_VOXEL: [f64; 3] = [0.1; 3];
+pub const PAPER_VOXEL: [f64; 3] = [0.1; 3];
 
 /// A P-SOG to be built from a scene's geometry, or from labelled frames.
 #[derive(Debug, Clone)]

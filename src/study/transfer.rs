@@ -87,7 +87,7 @@ fn losses(rows: &[Row], scenes: &[&str]) -> Vec<String> {
 /// that compare across scenes; a gain in nats does not. A case without a number in one scene has no mean.
 ///
 /// `None` where nothing compares.
-pub(crate) fn mean_over_scenes(tables: &[Table]) -> Option<Table> {
+pub fn mean_over_scenes(tables: &[Table]) -> Option<Table> {
     let (first, others) = tables.split_first()?;
     let is_column_of = |table: &Table, title: &String| table.columns[1..].contains(title);
     let columns: Vec<&String> = first.columns[1..]
