@@ -125,7 +125,7 @@ impl Job {
 
     /// Takes this P-SOG in place of each scene's own, and its grid in place of the scene's.
     #[must_use]
-    pub fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
+    pub(crate) fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
         self.psog(psog).with(|scene| scene.worth = Worth::OtherGrid)
     }
 
@@ -375,7 +375,7 @@ impl Job {
     ///
     /// # Errors
     /// A sensor that the vehicle does not have.
-    pub fn add_range_cards<'a>(
+    pub(crate) fn add_range_cards<'a>(
         &self,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
@@ -394,7 +394,7 @@ impl Job {
     ///
     /// # Errors
     /// See [`Self::look_closely`].
-    pub fn look_closely_by_scene(
+    pub(crate) fn look_closely_by_scene(
         &self,
         evaluator: &mut Evaluator,
         placements: &[Placement],

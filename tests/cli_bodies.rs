@@ -14,16 +14,13 @@ fn room_with(dir: &Path, name: &str, ego: &Value) {
     let mut scene = read_json(room(dir));
     scene["ego"] = ego.clone();
     write(dir, name, &scene);
-    let placements = json!({ "placements": [
-        { "name": "p", "lidars": [{ "x": 0, "y": 0.1, "z": 1.5 }, { "x": 0.4, "y": -0.3, "z": 1.7, "yaw": 1 }] }] });
-    write(dir, "p.json", &placements);
+    let lidars =
+        json!([{ "x": 0, "y": 0.1, "z": 1.5 }, { "x": 0.4, "y": -0.3, "z": 1.7, "yaw": 1 }]);
+    write_rig(dir, "p.json", "p", lidars);
 }
 
 fn distances(dir: &Path, scene: &str, frame: usize) -> Vec<f32> {
-    let frame = frame.to_string();
-    let args = [
-        "cast", scene, "p.json", "--frame", &frame, "--out", "h.npz", "--force", "--backend", "cpu",
-    ];
+    let args = format!("cast {scene} p.json --frame {frame} --out h.npz --force --backend cpu");
     assert_eq!(ok(dir, &args)["beams"], 960);
     let file = BufReader::new(fs::File::open(dir.join("h.npz")).unwrap());
     array(&mut zip::ZipArchive::new(file).unwrap(), "distance")
@@ -71,15 +68,10 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
             "require": [{ "ground": 3, "share": 0 }] });
         write(&dir, "v.json", &vehicle);
     };
-    let rig =
-        json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0.3, "y": 0, "z": 1.6 }] }] });
-    write(&dir, "p.json", &rig);
+    write_rig(&dir, "p.json", "p", json!([{ "x": 0.3, "y": 0, "z": 1.6 }]));
     let run = |command: &str| {
         let args = format!("study {command} p.json --vehicle v.json --backend cpu --format json");
-        let output = sightline(&dir, &args);
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(0), "{command}: {told}");
-        (String::from_utf8_lossy(&output.stdout).into_owned(), told)
+        printed(&dir, &args)
     };
     let commands = [
         "targets --target car --distances 8,15",
@@ -89,28 +81,22 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     ];
     for command in commands {
         tractor(json!([pose(0.0), pose(0.9), pose(0.4)]));
-        let (bends, told) = run(command);
+        let [bends, told] = run(command);
         let words = "v.json: bodies[0]: has 3 poses, one for each frame; level ground takes the body as in frame 0";
         assert_eq!(told.matches(words).count(), 1, "{command}: {told}");
         tractor(json!([pose(0.0)]));
-        let (stands, told) = run(command);
+        let [stands, told] = run(command);
         assert!(bends == stands && !told.contains("poses"), "{command}: {told}");
         tractor(json!([pose(0.9)]));
-        assert!(command.starts_with("tolerance") || run(command).0 != stands, "{command}");
+        assert!(command.starts_with("tolerance") || run(command)[0] != stands, "{command}");
     }
     tractor(json!([pose(0.0), pose(0.9)]));
-    let handover = ["rig", "handover", "p.json", "--vehicle", "v.json", "--out", "h"];
-    let told = stderr(&dir, &handover);
-    assert!(told.contains("has 2 poses"), "{told}");
-    let readme = fs::read_to_string(dir.path().join("h/README.txt")).unwrap();
-    let words = "boxes, masks and drawing are of frame 0; where they stand otherwise, others are needed (a scene before";
-    assert!(readme.contains(words), "{readme}");
+    stderr(&dir, "rig handover p.json --vehicle v.json --out h").says("has 2 poses");
+    read_text(&dir, "h/README.txt")
+        .says("boxes, masks and drawing are of frame 0; where they stand otherwise, others are needed (a scene before");
     tractor(json!([]));
-    let told = fails(&dir, "study targets p.json --vehicle v.json");
-    assert!(
-        told.contains("bodies[0].poses: an empty list is not a list of at least one pose"),
-        "{told}"
-    );
+    fails(&dir, "study targets p.json --vehicle v.json")
+        .says("bodies[0].poses: an empty list is not a list of at least one pose");
 }
 
 #[test]
@@ -119,10 +105,8 @@ fn a_hand_over_has_the_body_of_its_frame() {
     room_with(dir.path(), "bends.json", &trailer(json!(YAWS.map(pose))));
     room_with(dir.path(), "stands.json", &trailer(json!([pose(YAWS[2])])));
     let files = |scene: &str, frame: &str| {
-        let args = [
-            "rig", "handover", scene, "p.json", "--frame", frame, "--backend", "cpu", "--out", "h",
-            "--force",
-        ];
+        let args =
+            format!("rig handover {scene} p.json --frame {frame} --backend cpu --out h --force");
         printed(&dir, &args);
         let read = |name: &str| fs::read_to_string(dir.path().join("h").join(name)).unwrap();
         let boxes = read("crop_boxes.yaml");
@@ -149,12 +133,11 @@ fn an_stl_and_a_urdf_that_names_it_give_the_bits_of_an_obj() {
     let urdf = r#"<robot name="r"><link name="l"><collision><geometry><mesh filename="b.stl"/></geometry></collision></link></robot>"#;
     fs::write(path("b.urdf"), urdf).unwrap();
     let mut all = Vec::new();
-    for shape in [
+    for mut shape in [
         json!({ "mesh": { "file": "b.obj" } }),
         json!({ "mesh": { "file": "b.stl" } }),
         json!({ "urdf": { "file": "b.urdf", "geometry": "collision" } }),
     ] {
-        let mut shape = shape;
         shape["class"] = json!("vehicle");
         room_with(dir.path(), "r.json", &json!({ "body": [shape] }));
         all.push(distances(dir.path(), "r.json", 0));
@@ -162,9 +145,7 @@ fn an_stl_and_a_urdf_that_names_it_give_the_bits_of_an_obj() {
     assert!(all[0] == all[1] && all[0] == all[2]);
     assert!(all[0].iter().any(|metres| *metres < 1.2), "some beams end at it");
     // Inputs are protected: the mesh of the robot, too.
-    let args = ["cast", "r.json", "p.json", "--out", "b.stl", "--force"];
-    let message = fails(&dir, &args);
-    assert!(message.contains("b.stl"), "{message}");
+    fails(&dir, "cast r.json p.json --out b.stl --force").says("b.stl");
 }
 
 #[test]
@@ -208,7 +189,6 @@ fn bodies_that_cannot_be_end_in_one_sentence_and_exit_code_2() {
     let millimetres = "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 4400 0 0\nvertex 0 1800 1300\nendloop\nendfacet\n";
     write(&dir, "mm.stl", &format!("solid\n{millimetres}endsolid\n"));
     room_with(dir.path(), "r.json", &mesh("mm.stl"));
-    let message = fails(&dir, "cast r.json p.json --out h.npz --strict");
-    let told = "the ego body is 4400.0 m large; lengths are in metres, 4400 mm would be 4.40 m: divide the numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`";
-    assert!(message.contains(told), "{message}");
+    fails(&dir, "cast r.json p.json --out h.npz --strict")
+        .says("the ego body is 4400.0 m large; lengths are in metres, 4400 mm would be 4.40 m: divide the numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`");
 }

@@ -2,24 +2,19 @@
 
 use crate::cli::*;
 
-const CHART: [&str; 9] =
-    ["chart", "room.json", "--quick", "--full", "--placements", "12", "--backend", "cpu", "--out"];
-
-fn read(dir: &TempDir, file: &str) -> String {
-    fs::read_to_string(dir.path().join(file)).unwrap()
-}
+const CHART: &str = "chart room.json --quick --full --placements 12 --backend cpu --out";
 
 #[test]
 fn a_chart_measures_the_settings_of_a_scene() {
     let dir = in_room();
-    let answer = ok(&dir, &[&CHART[..], &["out"]].concat());
+    let answer = ok(&dir, &(CHART, "out"));
     assert_eq!(answer["finished"], true);
-    assert_eq!(answer["placements"].as_array().unwrap().len(), 11 + 12);
-    let rows = answer["rows"].as_array().unwrap();
+    assert_eq!(answer["placements"].list().len(), 11 + 12);
+    let rows = answer["rows"].list();
     let row = |setting: &str| {
         rows.iter().find(|r| r["setting"] == setting).unwrap_or_else(|| panic!("no {setting}"))
     };
-    let number = |row: &Value, at: &str| row.pointer(at).unwrap().as_f64().unwrap();
+    let number = |row: &Value, at: &str| row.pointer(at).unwrap().number();
     // The f64 scorer shares no code with the backends but the build of trees: their agreement checks both.
     let finest = row("0.5 m, 3 frames, f64");
     assert_eq!(answer["reference"], finest["setting"]);
@@ -46,27 +41,25 @@ fn a_chart_measures_the_settings_of_a_scene() {
     for row in general().filter(keeps) {
         assert!(number(row, "/seconds") >= number(chosen, "/seconds"));
     }
-    assert!(answer["words"][0].as_str().unwrap().contains(chosen["setting"].as_str().unwrap()));
-    assert_eq!(read(&dir, "out/chart.csv").lines().count(), rows.len() + 1);
-    let svg = read(&dir, "out/chart.svg");
+    assert!(answer["words"][0].text().contains(chosen["setting"].text()));
+    assert_eq!(read_text(&dir, "out/chart.csv").lines().count(), rows.len() + 1);
+    let svg = read_text(&dir, "out/chart.svg");
     assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
     assert!(svg.contains("cheapest that keeps the ranking") && !svg.contains("NaN"));
     // Going on with a finished chart measures nothing and can only change the tolerance.
     let again = ok(&dir, "chart --resume out --tolerance 1 --backend cpu");
     assert_eq!(again["measured"], answer["measured"]);
-    let args = ["chart", "--resume", "out", "--backend", "cpu", "--format", "csv"];
-    let printed = sightline(&dir, &args).stdout;
-    assert_eq!(String::from_utf8(printed).unwrap(), read(&dir, "out/chart.csv"));
+    let printed = stdout(&dir, "chart --resume out --backend cpu --format csv");
+    assert_eq!(printed, read_text(&dir, "out/chart.csv"));
     let taken = &rows[again["verdict"]["setting"].as_u64().unwrap() as usize];
     assert!(number(taken, "/seconds") < number(chosen, "/seconds"));
 }
 
 /// Text that a chart of the room prints, its CSV by line, and all of its JSON.
-fn printed(dir: &TempDir, more: &[&str], out: &str) -> (String, Vec<String>, Value) {
-    let args = ["chart", "room.json", "--placements", "30", "--backend", "cpu", "--out", out];
-    let text = stdout(dir, &[&args[..], more].concat());
-    let csv = read(dir, &format!("{out}/chart.csv"));
-    let answer = serde_json::from_str(&read(dir, &format!("{out}/chart.json"))).unwrap();
+fn printed(dir: &TempDir, more: &str, out: &str) -> (String, Vec<String>, Value) {
+    let text = stdout(dir, &("chart room.json --placements 30 --backend cpu --out", out, more));
+    let csv = read_text(dir, &format!("{out}/chart.csv"));
+    let answer = serde_json::from_str(&read_text(dir, &format!("{out}/chart.json"))).unwrap();
     (text, csv.lines().map(str::to_owned).collect(), answer)
 }
 
@@ -80,9 +73,9 @@ fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
     let poses = (0..12).map(|k| json!({ "x": 2.0 + 0.001 * f64::from(k), "y": -1 }));
     scene["actors"][0]["poses"] = poses.collect();
     fs::write(&path, scene.to_string()).unwrap();
-    let (text, csv, sparing) = printed(&dir, &[], "sparing");
-    let (all_text, all_csv, full) = printed(&dir, &["--full"], "full");
-    let rows_of = |answer: &Value| answer["rows"].as_array().unwrap().clone();
+    let (text, csv, sparing) = printed(&dir, "", "sparing");
+    let (all_text, all_csv, full) = printed(&dir, "--full", "full");
+    let rows_of = |answer: &Value| answer["rows"].list().clone();
     let (rows, all) = (rows_of(&sparing), rows_of(&full));
     let chosen = |answer: &Value| {
         rows_of(answer)[answer["verdict"]["setting"].as_u64().unwrap() as usize].clone()
@@ -93,10 +86,10 @@ fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
         advice["placements"], same["placements"],
         "the advice is confirmed with all placements"
     );
-    let swapped = |row: &Value| row.pointer("/error/swapped/value").unwrap().as_f64().unwrap();
+    let swapped = |row: &Value| row.pointer("/error/swapped/value").unwrap().number();
     // Both keep the ranking in the full chart with few beams. Which of such is the cheapest by the clock is for a quiet
     // machine to say.
-    let beams = |row: &Value| row["beams"].as_f64().unwrap();
+    let beams = |row: &Value| row["beams"].number();
     let most = all.iter().map(beams).fold(0.0, f64::max);
     for row in [same, &wanted] {
         assert!(swapped(row) < 0.05 && 4.0 * beams(row) <= most, "{row} {most}");
@@ -109,7 +102,7 @@ fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
     );
     let exact = rows.iter().find(|row| row["rung"]["engine"] == "f64").unwrap();
     assert!(exact["placements"].as_u64().unwrap() < advice["placements"].as_u64().unwrap());
-    assert!(text.contains("differ from the reference by at most"), "{text}");
+    text.says("differ from the reference by at most");
     // Settings are left, with a reason, and the table is short.
     let is_left = |line: &&String| line.contains("swaps more pairs") || line.contains("as dear as");
     let left = csv.iter().filter(is_left).count();
@@ -126,7 +119,7 @@ fn a_chart_that_leaves_settings_early_gives_the_advice_of_a_full_one() {
     };
     let (few, many) = (lines(&text), lines(&all_text));
     assert!(few > 0 && few < 15.min(many / 2) && many == general - 1, "{text}\n{all_text}");
-    assert!(text.contains("were left early"), "{text}");
+    text.says("were left early");
 }
 
 #[test]
@@ -140,10 +133,9 @@ fn a_scene_without_geometry_has_fewer_settings() {
         { "name": "far", "lidars": [{ "x": 0.5, "y": 0.5, "z": 500 }] },
     ]});
     write(&dir, "placements.json", &placements);
-    let args = ["chart", "scene.json", "placements.json", "--full", "--placements", "10"];
-    let answer = ok(&dir, &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
-    let settings: Vec<&str> =
-        answer["rows"].as_array().unwrap().iter().map(|r| r["setting"].as_str().unwrap()).collect();
+    let args = "chart scene.json placements.json --full --placements 10";
+    let answer = ok(&dir, &(args, "--backend cpu --out out"));
+    let settings: Vec<&str> = answer["rows"].list().iter().map(|r| r["setting"].text()).collect();
     assert_eq!(
         settings,
         [
@@ -156,15 +148,14 @@ fn a_scene_without_geometry_has_fewer_settings() {
     );
     let left_out = answer["left_out"].to_string();
     for why in ["the P-SOG is a file", "no geometry", "--backend cpu"] {
-        assert!(left_out.contains(why), "{left_out}");
+        left_out.says(why);
     }
     // A placement that covers nothing has no score.
     assert!(answer["measured"][0]["scores"][0].is_f64());
     assert!(answer["measured"][0]["scores"][1].is_null());
     scene["detection"] = json!([]);
     write(&dir, "scene.json", &scene);
-    let detection = ["chart", "scene.json", "--objective", "detection.m_sog"];
-    assert!(fails(&dir, &detection).contains("needs a detection target"));
+    fails(&dir, "chart scene.json --objective detection.m_sog").says("needs a detection target");
 }
 
 #[test]
@@ -177,9 +168,9 @@ fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
         { "name": "near", "lidars": [pose(0.0, 0.0, 0.1), pose(0.2, 0.0, -0.1)] },
     ]});
     write(&dir, "p.json", &placements);
-    let args = ["chart", "room.json", "p.json", "--finest", "0.5", "--full", "--placements", "0"];
-    let answer = ok(&dir, &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
-    let measured = answer["measured"].as_array().unwrap();
+    let args = "chart room.json p.json --finest 0.5 --full --placements 0";
+    let answer = ok(&dir, &(args, "--backend cpu --out out"));
+    let measured = answer["measured"].list();
     let atlases: Vec<&Value> = measured.iter().filter(|m| m["rung"]["engine"] == "atlas").collect();
     assert_eq!(atlases.len(), 2, "three frames and one");
     for atlas in atlases {
@@ -189,16 +180,16 @@ fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
         let cpu = measured.iter().find(same).unwrap();
         assert_eq!(cpu["scores"], atlas["scores"]);
         assert_eq!(atlas["beams"], 0);
-        assert!(atlas["seconds"].as_f64().unwrap() > 0.0);
+        assert!(atlas["seconds"].number() > 0.0);
     }
 }
 
 #[test]
 fn the_gpu_stands_on_the_chart_with_the_scores_of_the_cpu() {
     let dir = in_room();
-    let args = ["chart", "room.json", "--finest", "0.5", "--full", "--placements", "4"];
-    let answer = ok(&dir, &[&args[..], &["--backend", "gpu", "--out", "out"]].concat());
-    let measured = answer["measured"].as_array().unwrap();
+    let args = "chart room.json --finest 0.5 --full --placements 4";
+    let answer = ok(&dir, &(args, "--backend gpu --out out"));
+    let measured = answer["measured"].list();
     let of = |engine: &str| {
         measured
             .iter()
@@ -212,12 +203,12 @@ fn the_gpu_stands_on_the_chart_with_the_scores_of_the_cpu() {
 #[test]
 fn bad_charts_are_refused() {
     let dir = in_room();
-    let chart = |more: &[&str]| fails(&dir, &[&["chart", "room.json"], more].concat());
-    assert!(chart(&["--finest", "0.7"]).contains("coarser than the scene's own voxels of 0.5 m"));
+    let chart = |more: &str| fails(&dir, &("chart room.json", more));
+    chart("--finest 0.7").says("coarser than the scene's own voxels of 0.5 m");
     fs::create_dir(dir.path().join("out")).unwrap();
     write(&dir, "out/checkpoint.json", "{}");
-    assert!(chart(&["--out", "out"]).contains("already holds a run"));
-    assert!(fails(&dir, "chart --resume out").contains("checkpoint.json"));
+    chart("--out out").says("already holds a run");
+    fails(&dir, "chart --resume out").says("checkpoint.json");
     assert!(sightline(&dir, "chart").status.code() == Some(2));
 }
 
@@ -225,21 +216,19 @@ fn bad_charts_are_refused() {
 #[test]
 fn an_interrupted_chart_keeps_what_it_measured() {
     let dir = in_room();
-    let args = "chart room.json --placements 120 --backend cpu --out out";
-    let mut child = begun(&dir, args);
+    let mut child = begun(&dir, "chart room.json --placements 120 --backend cpu --out out");
     wait_for(|| dir.path().join("out/checkpoint.json").exists());
     interrupt(&child, "-INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let before: Value = serde_json::from_str(&read(&dir, "out/chart.json")).unwrap();
+    let before: Value = serde_json::from_str(&read_text(&dir, "out/chart.json")).unwrap();
     assert_eq!(before["finished"], false);
-    let kept = before["measured"].as_array().unwrap();
+    let kept = before["measured"].list();
     let after = ok(&dir, "chart --resume out --backend cpu");
-    let all = after["measured"].as_array().unwrap();
+    let all = after["measured"].list();
     assert!(!kept.is_empty() && kept.len() < all.len(), "{} of {}", kept.len(), all.len());
     assert_eq!(kept[..], all[..kept.len()]);
     // Another world under the same name is noticed.
-    let moved = fs::read_to_string(dir.path().join("room.json")).unwrap();
+    let moved = read_text(&dir, "room.json");
     write(&dir, "room.json", &moved.replace("[3.9,", "[3.2,"));
-    let error = fails(&dir, "chart --resume out --backend cpu");
-    assert!(error.contains("room.json: has changed; out was begun"), "{error}");
+    fails(&dir, "chart --resume out --backend cpu").says("room.json: has changed; out was begun");
 }

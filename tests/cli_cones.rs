@@ -7,7 +7,7 @@ use crate::cli_shared::{cells, yard};
 const PAD_BODY: [f64; 2] = [0.5, 1.5];
 
 pub(crate) fn f64s<const N: usize>(value: &Value) -> [f64; N] {
-    let values: Vec<f64> = value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let values: Vec<f64> = value.list().iter().map(|v| v.number()).collect();
     values.try_into().unwrap()
 }
 
@@ -27,21 +27,19 @@ fn pad(others: &Value, walls: &[Value]) -> TempDir {
         "classes": ["road", "wall", "vehicle"], "psog": { "scan": { "window": 2, "stride": 1 } },
         "roi": { "min": [-12, -12, -0.5], "max": [12, 12, 2.5], "voxel": [1, 1, 1] }, "static": world });
     write(dir.path(), "pad.json", &scene);
-    let lidars = json!([{ "x": 0, "y": 0, "z": 3.5 }]);
-    write(dir.path(), "rig.json", &json!({ "placements": [{ "name": "one", "lidars": lidars }] }));
+    write_rig(dir.path(), "rig.json", "one", json!([{ "x": 0, "y": 0, "z": 3.5 }]));
     dir
 }
 
 fn technologies(dir: &Path, args: &str) -> Value {
-    let args = format!("study redundancy {args} --backend cpu");
-    let found = ok(dir, &args);
+    let found = ok(dir, &format!("study redundancy {args} --backend cpu"));
     found["rows"][0]["technologies"].clone()
 }
 
 /// Counts of a thing: by the number of technologies, and each technology's.
 pub(crate) fn counts(seen: &Value) -> ([f64; 4], Vec<f64>) {
-    let each = seen["each"].as_array().unwrap().iter();
-    (f64s(&seen["by"]), each.map(|of| of["count"].as_f64().unwrap()).collect())
+    let each = seen["each"].list().iter();
+    (f64s(&seen["by"]), each.map(|of| of["count"].number()).collect())
 }
 
 #[test]
@@ -74,7 +72,7 @@ fn sectors_of_level_ground_are_counted_by_their_angles() {
         let all: f64 = by.iter().sum();
         assert!((f64s::<4>(&found[key]["share"])[0] - by[0] / all).abs() < 1e-12);
         assert_eq!(found[key]["each"][1]["technology"], "camera");
-        assert!((found[key]["each"][1]["share"].as_f64().unwrap() - each[1] / all).abs() < 1e-12);
+        assert!((found[key]["each"][1]["share"].number() - each[1] / all).abs() < 1e-12);
     }
     let sensors = json!([{ "technology": "lidar", "count": 1 }, { "technology": "camera", "count": 1 },
         { "technology": "radar", "count": 1 }]);
@@ -135,7 +133,7 @@ fn a_camera_and_a_lidar_that_look_the_same_way_see_the_same() {
             "azimuth_steps": 3600, "range": 60 });
     });
     let lidar = json!({ "x": 2.1, "y": 0, "z": 1.4, "pitch": 0.1, "yaw": 0.4, "sensor": "front" });
-    write(dir, "same.json", &json!({ "placements": [{ "name": "same", "lidars": [lidar] }] }));
+    write_rig(dir, "same.json", "same", [lidar]);
     let found = technologies(dir, "yard.json same.json --target car");
     // A LiDAR sees ground up to half a metre beside its beams, and voxels by a corner; the camera looks at middles.
     for (key, beside) in [("occupied", 0.1), ("ground_10m", 0.15), ("targets", 0.15)] {
@@ -185,17 +183,15 @@ fn tables_are_a_hundred_columns_wide_and_scenes_have_a_mean() {
     change(dir, "cart.json", |cart| cart["other_sensors"] = (0..12).map(of).collect());
     let args =
         "study redundancy yard.json other.json rigs.json --backend cpu --frames 1 --target car";
-    let args: Vec<&str> = args.split(' ').collect();
-    let text = stdout(dir, &args);
-    assert!(text.contains("% by technologies"), "{text}");
+    let text = stdout(dir, args);
+    text.says("% by technologies");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     for k in 0..12 {
         let column = format!("longtechnology{}", char::from(b'a' + k));
         assert_eq!(text.matches(&column).count(), 6, "{column}: {text}");
     }
-    let found = ok(dir, &args);
-    let share =
-        |row: &Value| row["technologies"]["occupied"]["each"][12]["share"].as_f64().unwrap();
+    let found = ok(dir, args);
+    let share = |row: &Value| row["technologies"]["occupied"]["each"][12]["share"].number();
     let mean = 0.5 * (share(&found["rows"][1]) + share(&found["rows"][3]));
     assert!((share(&found["mean"][1]) - mean).abs() < 1e-12 && mean > 0.01);
     assert!(share(&found["rows"][1]) != share(&found["rows"][3]));
@@ -209,17 +205,15 @@ fn weather_dims_no_camera_which_is_said() {
     let dir = yard();
     let dir = dir.path();
     change(dir, "cart.json", |cart| cart["other_sensors"] = rig());
-    let study = |more: &[&str]| {
-        let args =
-            ["study", "redundancy", "yard.json", "rigs.json", "--backend", "cpu", "--frames", "1"];
-        let done = sightline(dir, &[&args[..], more].concat());
-        let told = String::from_utf8_lossy(&done.stderr).into_owned();
-        (ok(dir, &[&args[..], more].concat())["rows"][0]["technologies"]["occupied"].clone(), told)
+    let study = |more: &str| {
+        let args = "study redundancy yard.json rigs.json --backend cpu --frames 1";
+        let (_, [_, told]) = ran(dir, &(args, more));
+        (ok(dir, &(args, more))["rows"][0]["technologies"]["occupied"].clone(), told)
     };
-    let (clear, told) = study(&[]);
+    let (clear, told) = study("");
     assert!(!told.contains("as in clear air"), "{told}");
-    let (fog, told) = study(&["--condition", "fog:mor=40"]);
-    assert!(told.contains("other_sensors see as in clear air"), "{told}");
+    let (fog, told) = study("--condition fog:mor=40");
+    told.says("other_sensors see as in clear air");
     let (clear, fog) = (counts(&clear).1, counts(&fog).1);
     assert!(clear[0] > fog[0] && clear[1..] == fog[1..], "{clear:?} {fog:?}");
 }
@@ -234,11 +228,7 @@ fn wrong_sensors_are_one_sentence_each() {
         let mut text = cart.to_string();
         text.insert_str(1, &format!("\"other_sensors\": {others}, "));
         fs::write(dir.join("bad.json"), text).unwrap();
-        let args = [
-            "study", "redundancy", "rigs.json", "--vehicle", "bad.json", "--backend", "cpu",
-            "--quiet",
-        ];
-        fails(dir, &args)
+        fails(dir, "study redundancy rigs.json --vehicle bad.json --backend cpu --quiet")
     };
     let with = |key: &str, value: &str| {
         let mut sensor = good.clone();
@@ -267,16 +257,13 @@ fn wrong_sensors_are_one_sentence_each() {
     ] {
         let told = told(&with(key, value));
         assert!(told.contains(words) && told.lines().count() == 1, "{key} {value}: {told}");
-        assert!(told.contains("bad.json"), "{told}");
+        told.says("bad.json");
     }
-    let twice = told(&format!("[{good}, {good}]"));
-    assert!(
-        twice.contains("other_sensors[1].name: `eye` is not") && twice.contains("used twice"),
-        "{twice}"
-    );
+    told(&format!("[{good}, {good}]"))
+        .says("other_sensors[1].name: `eye` is not")
+        .says("used twice");
     let many: Vec<Value> = (0..65).map(|_| good.clone()).collect();
-    let many = told(&Value::Array(many).to_string());
-    assert!(many.contains("other_sensors: a list of 65") && many.contains("at most 64"), "{many}");
+    told(&Value::Array(many).to_string()).says("other_sensors: a list of 65").says("at most 64");
 }
 
 #[test]
@@ -290,9 +277,8 @@ fn any_word_is_a_technology_and_degrees_are_doubted() {
         };
         cart["other_sensors"] = json!([sensor("camera", 0.1), sensor("sonar", 5.0)]);
     });
-    let args = ["study", "redundancy", "rigs.json", "--vehicle", "cart.json", "--backend", "cpu"];
-    let done = sightline(dir, &args);
+    let done = sightline(dir, "study redundancy rigs.json --vehicle cart.json --backend cpu");
     let [said, told] = [done.stdout, done.stderr].map(|text| String::from_utf8(text).unwrap());
-    assert!(said.contains("1 camera  1 sonar"), "{said}");
-    assert!(told.contains("other_sensors[1].roll is 5 rad; degrees?"), "{told}");
+    said.says("1 camera  1 sonar");
+    told.says("other_sensors[1].roll is 5 rad; degrees?");
 }

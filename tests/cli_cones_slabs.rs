@@ -19,16 +19,16 @@ struct Cone {
 impl Cone {
     fn all(others: &Value) -> Vec<Self> {
         let of = |sensor: &Value| {
-            let number = |key: &str| sensor.get(key).map_or(0.0, |v| v.as_f64().unwrap());
+            let number = |key: &str| sensor.get(key).map_or(0.0, |v| v.number());
             Self {
-                technology: sensor["technology"].as_str().unwrap().to_owned(),
+                technology: sensor["technology"].text().to_owned(),
                 at: ["x", "y", "z"].map(number),
                 turned: ["roll", "pitch", "yaw"].map(number),
                 fov: f64s(&sensor["fov"]),
                 range: number("range"),
             }
         };
-        others.as_array().unwrap().iter().map(of).collect()
+        others.list().iter().map(of).collect()
     }
 
     /// Turns back one axis after the other: yaw, pitch, roll.
@@ -105,7 +105,7 @@ fn by_hand(cones: &[Cone], things: &[[[f64; 3]; 2]], solids: &[[[f64; 3]; 2]]) -
 /// Placements of a LiDAR that sees nothing: it looks at the sky.
 fn looks_up(dir: &Path) {
     let lidar = json!({ "x": 0, "y": 0, "z": 2.4, "pitch": -1.5, "sensor": "front" });
-    write(dir, "up.json", &json!({ "placements": [{ "name": "up", "lidars": [lidar] }] }));
+    write_rig(dir, "up.json", "up", [lidar]);
 }
 
 /// Boxes of the occupied voxels of the yard.
@@ -129,10 +129,9 @@ fn voxels_ground_and_targets_are_those_of_slabs_in_f64() {
     looks_up(dir);
     let cones = Cone::all(&rig());
     let told = stderr(dir, "study redundancy yard.json up.json --backend cpu --frames 1");
-    assert!(told.contains("the own body blocks 100 % of the view of `radar 4`"), "{told}");
+    told.says("the own body blocks 100 % of the view of `radar 4`");
     assert_eq!(told.matches("the own body blocks").count(), 1, "{told}");
-    let args = ["study", "redundancy", "yard.json", "up.json", "--backend", "cpu", "--frames", "1"];
-    let found = ok(dir, &args);
+    let found = ok(dir, "study redundancy yard.json up.json --backend cpu --frames 1");
     let of = &found["rows"][0]["technologies"];
     let is = |seen: &Value, things: &[[[f64; 3]; 2]], solids: &[[[f64; 3]; 2]], off: f64| {
         let [none, camera, radar, both] = by_hand(&cones, things, solids);
@@ -153,8 +152,8 @@ fn voxels_ground_and_targets_are_those_of_slabs_in_f64() {
         let points: Vec<_> = near.map(|([x, y], _)| [[x, y, 0.0]; 2]).collect();
         is(&of[key], &points, &YARD, 2.0);
     }
-    let targets = found["targets"].as_array().unwrap();
-    for (target, seen) in targets.iter().zip(of["targets"].as_array().unwrap()) {
+    let targets = found["targets"].list();
+    for (target, seen) in targets.iter().zip(of["targets"].list()) {
         assert_eq!(target["name"], seen["target"]);
         let [length, width, height] = f64s(&target["size"]);
         let places = (0..160).map(|k| {

@@ -14,11 +14,10 @@ fn parked(dir: &Path, [min, max]: [[f64; 2]; 2], require: &Value) {
         "roi": { "min": [-8, -8, -0.5], "max": [8, 8, 1.5], "voxel": [1, 1, 1] },
         "static": [{ "class": "road", "plane": { "min": [-20, -20], "max": [20, 20], "z": 0 } }] });
     write(dir, "road.json", &scene);
-    let rig = json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0, "y": 0, "z": 3.2 }] }] });
-    write(dir, "p.json", &rig);
+    write_rig(dir, "p.json", "p", json!([{ "x": 0, "y": 0, "z": 3.2 }]));
 }
 
-const SCORE: [&str; 5] = ["score", "road.json", "p.json", "--backend", "cpu"];
+const SCORE: &str = "score road.json p.json --backend cpu";
 /// Body from x = -2 to 2.5 and y = -0.9 to 0.9.
 const CAR: [[f64; 2]; 2] = [[-2.0, -0.9], [2.5, 0.9]];
 
@@ -34,13 +33,11 @@ fn ground_nearer_than_any_cell_is_an_error_that_says_from_where_on() {
         (json!({ "blind_zone": "left", "depth": 0.2 }), "depth", "0.23"),
     ] {
         parked(dir.path(), CAR, &rule);
-        let told = fails(&dir, &SCORE);
-        let place = format!("box.json: require[1].{field}: ");
-        assert!(told.contains(&place) && told.contains(&format!("give {least} or more")), "{told}");
+        fails(&dir, SCORE)
+            .says(&format!("box.json: require[1].{field}: "))
+            .says(&format!("give {least} or more"));
     }
-    let optimize =
-        ["optimize", "road.json", "--out", "run", "--evaluations", "5", "--backend", "cpu"];
-    let told = fails(&dir, &optimize);
+    let told = fails(&dir, "optimize road.json --out run --evaluations 5 --backend cpu");
     assert!(told.contains("require[1].depth") && !dir.path().join("run").exists(), "{told}");
     for rule in [
         json!({ "ground": 0.13, "share": 0.5 }),
@@ -48,17 +45,15 @@ fn ground_nearer_than_any_cell_is_an_error_that_says_from_where_on() {
         json!({ "blind_zone": "left", "depth": 0.23 }),
     ] {
         parked(dir.path(), CAR, &rule);
-        let found = &ok(&dir, &SCORE)["scores"][0]["requirements"][1];
+        let found = &ok(&dir, SCORE)["scores"][0]["requirements"][1];
         assert!(found["found"].is_number(), "{found}");
     }
     // A body between two lanes has none before its edges; a line has no outline, and a large one too many cells.
     let thin = [[-2.0, 0.01], [2.5, 0.02]];
     parked(dir.path(), thin, &json!({ "blind_zone": "ahead", "depth": 5 }));
-    let told = fails(&dir, &SCORE);
-    assert!(told.contains("require[1].blind_zone") && told.contains("narrower"), "{told}");
+    fails(&dir, SCORE).says("require[1].blind_zone").says("narrower");
     parked(dir.path(), [[-2e5, -0.9], [2e5, 0.9]], &json!({ "ground": 3, "share": 0.5 }));
-    let told = fails(&dir, &SCORE);
-    assert!(told.contains("its body is 400000 m long or wide"), "{told}");
+    fails(&dir, SCORE).says("its body is 400000 m long or wide");
 }
 
 #[test]
@@ -68,21 +63,14 @@ fn a_target_whose_places_all_lie_in_the_own_body_is_an_error() {
     let child = |within: f64| json!({ "target": "child", "within": within, "bearing": [-5, 5], "share": 0.95 });
     // Places at 5, 6 and 7 m straight ahead; the body ends at 8 m.
     parked(dir.path(), truck, &child(7.0));
-    let told = fails(&dir, &SCORE);
-    let words = "box.json: require[1]: every place of `child from 5 to 7 m, -5° to 5°` lies in the own body";
-    assert!(told.contains(words), "{told}");
-    let told = fails(
-        &dir,
-        &[
-            "study", "sweep", "p.json", "--vehicle", "box.json", "--of", "0.z", "--from", "3",
-            "--to", "3.4", "--backend", "cpu",
-        ],
-    );
-    assert!(told.contains("require[1]: every place"), "{told}");
+    fails(&dir, SCORE)
+        .says("box.json: require[1]: every place of `child from 5 to 7 m, -5° to 5°` lies in the own body");
+    fails(&dir, "study sweep p.json --vehicle box.json --of 0.z --from 3 --to 3.4 --backend cpu")
+        .says("require[1]: every place");
     // Among 5, 7.5 and 10 m only the last is free: it alone counts.
     parked(dir.path(), truck, &child(10.0));
-    let found = &ok(&dir, &SCORE)["scores"][0]["requirements"][1];
-    assert!([0.0, 1.0].contains(&found["found"].as_f64().unwrap()), "{found}");
+    let found = &ok(&dir, SCORE)["scores"][0]["requirements"][1];
+    assert!([0.0, 1.0].contains(&found["found"].number()), "{found}");
 }
 
 #[test]
@@ -93,41 +81,35 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
             "share": 0.5 })
     };
     let sweep = "study sweep p.json --vehicle box.json --of 0.z --from 3 --to 3.4 --backend cpu";
-    let sweep: Vec<&str> = sweep.split(' ').collect();
     parked(dir.path(), CAR, &car(8.0, "scene"));
-    let told = fails(&dir, &sweep);
-    let words =
-        "box.json: require[1].ground: `car` stands on the ground of a scene, and there is none";
-    assert!(told.contains(words), "{told}");
-    let found = ok(&dir, &SCORE)["scores"][0]["requirements"][1]["found"].clone();
+    fails(&dir, sweep).says(
+        "box.json: require[1].ground: `car` stands on the ground of a scene, and there is none",
+    );
+    let found = ok(&dir, SCORE)["scores"][0]["requirements"][1]["found"].clone();
     // Names do not tell a scene from the level ground of commands without one.
-    let road = fs::read_to_string(dir.path().join("road.json")).unwrap();
+    let road = read_text(&dir, "road.json");
     let named = road.replace(r#""name":"road""#, r#""name":"level ground""#);
     assert_ne!(named, road);
     fs::write(dir.path().join("road.json"), named).unwrap();
-    assert_eq!(ok(&dir, &SCORE)["scores"][0]["requirements"][1]["found"], found);
+    assert_eq!(ok(&dir, SCORE)["scores"][0]["requirements"][1]["found"], found);
     // The road ends at 20 m.
     parked(dir.path(), CAR, &car(40.0, "scene"));
-    let told = fails(&dir, &SCORE);
-    assert!(told.contains("box.json: require[1]: no place of `car` is free"), "{told}");
-    assert!(told.contains(": there is no ground below any of its 48 places; change"), "{told}");
+    fails(&dir, SCORE)
+        .says("box.json: require[1]: no place of `car` is free")
+        .says(": there is no ground below any of its 48 places; change");
     // Beams and other targets are looked at whether or not the scene can judge the requirement.
-    for command in
-        ["cast road.json p.json", "study targets road.json p.json --target car --distances 8"]
-    {
-        let command = format!("{command} --backend cpu");
-        ok(&dir, &command.split(' ').collect::<Vec<_>>());
-    }
+    ok(&dir, "cast road.json p.json --backend cpu");
+    ok(&dir, "study targets road.json p.json --target car --distances 8 --backend cpu");
     // This scene is level, and its rule has the share of the study there.
     parked(dir.path(), CAR, &car(8.0, "scene"));
     let bearings: Vec<String> =
         (1..=48).map(|k| (f64::from(k) * 7.5 - 180.0).to_string()).collect();
     let bearings = format!("--bearings={}", bearings.join(","));
-    let mut study = vec!["study", "targets", "road.json", "p.json", "--target", "car"];
-    study.extend(["--distances", "8", &bearings, "--frames", "1", "--backend", "cpu"]);
-    let rows = ok(&dir, &study)["rows"].clone();
+    let study =
+        "study targets road.json p.json --target car --distances 8 --frames 1 --backend cpu";
+    let rows = ok(&dir, &(study, bearings))["rows"].clone();
     let met = |row: &&Value| row["beams"].as_u64().is_some_and(|beams| beams >= 45);
-    let rows = rows.as_array().unwrap();
+    let rows = rows.list();
     let met = rows.iter().filter(met).count();
     assert!(met > 0 && met < 48, "{met}");
     assert_eq!((rows.len(), found.as_f64()), (48, Some(met as f64 / 48.0)));
@@ -140,7 +122,6 @@ fn a_target_on_the_ground_of_a_scene_wants_a_scene_with_free_ground() {
         ),
     ] {
         parked(dir.path(), CAR, &rule);
-        let told = fails(&dir, &SCORE);
-        assert!(told.contains(said), "{rule}: {told}");
+        fails(&dir, SCORE).says(said);
     }
 }

@@ -49,7 +49,7 @@ fn position(lidar: &Value) -> [f64; 3] {
 }
 
 fn corner(value: &Value, key: &str) -> [f64; 3] {
-    [0, 1, 2].map(|k| value[key][k].as_f64().unwrap())
+    [0, 1, 2].map(|k| value[key][k].number())
 }
 
 /// True if a LiDAR is the mirror image of another, or of itself.
@@ -64,7 +64,7 @@ fn is_image(a: &Value, b: &Value) -> bool {
 /// Rules of a vehicle whose mounts are boxes apart from each other that a rig breaks.
 fn broken(vehicle: &Value, lidars: &[Value]) -> Vec<String> {
     let mut broken = Vec::new();
-    let mounts = vehicle["mounts"].as_array().unwrap();
+    let mounts = vehicle["mounts"].list();
     let mut on = vec![0; mounts.len()];
     for (i, lidar) in lidars.iter().enumerate() {
         let at = position(lidar);
@@ -160,12 +160,12 @@ fn every_rig_that_is_found_keeps_the_counts_and_the_rules() {
                 (json!(2.5), json!(2.6), json!("rack"));
         }
         let vehicle = write_vehicle(dir.path(), mounts, more);
-        for (out, more) in [("all", &[][..]), ("least", &["--budget", "30"])] {
+        for (out, more) in [("all", ""), ("least", "--budget 30")] {
             // Less money changes the rig where a number or a model is to be chosen.
             if out == "least" && ![3, 5].contains(&number) {
                 continue;
             }
-            let found = ok(&dir, &[&OPTIMIZE[..], &[out], more].concat());
+            let found = ok(&dir, &(OPTIMIZE, [out], more));
             let lidars = found["best"]["placement"]["lidars"].as_array().expect("a rig").clone();
             assert_eq!(broken(&vehicle, &lidars), [""; 0], "case {number}, {out}: {lidars:?}");
         }
@@ -206,17 +206,14 @@ fn rules_that_leave_no_rig_are_refused_before_anything_is_written() {
     for (mounts, more, words) in impossible() {
         let dir = street();
         write_vehicle(dir.path(), mounts, more);
-        for more in [&[][..], &["--budget", "100"], &["--front", "price,near_gain"]] {
-            let told = fails(&dir, &[&OPTIMIZE[..], &["o"], more].concat());
-            assert!(told.contains(words), "{more:?}: {told}\n  lacks {words}");
-            assert!(!dir.path().join("o").exists(), "{more:?}: {told}");
+        for more in ["", "--budget 100", "--front price,near_gain"] {
+            let told = fails(&dir, &(OPTIMIZE, "o", more));
+            assert!(told.contains(words), "{more}: {told}\n  lacks {words}");
+            assert!(!dir.path().join("o").exists(), "{more}: {told}");
         }
         for kind in ["cost", "channels", "random", "tasks", "height", "lidars"] {
-            let args = [
-                "study", kind, "s.json", "--vehicle", "v.json", "--evaluations", "10", "--random",
-                "5",
-            ];
-            let told = fails(&dir, &[&args[..], &["--backend", "cpu", "--out", "o"]].concat());
+            let args = format!("study {kind} s.json --vehicle v.json --evaluations 10 --random 5");
+            let told = fails(&dir, &(&args, "--backend cpu --out o"));
             assert!(told.contains(words), "{kind}: {told}\n  lacks {words}");
             assert!(!dir.path().join("o").exists(), "{kind}: {told}");
         }
@@ -232,9 +229,8 @@ fn mirrored_pairs_need_a_wide_mount() {
     ] {
         let dir = street();
         write_vehicle(dir.path(), mounts.clone(), more);
-        let told = fails(&dir, &[&OPTIMIZE[..], &["o"]].concat());
-        let words = "v.json: symmetric: true is not possible where y of the mount `m0` (mounts[0]) runs from -0.600 to 0.600";
-        assert!(told.contains(words), "{told}");
+        fails(&dir, &(OPTIMIZE, "o"))
+            .says("v.json: symmetric: true is not possible where y of the mount `m0` (mounts[0]) runs from -0.600 to 0.600");
         assert!(!dir.path().join("o").exists());
     }
 }
@@ -245,8 +241,8 @@ fn fewest_sensors_start_from_a_rig_by_the_rules() {
     let require = json!([{ "name": "all", "min": [-3, -3, 0], "max": [3, 3, 2], "share": 0.01 }]);
     let more = json!({ "min_distance": 2.5, "require": require });
     let vehicle = write_vehicle(dir.path(), json!([roof(json!([2, 4]))]), more);
-    let found = ok(&dir, &[&OPTIMIZE[..], &["o", "--fewest"]].concat());
-    let lidars = found["best"]["placement"]["lidars"].as_array().unwrap().clone();
+    let found = ok(&dir, &(OPTIMIZE, "o --fewest"));
+    let lidars = found["best"]["placement"]["lidars"].list().clone();
     assert_eq!((lidars.len(), broken(&vehicle, &lidars)), (2, vec![]));
 }
 
@@ -257,12 +253,10 @@ type Rig<'a> = (&'a str, &'a [([f64; 3], &'a str)]);
 fn write_rigs(dir: &Path, rigs: &[Rig]) {
     let lidar = |([x, y, z], sensor): &([f64; 3], &str)| json!({ "x": x, "y": y, "z": z, "sensor": sensor });
     let rig = |(name, lidars): &Rig| json!({ "name": name, "lidars": lidars.iter().map(lidar).collect::<Vec<_>>() });
-    let all = json!({ "placements": rigs.iter().map(rig).collect::<Vec<_>>() });
-    write(dir, "rigs.json", &all);
+    write(dir, "rigs.json", &json!({ "placements": rigs.iter().map(rig).collect::<Vec<_>>() }));
 }
 
-const SCORE: [&str; 8] =
-    ["score", "s.json", "rigs.json", "--vehicle", "v.json", "--backend", "cpu", "--tolerance=0"];
+const SCORE: &str = "score s.json rigs.json --vehicle v.json --backend cpu --tolerance=0";
 
 #[test]
 fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
@@ -287,15 +281,15 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
     ];
     let named: Vec<Rig> = rigs.iter().map(|(rig, _)| *rig).collect();
     write_rigs(dir.path(), &named);
-    let scores = ok(&dir, &SCORE)["scores"].clone();
-    let text = stdout(&dir, &SCORE);
-    let csv = stdout(&dir, &[&SCORE[..], &["--format", "csv"]].concat());
+    let scores = ok(&dir, SCORE)["scores"].clone();
+    let text = stdout(&dir, SCORE);
+    let csv = stdout(&dir, &(SCORE, "--format csv"));
     let file = read_json(dir.path().join("rigs.json"));
     for (k, ((name, _), rules)) in rigs.iter().enumerate() {
         let found: Vec<&str> = scores[k]["broken_rules"]
             .as_array()
-            .map_or(vec![], |all| all.iter().map(|rule| rule.as_str().unwrap()).collect());
-        let lidars = file["placements"][k]["lidars"].as_array().unwrap();
+            .map_or(vec![], |all| all.iter().map(|rule| rule.text()).collect());
+        let lidars = file["placements"][k]["lidars"].list();
         assert_eq!(found.is_empty(), broken(&vehicle, lidars).is_empty(), "{name}: {found:?}");
         assert_eq!(found.len(), rules.len(), "{name}: {found:?}");
         for rule in *rules {
@@ -305,16 +299,16 @@ fn a_rig_that_breaks_a_rule_is_told_so_in_text_json_and_csv() {
             );
         }
         for words in found {
-            assert!(text.contains(&format!("  ! RULE BROKEN: {words}\n")), "{text}");
-            assert!(csv.contains(words), "{csv}");
+            text.says(&format!("  ! RULE BROKEN: {words}\n"));
+            csv.says(words);
         }
     }
     assert!(csv.lines().next().unwrap().ends_with(",broken_rules,price"), "{csv}");
     let prices: Vec<&str> =
         csv.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
     assert_eq!(prices, ["20", "30", "4", "20", "10"]);
-    let several = [&["score", "s.json", "s.json"], &SCORE[2..], &["--format", "csv"]].concat();
-    let several = String::from_utf8(sightline(&dir, &several).stdout).unwrap();
+    let several =
+        stdout(&dir, &(SCORE.replace("s.json rigs", "s.json s.json rigs"), "--format csv"));
     assert_eq!(several.lines().filter(|line| line.ends_with(",30")).count(), 3, "{several}");
 }
 
@@ -331,21 +325,15 @@ fn scores_end_with_code_1_where_no_rig_meets_all_requirements() {
             json!({ "require": require(share) }),
         );
         write_rigs(dir.path(), &[("one", at), ("two", at)]);
-        for more in [
-            &[][..],
-            &["--format", "json"],
-            &["--format", "csv"],
-            &["--out", "scores.txt", "--force"],
-        ] {
-            let ended = sightline(&dir, &[&SCORE[..], more].concat());
+        for more in ["", "--format json", "--format csv", "--out scores.txt --force"] {
+            let ended = sightline(&dir, &(SCORE, more));
             let told = String::from_utf8_lossy(&ended.stderr);
-            assert_eq!(ended.status.code(), Some(code), "{more:?}: {told}");
+            assert_eq!(ended.status.code(), Some(code), "{more}: {told}");
             let words = "NOT MET: no placement of rigs.json meets all requirements";
             assert_eq!(told.contains(words), code == 1, "{told}");
         }
-        let two =
-            ["score", "s.json", "s.json", "rigs.json", "--vehicle", "v.json", "--backend", "cpu"];
-        assert_eq!(sightline(&dir, &two).status.code(), Some(code));
+        let two = "score s.json s.json rigs.json --vehicle v.json --backend cpu";
+        assert_eq!(sightline(&dir, two).status.code(), Some(code));
     }
 }
 
@@ -363,19 +351,14 @@ fn a_run_that_comes_to_an_error_leaves_no_folder() {
     blind["lidar"]["range"] = json!(0.01);
     blind["mount"] = json!({ "min": [-1, -1, 5], "max": [1, 1, 5.2], "lidars": 2 });
     write(&dir, "blind.json", &blind);
-    let args = ["optimize", "blind.json", "--evaluations", "10", "--backend", "cpu"];
-    let more = ["--objective", "m_sog_scaled", "--out", "deep/o"];
-    let told = fails(&dir, &[&args[..], &more].concat());
-    assert!(told.contains("kept its rules, but none has a value of `m_sog_scaled`"), "{told}");
+    let args = "optimize blind.json --evaluations 10 --backend cpu";
+    let more = "--objective m_sog_scaled --out deep/o";
+    fails(&dir, &(args, more)).says("kept its rules, but none has a value of `m_sog_scaled`");
     assert!(!dir.path().join("deep").exists());
     // Beams that pass through everything have no echoes that weather could take.
     scene["coverage"] = json!("through");
     write(&dir, "through.json", &scene);
-    let args = [
-        "study", "weather", "through.json", "--backend", "cpu", "--evaluations", "10", "--out",
-        "wx",
-    ];
-    let told = fails(&dir, &args);
+    let told = fails(&dir, "study weather through.json --backend cpu --evaluations 10 --out wx");
     assert!(!dir.path().join("wx").exists(), "{told}");
 }
 
@@ -388,17 +371,13 @@ fn a_tight_mount_of_a_scene_is_searched_or_refused_like_one_of_a_vehicle() {
         scene["mount"] = json!({ "min": [-1, -0.8, 1.8], "max": [1, 0.8, 2.2], "lidars": lidars, "min_distance": 2.5 });
         write(&dir, "tight.json", &scene);
     };
-    let args = ["optimize", "tight.json", "--evaluations", "10", "--backend", "cpu", "--out", "o"];
+    let args = "optimize tight.json --evaluations 10 --backend cpu --out o";
     write(3);
-    let told = fails(&dir, &args);
-    assert!(
-        told.contains("tight.json: mount: no placement of 3 LiDARs on `mount` was found"),
-        "{told}"
-    );
+    fails(&dir, args).says("tight.json: mount: no placement of 3 LiDARs on `mount` was found");
     assert!(!dir.path().join("o").exists());
     write(2);
-    let found = ok(&dir, &args);
-    let lidars = found["best"]["placement"]["lidars"].as_array().unwrap();
+    let found = ok(&dir, args);
+    let lidars = found["best"]["placement"]["lidars"].list();
     let far =
         (0..3).map(|k| (position(&lidars[0])[k] - position(&lidars[1])[k]).powi(2)).sum::<f64>();
     assert!(far.sqrt() >= 2.5 - 1e-6, "{lidars:?}");
@@ -408,8 +387,7 @@ fn a_tight_mount_of_a_scene_is_searched_or_refused_like_one_of_a_vehicle() {
 fn a_scene_without_a_lidar_is_scanned_and_counted_with_a_vehicle() {
     let dir = street();
     write_vehicle(dir.path(), json!([roof(json!(2))]), json!({}));
-    let told = fails(&dir, "psog build s.json --out q.npz");
-    assert!(told.contains("lidar"), "{told}");
+    fails(&dir, "psog build s.json --out q.npz").says("lidar");
     let built = ok(&dir, "psog build s.json --vehicle v.json --out q.npz");
     assert_eq!(built["frames"], 3);
     let counted = ok(&dir, "scene info s.json --vehicle v.json");
@@ -434,14 +412,13 @@ fn requirements_of_one_name_are_refused() {
         ),
     ] {
         write_vehicle(dir.path(), json!([roof(json!(1))]), json!({ "require": require }));
-        let told = fails(&dir, &[&OPTIMIZE[..], &["o"]].concat());
-        assert!(told.contains(place), "{told}");
+        fails(&dir, &(OPTIMIZE, "o")).says(place);
     }
     // Requirements with other bearings have other names.
     let of = |bearing: [f64; 2]| json!({ "target": "car", "within": 20, "share": 0, "bearing": bearing });
     let all = [[-30.0, 30.0], [30.0, 90.0], [45.0, 45.0], [-180.0, 180.0]].map(of);
     write_vehicle(dir.path(), json!([roof(json!(1))]), json!({ "require": all }));
-    let found = ok(&dir, &[&OPTIMIZE[..], &["o"]].concat());
+    let found = ok(&dir, &(OPTIMIZE, "o"));
     let names = [
         "car from 5 to 20 m, -30° to 30°",
         "car from 5 to 20 m, 30° to 90°",

@@ -87,7 +87,7 @@ fn check(csv: &Csv, row: usize, scores: &Value) {
         csv.is(row, title, &scores[key]);
     }
     csv.is(row, "detection_m_sog_scaled", &scores["detection"]["m_sog_scaled"]);
-    let guards = scores["guards"].as_array().unwrap().iter().map(|g| g.as_str().unwrap());
+    let guards = scores["guards"].list().iter().map(|g| g.text());
     assert_eq!(csv.cell(row, "warnings"), guards.collect::<Vec<_>>().join("; "));
 }
 
@@ -98,7 +98,7 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
     let (csv, found) = both(dir.path(), line);
     assert_eq!(csv.rows(), 2);
     assert!(!csv.0[0].contains(&"price".to_owned()), "no sensor has one");
-    for (row, scores) in found["scores"].as_array().unwrap().iter().enumerate() {
+    for (row, scores) in found["scores"].list().iter().enumerate() {
         check(&csv, row, scores);
         csv.is(row, "near_field_share", &scores["near_field"]);
         csv.is(row, "near_ring_share", &scores["near_ring"]);
@@ -106,7 +106,7 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
         assert!(scores["requirements_hold_in"].is_number(), "{scores}");
         let seen = &scores["requirements"][0];
         assert_eq!(csv.cell(row, "requirements_met"), seen["met"].to_string());
-        let name = seen["name"].as_str().unwrap();
+        let name = seen["name"].text();
         csv.is(row, &format!("{name}_found"), &seen["found"]);
         csv.is(row, &format!("{name}_required"), &seen["required"]);
         csv.is(row, &format!("{name}_holds_in"), &seen["holds_in"]);
@@ -114,8 +114,7 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
         let words = csv.cell(row, "requirements");
         assert!(words.ends_with(&format!(": {} of 0.05", seen["found"])), "{words}, {seen}");
     }
-    let line = "score town.json town2.json two.json --backend cpu";
-    let (csv, found) = both(dir.path(), line);
+    let (csv, found) = both(dir.path(), "score town.json town2.json two.json --backend cpu");
     assert_eq!(csv.rows(), 6);
     for (scene, name) in ["town", "town2"].into_iter().enumerate() {
         for k in 0..2 {
@@ -130,9 +129,8 @@ fn scores_are_those_of_the_json_in_one_scene_and_in_several() {
 #[test]
 fn scores_go_into_a_file_with_one_first_line() {
     let dir = town();
-    let line = "score town.json two.json --backend cpu --format csv --out scores.csv";
-    printed(&dir, line);
-    let text = fs::read_to_string(dir.path().join("scores.csv")).unwrap();
+    printed(&dir, "score town.json two.json --backend cpu --format csv --out scores.csv");
+    let text = read_text(&dir, "scores.csv");
     assert_eq!(text.matches("information_gain_nats").count(), 1);
     assert_eq!(Csv::read(&text).rows(), 2);
 }
@@ -146,14 +144,14 @@ fn a_search_has_a_row_for_its_result_and_for_each_baseline() {
     let line = "optimize town.json --vehicle cart.json --backend cpu --evaluations 8 --baselines two.json --out run";
     let csv = Csv::of(dir.path(), line);
     let result = read_json(dir.path().join("run/result.json"));
-    let all = std::iter::once(&result["best"]).chain(result["baselines"].as_array().unwrap());
+    let all = std::iter::once(&result["best"]).chain(result["baselines"].list());
     let all: Vec<&Value> = all.collect();
     assert_eq!((csv.rows(), all.len()), (3, 3));
     for (row, of) in all.into_iter().enumerate() {
         check(&csv, row, &of["scores"]);
         let seen = &of["scores"]["requirements"][0];
         assert_eq!(csv.cell(row, "requirements_met"), seen["met"].to_string());
-        let broken = of["violations"].as_array().unwrap().len();
+        let broken = of["violations"].list().len();
         assert_eq!(csv.cell(row, "broken_rules").is_empty(), broken == 0, "{of}");
         csv.is(row, "price", &json!(300));
         csv.is(row, "price", &of["price"]);
@@ -178,7 +176,7 @@ fn a_front_has_a_row_for_each_point() {
         "optimize street.json --front price,near_gain --backend cpu --evaluations 0 --out run";
     let csv = Csv::of(dir.path(), line);
     let result = read_json(dir.path().join("run/result.json"));
-    let points = result["front"].as_array().unwrap();
+    let points = result["front"].list();
     assert!(points.len() > 1 && csv.rows() == points.len(), "{result}");
     for (row, point) in points.iter().enumerate() {
         check(&csv, row, &point["scores"]);
@@ -193,9 +191,8 @@ fn a_front_has_a_row_for_each_point() {
 #[test]
 fn near_fields_and_targets_are_those_of_the_json() {
     let dir = town();
-    let line = "study nearfield town.json two.json --backend cpu";
-    let (csv, found) = both(dir.path(), line);
-    for (row, near) in found["near_fields"].as_array().unwrap().iter().enumerate() {
+    let (csv, found) = both(dir.path(), "study nearfield town.json two.json --backend cpu");
+    for (row, near) in found["near_fields"].list().iter().enumerate() {
         csv.is(row, "placement", &near["name"]);
         csv.is(row, "near_field_share", &near["near_field"]);
         csv.is(row, "ring_3m_share", &near["ring"]);
@@ -204,7 +201,7 @@ fn near_fields_and_targets_are_those_of_the_json() {
         for side in ["ahead", "behind", "left", "right"] {
             csv.is(row, &format!("blind_{side}_m"), &near["zone"][side]);
         }
-        let poles = near["poles"].as_array().unwrap().iter();
+        let poles = near["poles"].list().iter();
         let of = poles.filter(|pole| pole["standard"] == "R159").collect::<Vec<_>>();
         let seen = of.iter().filter(|pole| pole["seen"] == true).count();
         assert_eq!(csv.cell(row, "R159_seen"), seen.to_string());
@@ -215,12 +212,12 @@ fn near_fields_and_targets_are_those_of_the_json() {
             .split("; ")
             .map(|c| c.parse().unwrap())
             .collect();
-        assert_eq!(own, [0, 1].map(|k| near["beams"][k]["own"].as_f64().unwrap()));
+        assert_eq!(own, [0, 1].map(|k| near["beams"][k]["own"].number()));
     }
     let line = "study targets town.json two.json --target car --distances 4,6,8 --backend cpu";
     let (csv, found) = both(dir.path(), line);
     assert_eq!(csv.rows(), 3 * 32);
-    for (row, of) in found["rows"].as_array().unwrap().iter().enumerate() {
+    for (row, of) in found["rows"].list().iter().enumerate() {
         for (title, key) in [
             ("scene", "scene"),
             ("frame", "frame"),
@@ -232,18 +229,16 @@ fn near_fields_and_targets_are_those_of_the_json() {
         ] {
             csv.is(row, title, &of[key]);
         }
-        let each = of["by_lidar"].as_array().unwrap().iter().map(Value::to_string);
+        let each = of["by_lidar"].list().iter().map(Value::to_string);
         assert_eq!(csv.cell(row, "beams_by_lidar"), each.collect::<Vec<_>>().join("; "));
     }
     let mut runs = 0;
     // Rows are by placement, target, bearing and distance: three a bearing.
-    for (bearing, of) in found["detections"].as_array().unwrap().iter().enumerate() {
+    for (bearing, of) in found["detections"].list().iter().enumerate() {
         let row = 3 * bearing;
         csv.is(row, "first_m", &of["first"]);
-        let all = of["detected"].as_array().unwrap();
-        let all = all
-            .iter()
-            .map(|run| format!("{} to {}", run[0].as_f64().unwrap(), run[1].as_f64().unwrap()));
+        let all = of["detected"].list();
+        let all = all.iter().map(|run| format!("{} to {}", run[0].number(), run[1].number()));
         let all = all.collect::<Vec<_>>().join("; ");
         runs += usize::from(!all.is_empty());
         assert_eq!(csv.cell(row, "detected_m"), all);
@@ -261,7 +256,7 @@ fn both(dir: &Path, line: &str) -> (Csv, Value) {
 fn audits_and_comparisons_are_those_of_the_json() {
     let dir = town();
     let (csv, found) = both(dir.path(), "audit town.json two.json --backend cpu");
-    let [trials, changes] = ["trials", "stability"].map(|key| found[key].as_array().unwrap());
+    let [trials, changes] = ["trials", "stability"].map(|key| found[key].list());
     assert_eq!(csv.rows(), 1 + trials.len() + changes.len());
     let check = |row: usize, part: &str, name: &Value, scores: &Value| {
         csv.is(row, "scene", &json!("town"));
@@ -275,7 +270,7 @@ fn audits_and_comparisons_are_those_of_the_json() {
     for (row, trial) in (1..).zip(trials) {
         check(row, "attempt", &trial["name"], &trial["scores"]);
         csv.is(row, "verdict", &trial["verdict"]);
-        let fooled = trial["fooled"].as_array().unwrap().iter().map(|name| name.as_str().unwrap());
+        let fooled = trial["fooled"].list().iter().map(|name| name.text());
         assert_eq!(csv.cell(row, "fooled"), fooled.collect::<Vec<_>>().join("; "));
     }
     for (row, change) in (1 + trials.len()..).zip(changes) {
@@ -287,17 +282,17 @@ fn audits_and_comparisons_are_those_of_the_json() {
 
     let (csv, found) = both(dir.path(), "rig compare two.json:p two.json:q");
     let (lidars, after) = (&found["lidars"], &found["after"]);
-    let parts = ["lidars", "before", "after"].map(|key| found[key].as_array().unwrap().len());
+    let parts = ["lidars", "before", "after"].map(|key| found[key].list().len());
     assert_eq!((csv.rows(), parts[0]), (parts.iter().sum::<usize>(), 2));
     // The JSON has fewer digits.
     let near = |row: usize, title: &str, wanted: &Value| {
         let cell: f64 = csv.cell(row, title).parse().unwrap();
-        assert!((cell - wanted.as_f64().unwrap()).abs() < 1e-6, "{title}: {cell}, {wanted}");
+        assert!((cell - wanted.number()).abs() < 1e-6, "{title}: {cell}, {wanted}");
     };
     csv.is(1, "part", &json!("moved"));
     csv.is(1, "lidar", &lidars[1]["frame"]);
     csv.is(1, "other", &lidars[1]["partner"]);
-    assert!(lidars[1]["moved"].as_f64().unwrap() > 0.1, "{lidars}");
+    assert!(lidars[1]["moved"].number() > 0.1, "{lidars}");
     near(1, "moved_m", &lidars[1]["moved"]);
     let (row, pair) = (parts[0] + parts[1], &after[0]);
     csv.is(row, "part", &json!("after"));
@@ -362,8 +357,7 @@ fn every_row_of_random_placements_says_whether_requirements_are_met() {
             csv.0[row + 1]
         );
     }
-    let study = fs::read_to_string(dir.path().join("r/study.json")).unwrap();
-    assert!(study.contains(" of 8 random placements meet all requirements"), "{study}");
+    read_text(&dir, "r/study.json").says(" of 8 random placements meet all requirements");
 }
 
 #[test]
@@ -372,7 +366,7 @@ fn a_study_prints_the_table_that_it_writes() {
     let line =
         "study height town.json --random 8 --evaluations 4 --backend cpu --out one --format csv";
     let printed = stdout(&dir, line);
-    assert_eq!(printed, fs::read_to_string(dir.path().join("one/table.csv")).unwrap());
+    assert_eq!(printed, read_text(&dir, "one/table.csv"));
     let line =
         "study height town.json town2.json --random 8 --evaluations 4 --backend cpu --out two";
     let both = Csv::of(dir.path(), line);

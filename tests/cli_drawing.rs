@@ -6,7 +6,7 @@ use crate::cli_handover::{folder, handed_over, read, texts_apart};
 #[test]
 fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
     let dir = folder();
-    let out = handed_over(&dir, &[]);
+    let out = handed_over(&dir, "");
     let svg = read(&out, "drawing.svg");
     for words in ["From above", "From the right", "From the front", "4000", "1800", "1750", "front"]
     {
@@ -32,24 +32,20 @@ fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let lines = |svg: &str| svg.matches("stroke-width=\"0.12\"").count();
     // Two lines a cross, at the place of a number that stands aside.
     let crosses = |svg: &str| svg.matches("stroke-width=\"0.95\"").count() / 2;
-    let far = read(&handed_over(&dir, &[]), "drawing.svg");
+    let far = read(&handed_over(&dir, ""), "drawing.svg");
     assert_eq!((lines(&far), crosses(&far)), (0, 0));
-    let path = dir.path().join("cart.json");
-    let mut vehicle = read_json(&path);
     let corners = [("low-left", 1.95, 0.85), ("low-right", 1.95, 0.9), ("upper-left", 2.0, 0.85)];
     let corners = [corners[0], corners[1], corners[2], ("upper-right", 2.0, 0.9)];
     let mounts = corners.map(|(name, x, y)| {
         json!({ "name": name, "sensors": ["side, narrow"], "count": [0, 1], "min": [x, y, 0.7],
                 "max": [x + 0.04, y + 0.04, 0.8], "yaw": [-3.2, 3.2] })
     });
-    vehicle["mounts"] = json!(mounts);
-    fs::write(&path, vehicle.to_string()).unwrap();
+    change(&dir, "cart.json", |vehicle| vehicle["mounts"] = json!(mounts));
     let lidars = corners.map(|(_, x, y)| {
         json!({ "x": x + 0.02, "y": y + 0.02, "z": 0.75, "yaw": 1.0, "sensor": "side, narrow" })
     });
-    let rigs = json!({ "placements": [{ "name": "rig", "lidars": lidars }] });
-    write(&dir, "p.json", &rigs);
-    let svg = read(&handed_over(&dir, &[]), "drawing.svg");
+    write_rig(&dir, "p.json", "rig", lidars);
+    let svg = read(&handed_over(&dir, ""), "drawing.svg");
     // Before the title of the next view there is only the one from above.
     let from_above = svg.split(">From the right<").next().unwrap().rsplit_once("<text").unwrap().0;
     let all = texts_apart(from_above, 0.56, [0.8, 0.25]);

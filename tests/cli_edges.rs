@@ -8,7 +8,7 @@ use sightline::psog::{Psog, Roi, write_psog};
 
 use crate::cli::*;
 
-const OPTIMIZE: [&str; 6] = ["optimize", "scene.json", "--evaluations", "4", "--backend", "cpu"];
+const OPTIMIZE: &str = "optimize scene.json --evaluations 4 --backend cpu";
 
 /// The corridor with a P-SOG of one frame, in which the voxels of these indices are occupied.
 fn certain_corridor(index: Vec<u64>) -> TempDir {
@@ -25,29 +25,26 @@ fn certain_corridor(index: Vec<u64>) -> TempDir {
 fn a_psog_that_tells_nothing_is_said_and_ends_nothing() {
     for index in [vec![4, 6, 7], vec![]] {
         let dir = certain_corridor(index);
-        let score = ["score", "scene.json", "placements.json", "--backend", "cpu"];
-        let output = sightline(&dir, &score);
+        let output = sightline(&dir, "score scene.json placements.json --backend cpu");
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(stderr.contains("the P-SOG tells nothing"), "{stderr}");
+        stderr.says("the P-SOG tells nothing");
         let objectives =
             [("scaled", "m_sog_scaled"), ("gain", "information_gain"), ("negative", "-1*m_sog")];
         for (out, objective) in objectives {
             let args = ["--objective", objective, "--out", out, "--baselines", "placements.json"];
-            let run = ok(&dir, &[&OPTIMIZE[..], &args].concat());
+            let run = ok(&dir, &(OPTIMIZE, &args));
             assert_eq!(run["best"]["objective"].as_f64(), Some(0.0), "{objective}");
-            let says = run["certificate"]["gain_says"].as_str().unwrap();
+            let says = run["certificate"]["gain_says"].text();
             assert!(!says.contains("NaN"), "{says}");
             let page = fs::read_to_string(dir.path().join(out).join("report.html")).unwrap();
             assert!(page.contains("The placement found is as good as "), "{objective}");
         }
-        let args = ["study", "lidars", "scene.json", "--evaluations", "4", "--backend", "cpu"];
-        let output = sightline(&dir, &args);
+        let output = sightline(&dir, "study lidars scene.json --evaluations 4 --backend cpu");
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{stderr}");
-        assert!(stderr.contains("no row has an answer: no placement that"), "{stderr}");
+        stderr.says("no row has an answer: no placement that");
         // A share of nothing is no number, which is no fault of the mount.
-        let message = fails(&dir, &[&OPTIMIZE[..], &["--out", "share"]].concat());
-        assert!(message.contains("nothing is uncertain in its P-SOG"), "{message}");
+        fails(&dir, &(OPTIMIZE, "--out share")).says("nothing is uncertain in its P-SOG");
         assert!(!dir.path().join("share").exists());
     }
 }
@@ -61,34 +58,30 @@ fn candidates_that_see_nothing_are_not_said_to_break_rules() {
         scene["mount"][angle] = json!([0, 0]);
     }
     write(&dir, "scene.json", &scene);
-    let message = fails(&dir, &[&OPTIMIZE[..], &["--out", "run"]].concat());
-    let words = "candidates kept its rules, but none has a value of `near_gain`";
-    assert!(message.contains(words), "{message}");
+    fails(&dir, &(OPTIMIZE, "--out run"))
+        .says("candidates kept its rules, but none has a value of `near_gain`");
 }
 
 #[test]
 fn a_folder_belongs_to_one_run_at_a_time() {
     let dir = corridor();
-    ok(&dir, &[&OPTIMIZE[..], &["--out", "run"]].concat());
+    ok(&dir, &(OPTIMIZE, "--out run"));
     fs::create_dir(dir.path().join("new")).unwrap();
-    let new = ["--out", "new"];
-    let commands = [
-        [&OPTIMIZE[..], &new].concat(),
-        vec!["optimize", "--resume", "run", "--backend", "cpu"],
-        [&["study", "lidars", "scene.json", "--backend", "cpu"][..], &new].concat(),
-        [&["chart", "scene.json", "--backend", "cpu"][..], &new].concat(),
-    ];
+    let resume = "optimize --resume run --backend cpu";
     let held = ["run", "new"].map(|name| File::open(dir.path().join(name)).unwrap());
     held.iter().for_each(|folder| folder.lock().unwrap());
-    for args in &commands {
-        let message = fails(&dir, args);
-        assert!(message.contains("another run writes into it"), "{args:?}: {message}");
+    for args in [
+        &format!("{OPTIMIZE} --out new"),
+        resume,
+        "study lidars scene.json --backend cpu --out new",
+        "chart scene.json --backend cpu --out new",
+    ] {
+        fails(&dir, args).says("another run writes into it");
     }
     // Scores of several commands may go into one folder.
-    let score = ["score", "scene.json", "placements.json", "--backend", "cpu"];
-    ok(&dir, &[&score[..], &["--coverage-out", "new"]].concat());
+    ok(&dir, &("score scene.json placements.json --backend cpu", "--coverage-out new"));
     drop(held);
-    ok(&dir, &commands[1]);
+    ok(&dir, resume);
 }
 
 #[test]
@@ -96,8 +89,8 @@ fn of_two_runs_that_begin_at_once_one_ends_well() {
     let dir = corridor();
     for attempt in 0..4 {
         let folder = format!("run-{attempt}");
-        let args = [&OPTIMIZE[..], &["--out", &folder]].concat();
-        let runs = [(); 2].map(|()| crate::cli_interrupted::spawn(dir.path(), &args));
+        let args = &(OPTIMIZE, "--out", &folder);
+        let runs = [(); 2].map(|()| crate::cli_interrupted::spawn(dir.path(), args));
         let ends = runs.map(|run| run.wait_with_output().unwrap());
         // Both, where one has ended before the other comes to look.
         assert!(ends.iter().any(|end| end.status.success()), "{ends:?}");
@@ -108,17 +101,16 @@ fn of_two_runs_that_begin_at_once_one_ends_well() {
 #[test]
 fn a_study_that_cannot_be_leaves_no_folder_and_names_the_file() {
     let dir = corridor();
-    let message = fails(&dir, "study voxels scene.json --backend cpu");
-    assert!(message.contains("scene.json: its P-SOG is a file"), "{message}");
+    fails(&dir, "study voxels scene.json --backend cpu").says("scene.json: its P-SOG is a file");
     assert!(!dir.path().join("studies").exists());
 }
 
 #[test]
 fn a_second_chart_gets_a_folder_of_its_own() {
     let dir = corridor();
-    let chart = ["chart", "scene.json", "--placements", "2", "--backend", "cpu"];
-    ok(&dir, &chart);
-    ok(&dir, &chart);
+    let chart = "chart scene.json --placements 2 --backend cpu";
+    ok(&dir, chart);
+    ok(&dir, chart);
     assert!(dir.path().join("runs/scene-chart-2/chart.svg").is_file());
 }
 
@@ -128,21 +120,20 @@ fn no_name_reaches_a_terminal_as_a_command() {
     let placement = json!({ "name": "\u{1b}[31mred", "lidars": [{ "x": 0, "y": 0, "z": 0 }] });
     let file = dir.path().join("odd.json");
     fs::write(file, json!({ "placements": [placement] }).to_string()).unwrap();
-    let message = fails(&dir, "score scene.json odd.json --backend cpu");
-    assert!(message.contains("`\\u{1b}[31mred` is not a placement name"), "{message}");
+    fails(&dir, "score scene.json odd.json --backend cpu")
+        .says("`\\u{1b}[31mred` is not a placement name");
     let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
     let long = "x".repeat(201);
     for name in ["\u{1b}[31mred".to_owned(), long] {
         let error = Psog::new(roi, 1, vec![name], vec![], vec![]).err().unwrap().to_string();
-        assert!(error.contains("a class name has 1 to 200 characters"), "{error}");
+        error.says("a class name has 1 to 200 characters");
     }
     // Marks of direction and breaks of lines are no control characters; tables spell them out.
     let dir = crate::cli_files::world();
-    let town = fs::read_to_string(dir.path().join("town.json")).unwrap();
+    let town = read_text(&dir, "town.json");
     let turned = town.replace("\"town\"", "\"a\u{202e}b\u{2028}c\"");
     fs::write(dir.path().join("turned.json"), turned).unwrap();
-    let text = stdout(&dir, "scene info turned.json");
-    assert!(text.contains("a\\u{202e}b\\u{2028}c"), "{text}");
+    stdout(&dir, "scene info turned.json").says("a\\u{202e}b\\u{2028}c");
 }
 
 #[test]
@@ -194,35 +185,28 @@ fn what_is_empty_too_long_or_called_otherwise_is_said_in_plain_words() {
     let at = |name: &str| dir.path().join(name);
     write(&dir, "empty.json", " \n");
     let empty = fails(&dir, "score empty.json placements.json");
-    assert!(empty.contains("empty.json: the file is empty"), "{empty}");
-    let none = fails(&dir, "score scene.json empty.json --backend cpu");
-    assert!(none.contains("empty.json: holds no placement"), "{none}");
+    empty.says("empty.json: the file is empty");
+    fails(&dir, "score scene.json empty.json --backend cpu").says("empty.json: holds no placement");
 
     // Its size is known before any of its bytes is read: there is no memory for them.
     fs::File::create(at("huge.json")).unwrap().set_len(6 << 30).unwrap();
-    let score = "exec '$0' score scene.json huge.json --backend cpu --threads 1"
-        .replace("$0", env!("CARGO_BIN_EXE_sightline"));
-    let limited = format!("ulimit -c 0; ulimit -v 900000; {score}");
-    let mut shell = Command::new("sh");
-    let out = shell.args(["-c", &limited]).current_dir(dir.path()).output().unwrap();
-    let huge = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(huge.contains("huge.json: larger than 1073741824 bytes"), "{huge}");
+    let score = "score scene.json huge.json --backend cpu --threads 1";
+    let out = shell(&dir, "ulimit -c 0; ulimit -v 900000;", score);
+    String::from_utf8_lossy(&out.stderr).says("huge.json: larger than 1073741824 bytes");
 
     let far = json!({ "name": "a", "lidars": [{ "x": 0, "y": 0, "z": 2, "roll": 1e300 }] });
     write(&dir, "far.json", &json!({ "placements": [far] }));
-    for command in [
-        ["rig", "export", "far.json:a", "--format=urdf"],
-        ["rig", "compare", "far.json:a", "placements.json:away"],
-    ] {
-        let far = fails(&dir, &command);
-        assert!(far.contains("far.json: placement `a`, LiDAR 0: roll = 1e300"), "{far}");
+    for command in
+        ["rig export far.json:a --format=urdf", "rig compare far.json:a placements.json:away"]
+    {
+        fails(&dir, command).says("far.json: placement `a`, LiDAR 0: roll = 1e300");
     }
 
     let mut three = scene();
     three["lidar"]["fov"] = json!([0, 0, 0]);
     write(&dir, "three.json", &three);
-    let three = fails(&dir, "score three.json placements.json");
-    assert!(three.contains("lidar.fov: the list is longer than it should be"), "{three}");
+    fails(&dir, "score three.json placements.json")
+        .says("lidar.fov: the list is longer than it should be");
 
     let mut mesh = scene();
     mesh["coverage"] = json!("first-hit");
@@ -235,19 +219,17 @@ fn what_is_empty_too_long_or_called_otherwise_is_said_in_plain_words() {
     let stderr = stderr(&dir, "score mesh.json placements.json");
     let note = "mesh.json: static[0].mesh.classes: town.obj has no material or label `Raod`; did you \
                 mean `Road`?";
-    assert!(stderr.contains(note), "{stderr}");
+    stderr.says(note);
 }
 
 #[test]
 fn a_chart_whose_state_was_changed_is_refused() {
     let dir = corridor();
-    let chart = ["chart", "scene.json", "--placements", "2", "--backend", "cpu"];
-    ok(&dir, &[&chart[..], &["--out", "chart"]].concat());
+    ok(&dir, &("chart scene.json --placements 2 --backend cpu", "--out chart"));
     change(&dir, "chart/checkpoint.json", |saved| {
         saved["state"]["measured"][1]["scores"].as_array_mut().unwrap().pop().unwrap();
     });
-    let message = fails(&dir, "chart --resume chart --backend cpu");
-    assert!(message.contains("was changed after it was written"), "{message}");
+    fails(&dir, "chart --resume chart --backend cpu").says("was changed after it was written");
 }
 
 /// From too little for the program's own start up to enough for the whole run, in steps that stop it
@@ -257,18 +239,13 @@ fn a_chart_whose_state_was_changed_is_refused() {
 fn running_out_of_memory_is_an_error_with_a_sentence() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let dir = tempfile::tempdir().unwrap();
-    let program = env!("CARGO_BIN_EXE_sightline");
     let scene =
         crate::main_job::shortened(dir.path(), &root.join("scenes/urban-crossing.json"), 4, None);
-    let job = format!(
-        "exec '{program}' optimize '{}' --backend cpu --frames 1 --max-seconds 1 --out run",
-        scene.display()
-    );
+    let scene = scene.display();
+    let job = format!("optimize '{scene}' --backend cpu --frames 1 --max-seconds 1 --out run");
     let (mut refused, mut done) = (0, 0);
     for kibibytes in [64, 80, 120, 150, 165, 180, 200, 1500].map(|mebibytes| mebibytes << 10) {
-        let limited = format!("ulimit -c 0; ulimit -v {kibibytes}; {job}");
-        let mut shell = Command::new("sh");
-        let out = shell.arg("-c").arg(limited).current_dir(dir.path()).output().unwrap();
+        let out = shell(&dir, &format!("ulimit -c 0; ulimit -v {kibibytes};"), &job);
         let answer = String::from_utf8_lossy(&out.stderr);
         match out.status.code() {
             Some(0) => done += 1,
@@ -297,22 +274,21 @@ fn files_of_covered_voxels_have_the_names_of_placements_or_none_is_written() {
         write(&dir, "names.json", &json!({ "placements": all }));
     };
     rigs(&names);
-    let score = |out: &'static str, scenes: &[&'static str]| {
-        let args = [&["score"], scenes, &["names.json", "--backend", "cpu", "--coverage-out", out]];
-        args.concat()
+    let score = |out: &str, scenes: &str| {
+        format!("score {scenes} names.json --backend cpu --coverage-out {out}")
     };
     let listed = |folder: &str| -> BTreeSet<String> {
         let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string();
         fs::read_dir(at(folder)).unwrap().map(|entry| name(entry).unwrap()).collect()
     };
     let wanted: BTreeSet<String> = names.iter().map(|name| format!("{name}.npy")).collect();
-    ok(&dir, &score("one", &["scene.json"]));
+    ok(&dir, &score("one", "scene.json"));
     assert_eq!(listed("one"), wanted);
     // A beam along x covers the voxels from its own on: every file has its own length.
     let sizes: BTreeSet<u64> =
         wanted.iter().map(|file| at("one").join(file).metadata().unwrap().len()).collect();
     assert_eq!(sizes.len(), names.len(), "{sizes:?}");
-    ok(&dir, &score("two", &["scene.json", "scene.json"]));
+    ok(&dir, &score("two", "scene.json scene.json"));
     for (folder, sizes) in [("two/corridor", &sizes), ("two/corridor-2", &sizes)] {
         let files = listed(folder);
         assert_eq!(files, wanted);
@@ -321,17 +297,16 @@ fn files_of_covered_voxels_have_the_names_of_placements_or_none_is_written() {
     }
     // The last file of an earlier run is found before the first is written.
     for (out, scenes, first, old) in [
-        ("new", &["scene.json"][..], "new/a.npy", "new/z.npy"),
-        ("more", &["scene.json"; 2], "more/corridor/a.npy", "more/corridor-2/z.npy"),
+        ("new", "scene.json", "new/a.npy", "new/z.npy"),
+        ("more", "scene.json scene.json", "more/corridor/a.npy", "more/corridor-2/z.npy"),
     ] {
         rigs(&["a", "z"]);
         fs::create_dir_all(at(old).parent().unwrap()).unwrap();
         write(&dir, old, "kept");
-        let told = fails(&dir, &score(out, scenes));
-        assert!(told.contains(old) && told.contains("--force"), "{told}");
+        fails(&dir, &score(out, scenes)).says(old).says("--force");
         assert!(!at(first).exists(), "half a result");
         assert_eq!(fs::read(at(old)).unwrap(), b"kept");
-        ok(&dir, &[&score(out, scenes)[..], &["--force"]].concat());
+        ok(&dir, &(&score(out, scenes), "--force"));
         assert_ne!(fs::read(at(old)).unwrap(), b"kept");
     }
 }

@@ -5,9 +5,7 @@ use crate::cli_files::{all_files, world};
 
 /// Runs a command, and returns the last line that it tells.
 fn run(dir: &Path, line: &str) -> String {
-    let output = sightline(dir, line);
-    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stderr).unwrap().lines().last().unwrap_or_default().to_owned()
+    stderr(dir, line).lines().last().unwrap_or_default().to_owned()
 }
 
 fn names(dir: &Path) -> Vec<String> {
@@ -87,28 +85,26 @@ fn a_front_writes_its_picture() {
     run(dir.path(), "optimize --resume run --backend cpu --figures again");
     assert_eq!(names(&at("again")), ["front.svg"]);
     let line = line.replace("--out run", "--out other") + " other";
-    let told = fails(&dir, &line);
-    assert!(told.contains("--figures other: is the folder of the run"), "{told}");
+    fails(&dir, &line).says("--figures other: is the folder of the run");
     assert!(!at("other").exists());
 }
 
 #[test]
 fn folders_that_are_taken_are_refused_before_the_work() {
     let dir = world();
-    let told = |line: &str| fails(&dir, line);
     let before = all_files(dir.path());
     for line in [
         "study nearfield town.json p.json --backend cpu --figures .",
         "view town.json p.json --backend cpu --out v.html --figures .",
         "optimize town.json --backend cpu --evaluations 8 --out run --figures .",
     ] {
-        assert!(told(line).contains("is not empty"), "{line}");
+        fails(&dir, line).says("is not empty");
     }
-    let line = "optimize town.json --backend cpu --evaluations 8 --out run --figures run";
-    assert!(told(line).contains("--figures run: is the folder of the run"));
-    let line = "study targets town.json p.json --backend cpu --figures p.json --force";
-    assert!(told(line).contains("is read by this command"));
-    let line = "study nearfield town.json p.json --backend cpu --figures . --force";
-    assert!(told(line).contains("which this command reads"));
+    fails(&dir, "optimize town.json --backend cpu --evaluations 8 --out run --figures run")
+        .says("--figures run: is the folder of the run");
+    fails(&dir, "study targets town.json p.json --backend cpu --figures p.json --force")
+        .says("is read by this command");
+    fails(&dir, "study nearfield town.json p.json --backend cpu --figures . --force")
+        .says("which this command reads");
     assert_eq!(all_files(dir.path()), before);
 }

@@ -31,8 +31,7 @@ pub(crate) fn world() -> TempDir {
     let second = town.to_string().replace("\"town\"", "\"town2\"");
     fs::write(at("town2.json"), second).unwrap();
     let lidars = json!([{ "x": 0, "y": 0, "z": 2 }, { "x": 0, "y": 0.4, "z": 2 }]);
-    let placements = json!({ "placements": [{ "name": "p", "lidars": lidars }] });
-    write(&dir, "p.json", &placements);
+    write_rig(&dir, "p.json", "p", lidars);
     dir
 }
 
@@ -92,8 +91,7 @@ fn no_output_replaces_an_input_however_it_is_spelled() {
             let around = format!("sub/../{input}");
             for out in [*input, "sub/link", "sub/hard", &around, &absolute, &cwd, &root] {
                 for force in ["", "--force"] {
-                    let words: Vec<&str> =
-                        command.split(' ').chain([out, force]).filter(|w| !w.is_empty()).collect();
+                    let words = format!("{command} {out} {force}");
                     let message = fails(&dir, &words);
                     // Or its ending is of another format than the command writes.
                     let says = ["already exists", "is read by this command", "give it the ending"];
@@ -125,12 +123,7 @@ fn an_input_that_the_shell_has_opened_is_no_output() {
         "--out /proc/self/fd/3 --force 3<>p.json",
         "--out /dev/stderr --force 2>>p.json",
     ] {
-        let score = format!(
-            "{} score town.json p.json --backend cpu {out}",
-            env!("CARGO_BIN_EXE_sightline")
-        );
-        let output =
-            Command::new("sh").args(["-c", &score]).current_dir(dir.path()).output().unwrap();
+        let output = shell(&dir, "", &format!("score town.json p.json --backend cpu {out}"));
         assert_eq!(output.status.code(), Some(2), "{out}: {output:?}");
         let now = fs::read(at("p.json")).unwrap();
         // The sentence itself goes where the shell has sent stderr.
@@ -144,12 +137,8 @@ fn an_input_that_the_shell_has_opened_is_no_output() {
         "/dev/fd/3 3>&1 | cat >new",
         "/dev/stderr 2>new",
     ] {
-        let score = format!(
-            "{} score town.json p.json --backend cpu --quiet --out {out}",
-            env!("CARGO_BIN_EXE_sightline")
-        );
-        let output =
-            Command::new("sh").args(["-c", &score]).current_dir(dir.path()).output().unwrap();
+        let score = format!("score town.json p.json --backend cpu --quiet --out {out}");
+        let output = shell(&dir, "", &score);
         assert!(output.status.success(), "{out}: {output:?}");
         assert!(fs::read_to_string(at("new")).unwrap().contains("near"), "{out}");
     }
@@ -162,7 +151,7 @@ fn scores_so_far_replace_neither_an_input_nor_what_their_name_is_linked_to() {
     let words = |placements: &str, more: &str| {
         format!("score town.json {placements} --backend cpu --out o.txt {more}")
     };
-    let told = |command: String| fails(&dir, &command.split_whitespace().collect::<Vec<_>>());
+    let told = |command: String| fails(&dir, &command);
     let bytes = fs::read(at("p.json")).unwrap();
     let left = |name: &str| fs::read(at(name)).unwrap() == bytes;
     // The journal's name is that of an input, or of a hard link to one.
@@ -198,8 +187,7 @@ fn an_output_called_dash_is_refused_and_a_limit_of_sizes_is_an_error() {
         "psog build town.json --out - --force",
         "optimize town.json --out -",
     ] {
-        let told = fails(&dir, command);
-        assert!(told.contains(" -: no file is called `-`; give /dev/stdout"), "{command}: {told}");
+        fails(&dir, command).says(" -: no file is called `-`; give /dev/stdout");
     }
     for (limit, command) in [
         (0, "psog build town.json --out o.npz"),
@@ -207,10 +195,8 @@ fn an_output_called_dash_is_refused_and_a_limit_of_sizes_is_an_error() {
         (0, "score town.json p.json --backend cpu --out o"),
         (0, "optimize town.json --backend cpu --evaluations 4 --out run"),
     ] {
-        let line = format!("ulimit -f {limit}; exec {} {command}", env!("CARGO_BIN_EXE_sightline"));
         // A pipe of stderr has no limit.
-        let output =
-            Command::new("sh").args(["-c", &line]).current_dir(dir.path()).output().unwrap();
+        let output = shell(&dir, &format!("ulimit -f {limit};"), command);
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{command}: {output:?}");
         assert!(told.contains("grows larger than the system lets a file be"), "{command}: {told}");
@@ -228,8 +214,7 @@ pub(crate) fn is_litter(path: &Path) -> bool {
 }
 
 pub(crate) fn ok_text(dir: &Path, command: &str) {
-    let words: Vec<&str> = command.split(' ').collect();
-    printed(dir, &words);
+    printed(dir, command);
 }
 
 #[test]
@@ -238,13 +223,10 @@ fn no_file_is_replaced_without_force_by_any_command() {
     let at = |name: &str| dir.path().join(name);
     for (command, _) in COMMANDS.iter().filter(|(command, _)| !command.starts_with("rig import")) {
         write(&dir, "mine", "my own");
-        let with = |more: &[&'static str]| {
-            command.split(' ').chain(["mine"]).chain(more.to_vec()).collect::<Vec<_>>()
-        };
-        let message = fails(&dir, &with(&[]));
-        assert!(message.contains("mine: already exists; give --force"), "{command}: {message}");
+        let words = format!("{command} mine");
+        fails(&dir, &words).says("mine: already exists; give --force");
         assert_eq!(fs::read(at("mine")).unwrap(), b"my own", "{command}");
-        printed(&dir, &with(&["--force"]));
+        printed(&dir, &(words, "--force"));
         assert_ne!(fs::read(at("mine")).unwrap(), b"my own", "{command}");
     }
     // An optional second file, two outputs of one name, and files in shared folders.
@@ -254,17 +236,16 @@ fn no_file_is_replaced_without_force_by_any_command() {
         "optimize town.json --backend cpu --evaluations 4 --out run --gltf mine.glb",
         "scan town.json --placement p.json --backend cpu --out set --gltf mine.glb",
     ] {
-        let message = fails(&dir, command);
-        assert!(message.contains("mine.glb: already exists"), "{command}: {message}");
+        fails(&dir, command).says("mine.glb: already exists");
     }
     let twice = "cast town.json p.json --backend cpu --out both.glb --gltf ./both.glb";
-    assert!(fails(&dir, twice).contains("two outputs"));
+    fails(&dir, twice).says("two outputs");
     ok_text(dir.path(), "man --out pages");
-    assert!(fails(&dir, "man --out pages").contains("already exists"));
+    fails(&dir, "man --out pages").says("already exists");
     ok_text(dir.path(), "man --out pages --force");
     ok_text(dir.path(), "score town.json p.json --backend cpu --coverage-out cov --quiet");
-    let again = ["score", "town.json", "p.json", "--backend", "cpu", "--coverage-out", "cov"];
-    assert!(fails(&dir, &again).contains("p.npy: already exists"));
+    let again = "score town.json p.json --backend cpu --coverage-out cov";
+    fails(&dir, again).says("p.npy: already exists");
 }
 
 #[test]
@@ -307,11 +288,8 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
         evil["name"] = json!(name);
         write(&dir, "evil.json", &evil);
         let before = all_files(dir.path());
-        let args = [
-            "score", "../../evil.json", "../../scene.json", "../../placements.json", "--backend",
-            "cpu", "--quiet", "--coverage-out", "cov",
-        ];
-        let output = sightline(at("w/deep"), &args);
+        let args = "score ../../evil.json ../../scene.json ../../placements.json --backend cpu --quiet --coverage-out cov";
+        let output = sightline(at("w/deep"), args);
         let inside = at("w/deep/cov");
         let new = all_files(dir.path()).into_iter().filter(|file| !before.contains(file));
         let outside: Vec<PathBuf> =
@@ -327,10 +305,7 @@ fn names_of_scenes_and_placements_stay_in_the_folder() {
     let before = all_files(dir.path());
     sightline(
         at("w/deep"),
-        &[
-            "scan", "../../town.json", "--placement", "../../dots.json", "--out", "sets",
-            "--backend", "cpu", "--frames", "1", "--quiet",
-        ],
+        "scan ../../town.json --placement ../../dots.json --out sets --backend cpu --frames 1 --quiet",
     );
     let new = all_files(dir.path()).into_iter().filter(|file| !before.contains(file));
     for (path, _) in new {
@@ -368,7 +343,7 @@ fn pipes_and_files_of_gigabytes_in_place_of_inputs_are_refused_at_once() {
     ] {
         for file in ["pipe", "huge", "/dev/zero"] {
             let words = command.replace("FILE", file);
-            let mut child = spawn(dir.path(), &words.split(' ').collect::<Vec<_>>());
+            let mut child = spawn(dir.path(), &words);
             let begin = Instant::now();
             while child.try_wait().unwrap().is_none() {
                 if begin.elapsed() > Duration::from_secs(30) {

@@ -121,8 +121,8 @@ fn check_triangles(seen: &Seen, scene: &Scene, frame: usize) {
 }
 
 fn check_lidars(seen: &Seen, placement: &Value) {
-    for (number, lidar) in placement["lidars"].as_array().unwrap().iter().enumerate() {
-        let name = format!("{} lidar {number}", placement["name"].as_str().unwrap());
+    for (number, lidar) in placement["lidars"].list().iter().enumerate() {
+        let name = format!("{} lidar {number}", placement["name"].text());
         let value = |key: &str| lidar[key].as_f64().unwrap_or(0.0);
         let place = seen.places[&name];
         let at = DVec3::new(value("x"), value("y"), value("z"));
@@ -145,11 +145,11 @@ fn a_cast_shows_the_scene_its_lidars_and_the_hits() {
     let placements = read_json(dir.path().join("p.json"));
     for frame in [0, 2] {
         let number = frame.to_string();
-        let args = ["cast", "s.json", "p.json", "--backend", "cpu", "--force", "--gltf", "c.glb"];
-        let answer = ok(&dir, &[&args[..], &["--frame", &number]].concat());
+        let args = "cast s.json p.json --backend cpu --force --gltf c.glb";
+        let answer = ok(&dir, &(args, ["--frame", &number]));
         let seen = Seen::read(&dir.path().join("c.glb"));
         check_triangles(&seen, &scene, frame);
-        for placement in placements["placements"].as_array().unwrap() {
+        for placement in placements["placements"].list() {
             check_lidars(&seen, placement);
         }
         assert_eq!(Some(seen.points() as u64), answer["hits"].as_u64());
@@ -165,14 +165,14 @@ fn a_cast_shows_the_scene_its_lidars_and_the_hits() {
 fn a_scan_shows_its_points_and_a_search_its_result() {
     let dir = street();
     let scene = Scene::read(dir.path().join("s.json")).unwrap();
-    let args = ["scan", "s.json", "--placement", "p.json:tilted", "--ideal", "--frames", "1"];
-    let rest = ["--out", "set", "--gltf", "s.glb", "--frame", "0"];
-    let answer = ok(&dir, &[&args[..], &rest].concat());
+    let args = "scan s.json --placement p.json:tilted --ideal --frames 1";
+    let rest = "--out set --gltf s.glb --frame 0";
+    let answer = ok(&dir, &(args, rest));
     let seen = Seen::read(&dir.path().join("s.glb"));
     check_triangles(&seen, &scene, 0);
     assert_eq!(Some(seen.points() as u64), answer["datasets"][0]["points"].as_u64());
-    let args = ["optimize", "s.json", "--backend", "cpu", "--evaluations", "12", "--out", "run"];
-    let answer = ok(&dir, &[&args[..], &["--gltf", "o.glb"]].concat());
+    let args = "optimize s.json --backend cpu --evaluations 12 --out run";
+    let answer = ok(&dir, &(args, "--gltf o.glb"));
     let seen = Seen::read(&dir.path().join("o.glb"));
     check_triangles(&seen, &scene, 0);
     check_lidars(&seen, &answer["best"]["placement"]);
@@ -182,22 +182,20 @@ fn a_scan_shows_its_points_and_a_search_its_result() {
 #[test]
 fn what_cannot_be_shown_is_said_before_any_work() {
     let dir = street();
-    let scan = ["scan", "s.json", "--placement", "p.json:one", "--out", "set", "--gltf"];
-    let optimize = ["optimize", "s.json", "--out", "run", "--gltf"];
-    let both = ["scan", "s.json", "--placement", "p.json", "--out", "set", "--gltf"];
-    let cases: [(&[&str], &[&str], &str); 6] = [
-        (&scan, &["a.gltf"], "--gltf a.gltf: is written as binary glTF; give it the ending .glb"),
-        (&scan, &["no/where/a.glb"], "no/where/a.glb"),
-        (&scan, &["a.glb", "--frame", "3"], "--frame 3: the scene `street` has frames 0 to 2"),
-        (&both, &["a.glb"], "shows one scene and one placement; give one of each"),
-        (&optimize, &["a.obj"], "--gltf a.obj: is written as binary glTF"),
-        (&optimize, &["no/where/a.glb"], "no/where/a.glb"),
-    ];
-    for (args, more, words) in cases {
-        let error = fails(&dir, &[args, more].concat());
-        assert!(error.contains(words), "{error}");
+    let scan = "scan s.json --placement p.json:one --out set --gltf";
+    let optimize = "optimize s.json --out run --gltf";
+    let both = "scan s.json --placement p.json --out set --gltf";
+    for (args, more, words) in [
+        (scan, "a.gltf", "--gltf a.gltf: is written as binary glTF; give it the ending .glb"),
+        (scan, "no/where/a.glb", "no/where/a.glb"),
+        (scan, "a.glb --frame 3", "--frame 3: the scene `street` has frames 0 to 2"),
+        (both, "a.glb", "shows one scene and one placement; give one of each"),
+        (optimize, "a.obj", "--gltf a.obj: is written as binary glTF"),
+        (optimize, "no/where/a.glb", "no/where/a.glb"),
+    ] {
+        fails(&dir, &(args, more)).says(words);
         for name in ["set", "run", "a.glb", "no"] {
-            assert!(!dir.path().join(name).exists(), "{name} of {args:?} {more:?}");
+            assert!(!dir.path().join(name).exists(), "{name} of {args} {more}");
         }
     }
 }

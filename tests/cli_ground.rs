@@ -32,16 +32,16 @@ fn rules() -> Value {
 
 /// The rules of [`rules`] must say of a placement what the near field says.
 fn agrees(scores: &Value, near: &Value) {
-    let found = |k: usize| scores["requirements"][k]["found"].as_f64().unwrap();
-    assert_eq!(found(0), near["near_field"].as_f64().unwrap(), "{near}");
-    assert_eq!(found(1), near["ring"].as_f64().unwrap(), "{near}");
+    let found = |k: usize| scores["requirements"][k]["found"].number();
+    assert_eq!(found(0), near["near_field"].number(), "{near}");
+    assert_eq!(found(1), near["ring"].number(), "{near}");
     for (k, (side, depth)) in RULES.into_iter().enumerate() {
         let (rule, zone) = (&scores["requirements"][2 + k], &near["zone"][side]);
-        let lanes: Vec<&Value> = near["zone"]["lanes"].as_array().unwrap().iter().collect();
+        let lanes: Vec<&Value> = near["zone"]["lanes"].list().iter().collect();
         let lanes: Vec<&Value> = lanes.into_iter().filter(|lane| lane["side"] == side).collect();
         let is_lost = |lane: &&&Value| {
             let lost = lane["lost"].as_array().into_iter().flatten();
-            let mut ends = lost.map(|of| [0, 1].map(|k| of[k].as_f64().unwrap()));
+            let mut ends = lost.map(|of| [0, 1].map(|k| of[k].number()));
             let begins_in = lane["depth"].as_f64().is_some_and(|found| found <= depth);
             begins_in && ends.any(|[from, to]| from <= depth && to > depth)
         };
@@ -64,23 +64,19 @@ fn agrees(scores: &Value, near: &Value) {
 fn required_ground_has_the_numbers_of_the_near_field() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), rules());
-    let of = |command: &[&str], more: &[&str]| {
-        let files = ["yard.json", "rigs.json", "--backend", "cpu"];
-        ok(&dir, &[command, &files, more].concat())
-    };
-    for weather in [&[][..], &["--condition", "fog:mor=15", "--condition", "wet:water=1"]] {
-        let scores = of(&["score", "--tolerance", "0"], weather);
-        let near = of(&["study", "nearfield"], weather);
+    for weather in ["", "--condition fog:mor=15 --condition wet:water=1"] {
+        let of = |command: &str| ok(&dir, &(command, "yard.json rigs.json --backend cpu", weather));
+        let (scores, near) = (of("score --tolerance 0"), of("study nearfield"));
         let (scores, near) = (&scores["scores"], &near["near_fields"]);
         (0..3).for_each(|k| agrees(&scores[k], &near[k]));
         let met = |k: usize| {
-            let all = scores[k]["requirements"].as_array().unwrap();
+            let all = scores[k]["requirements"].list();
             all.iter().filter(|rule| rule["met"] == true).count()
         };
         assert!(!weather.is_empty() || (met(0) < met(2) && met(2) >= 4), "{scores}");
     }
-    let text = stdout(&dir, "score yard.json rigs.json --backend cpu");
-    assert!(text.contains("NOT MET: blind zone left to 1 m: "), "{text}");
+    stdout(&dir, "score yard.json rigs.json --backend cpu")
+        .says("NOT MET: blind zone left to 1 m: ");
 }
 
 #[test]
@@ -90,8 +86,7 @@ fn a_mirrored_scene_swaps_the_sides() {
     let scores = |out: &str| {
         let args = "optimize yard.json --baselines rigs.json --backend cpu --max-seconds 0 --tolerance 0 --out";
         let (_, run, _) = answer(&dir, &format!("{args} {out}"));
-        let two =
-            run["baselines"].as_array().unwrap().iter().find(|of| of["scores"]["name"] == "two");
+        let two = run["baselines"].list().iter().find(|of| of["scores"]["name"] == "two");
         two.unwrap()["scores"]["requirements"].clone()
     };
     let (plain, both) = (scores("plain"), scores("both --mirror"));
@@ -101,12 +96,12 @@ fn a_mirrored_scene_swaps_the_sides() {
     scene["static"][1]["plane"] = json!({ "min": [-50, -50], "max": [50, -4], "z": 0.15 });
     scene["static"][2]["box"] = json!({ "min": [6, 3, 0], "max": [9, 8, 3] });
     for pose in scene["actors"][0]["poses"].as_array_mut().unwrap() {
-        pose["y"] = json!(-pose["y"].as_f64().unwrap());
+        pose["y"] = json!(-pose["y"].number());
     }
     write(&dir, "yard.json", &scene);
     let image = scores("image");
     for k in 0..6 {
-        let found = |of: &Value| of[k]["found"].as_f64().unwrap();
+        let found = |of: &Value| of[k]["found"].number();
         let mean = 0.5 * (found(&plain) + found(&image));
         assert!((found(&both) - mean).abs() < 2e-3, "{k}: {both} {plain} {image}");
     }
@@ -118,26 +113,23 @@ fn a_mirrored_scene_swaps_the_sides() {
 fn ground_seen_without_any_one_lidar_is_the_least_that_is_left() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([{ "ground": 3, "share": 0.99, "without_any_one": true }]));
-    let score = || {
-        let args = ["score", "yard.json", "rigs.json", "--backend", "cpu", "--tolerance", "0"];
-        ok(&dir, &args)["scores"].clone()
-    };
+    let score =
+        || ok(&dir, "score yard.json rigs.json --backend cpu --tolerance 0")["scores"].clone();
     let all = score();
     let rigs = read_json(dir.path().join("rigs.json"));
     let without = |lost: usize| {
-        let mut lidars = rigs["placements"][2]["lidars"].as_array().unwrap().clone();
+        let mut lidars = rigs["placements"][2]["lidars"].list().clone();
         lidars.remove(lost);
         json!({ "name": format!("without-{lost}"), "lidars": lidars })
     };
-    let one_less = json!({ "placements": [without(0), without(1), without(2)] });
-    write(&dir, "rigs.json", &one_less);
+    write(&dir, "rigs.json", &json!({ "placements": [without(0), without(1), without(2)] }));
     set_rules(&dir, json!([{ "ground": 3, "share": 0.99 }]));
     let each = score();
-    let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].as_f64().unwrap();
+    let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].number();
     let least = (0..3).map(|k| found(&each, k)).fold(f64::INFINITY, f64::min);
     assert_eq!(found(&all, 2), least, "{all} {each}");
-    let told = all[2]["requirements"][0]["missing"].as_str().unwrap();
-    assert!(told.contains("least is seen "), "{told}");
+    let told = all[2]["requirements"][0]["missing"].text();
+    told.says("least is seen ");
     assert_eq!(all[2]["requirements"][0]["worst_without"], 0, "{all}");
 }
 
@@ -153,14 +145,14 @@ fn a_search_finds_a_rig_that_sees_the_ground_it_must() {
     let required = json!([{ "blind_zone": "behind", "depth": 1 }, { "ground": 3, "share": 0.9 }]);
     let (code, scores) = search("asked", required.clone());
     assert_eq!(code, Some(0), "{scores}");
-    assert!(scores["requirements"].as_array().unwrap().iter().all(|rule| rule["met"] == true));
+    assert!(scores["requirements"].list().iter().all(|rule| rule["met"] == true));
     assert!(scores["requirements"][0]["holds_in"].as_f64().is_some(), "{scores}");
     // Without the rules it leaves more of the ground unseen.
     search("free", json!([]));
     set_rules(&dir, required);
-    let free = ["score", "yard.json", "free/placements.json", "--backend", "cpu"];
+    let free = "score yard.json free/placements.json --backend cpu";
     let free = ok(&dir, &free)["scores"][0]["requirements"].clone();
-    assert!(free.as_array().unwrap().iter().any(|rule| rule["met"] == false), "{free}");
+    assert!(free.list().iter().any(|rule| rule["met"] == false), "{free}");
 }
 
 #[test]
@@ -172,7 +164,7 @@ fn ground_and_boxes_that_no_pose_sees_are_out_of_reach() {
         json!([{ "blind_zone": "left", "depth": 0.5 }, { "ground": 10, "share": 0.05 },
             { "name": "inside", "min": [-1, -0.4, 0.3], "max": [1, 0.4, 1], "share": 0.9 }]),
     );
-    let text = fs::read_to_string(dir.path().join("cart.json")).unwrap();
+    let text = read_text(&dir, "cart.json");
     let mut cart: Value = serde_json::from_str(&text).unwrap();
     cart["mounts"].as_array_mut().unwrap().truncate(1);
     cart["mounts"][0]["count"] = json!([1, 2]);
@@ -183,17 +175,17 @@ fn ground_and_boxes_that_no_pose_sees_are_out_of_reach() {
     let (code, [text, said]) = ran(&dir, args);
     assert_eq!(code, Some(1), "{said}");
     let words = "blind zone left to 0.5 m: even a LiDAR at every pose looked at on each mount";
-    assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
+    said.says(&format!("OUT OF REACH: {words}"));
     let words = format!(
         "Out of reach: {words} leaves it 0.0 % seen, 100.0 % required, the blind zone left ends at "
     );
-    assert!(text.contains(&words), "{text}");
-    assert!(text.contains("; raise `depth`, lower `share`, "), "{text}");
+    text.says(&words);
+    text.says("; raise `depth`, lower `share`, ");
     let words = "inside: even a LiDAR at every pose looked at on each mount leaves it 0.0 % seen, 90.0 % required";
-    assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
-    assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
+    said.says(&format!("OUT OF REACH: {words}"));
+    text.says(&format!("Out of reach: {words}"));
     // How far the result comes stands in the first sentences.
-    assert!(text.contains("NOT MET: blind zone left to 0.5 m: 0.0 % seen, "), "{text}");
+    text.says("NOT MET: blind zone left to 0.5 m: 0.0 % seen, ");
     assert!(!text.contains("ground to 10 m: even") && !text.contains("Next, since"), "{text}");
 }
 
@@ -214,25 +206,19 @@ fn wrong_rules_on_the_ground_are_named() {
         (json!({ "target": "car", "within": 9, "share": 1, "depth": 1 }), "`depth`"),
     ] {
         yard(dir.path(), json!([{ "ground": 1, "share": 0 }, rule]));
-        let error = fails(&dir, "score yard.json rigs.json --backend cpu");
-        assert!(error.contains("require[1]") && error.contains(said), "{rule}: {error}");
+        fails(&dir, "score yard.json rigs.json --backend cpu").says("require[1]").says(said);
     }
     // A scene without ground, or a vehicle without a body, cannot answer.
     yard(dir.path(), json!([{ "ground": 3, "share": 1 }]));
-    let change = |file: &str, of: &dyn Fn(&mut Value)| {
-        let mut value = read_json(dir.path().join(file));
-        of(&mut value);
-        fs::write(dir.path().join(file), value.to_string()).unwrap();
-        fails(&dir, "score yard.json rigs.json --backend cpu")
-    };
-    let error = change("cart.json", &|cart| drop(cart.as_object_mut().unwrap().remove("body")));
-    assert!(error.contains("`ground to 3 m`, and the scene has no own body"), "{error}");
+    let score = "score yard.json rigs.json --backend cpu";
+    change(&dir, "cart.json", |cart| drop(cart.as_object_mut().unwrap().remove("body")));
+    fails(&dir, score).says("`ground to 3 m`, and the scene has no own body");
     yard(dir.path(), json!([{ "ground": 3, "share": 1 }]));
-    let error = change("yard.json", &|yard| {
+    change(&dir, "yard.json", |yard| {
         yard["static"][0]["class"] = json!("wall");
         yard["static"][1]["class"] = json!("wall");
     });
-    assert!(error.contains("no triangle of a class of ground"), "{error}");
+    fails(&dir, score).says("no triangle of a class of ground");
 }
 
 /// A trailer hides what is behind the cart while it is straight, in one of three frames.
@@ -242,36 +228,31 @@ fn a_body_that_moves_hides_no_frame_in_which_a_rule_fails() {
     let rules =
         [json!({ "blind_zone": "behind", "depth": 3 }), json!({ "ground": 3, "share": 0.01 })];
     yard(dir.path(), json!(rules));
-    let change = |file: &str, of: &dyn Fn(&mut Value)| {
-        let mut value = read_json(dir.path().join(file));
-        of(&mut value);
-        fs::write(dir.path().join(file), value.to_string()).unwrap();
-    };
-    change("yard.json", &|yard| yard["actors"] = json!([]));
-    change("cart.json", &|cart| {
+    change(&dir, "yard.json", |yard| yard["actors"] = json!([]));
+    change(&dir, "cart.json", |cart| {
         let poses = [0.0, 1.57, 1.57].map(|yaw| json!({ "x": -2, "y": 0, "yaw": yaw }));
         let part =
             json!({ "class": "vehicle", "box": { "min": [-4, -0.9, 0], "max": [-1.5, 0.9, 2] } });
         cart["bodies"] = json!([{ "name": "trailer", "parts": [part], "poses": poses }]);
     });
     let files = ["yard.json", "rigs.json", "--backend", "cpu", "--tolerance", "0"];
-    let of = |more: &[&str]| {
-        let found = ok(&dir, &[&["score"][..], &files, more].concat());
+    let of = |more: &str| {
+        let found = ok(&dir, &("score", &files, more));
         found["scores"][2]["requirements"].clone()
     };
-    let (all, straight) = (of(&[]), of(&["--frames", "1"]));
+    let (all, straight) = (of(""), of("--frames 1"));
     // Bent, the trailer hides nothing behind the straight one: two of three frames would do.
     let worst = json!({ "frame": 0, "share": 0.0 });
     assert_eq!((&all[0]["found"], &all[0]["worst_frame"]), (&json!(0.0), &worst), "{all}");
     assert_eq!((&straight[0]["found"], straight[0].get("worst_frame")), (&json!(0.0), None));
-    let share = |of: &Value| of.as_f64().unwrap();
+    let share = |of: &Value| of.number();
     let (mean, first) = (share(&all[1]["found"]), share(&straight[1]["found"]));
     let bent = (3.0 * mean - first) / 2.0;
     let worst = share(&all[1]["worst_frame"]["share"]);
     assert!((worst - bent.min(first)).abs() < 1e-9 && worst < mean, "{all} {straight}");
-    let text = stdout(&dir, &[&["score"][..], &files].concat());
-    let words = "blind zone behind to 3 m: 0.0 % seen in frame 0, 100.0 % required";
-    assert!(text.contains(words) && text.contains(" % in frame "), "{text}");
+    stdout(&dir, &("score", &files))
+        .says("blind zone behind to 3 m: 0.0 % seen in frame 0, 100.0 % required")
+        .says(" % in frame ");
     let near = ok(&dir, "study nearfield yard.json rigs.json --backend cpu");
     let zone = &near["near_fields"][2]["zone"];
     assert_eq!((&zone["behind"], &zone["worst_frames"]["behind"]), (&Value::Null, &json!(0)));
@@ -292,24 +273,24 @@ fn a_target_must_be_met_in_the_worst_pose_of_a_body_that_moves() {
         car(json!({ "name": "one lost", "without_any_one": true }))
     ]);
     yard(dir.path(), rules);
-    let of = |yaws: [f64; 3], more: &[&str]| {
-        let mut cart = read_json(dir.path().join("cart.json"));
+    let of = |yaws: [f64; 3], more: &str| {
         let poses = yaws.map(|yaw| json!({ "x": -2, "y": 0, "yaw": yaw }));
         let part =
             json!({ "class": "vehicle", "box": { "min": [-4, -0.9, 0], "max": [-1.5, 0.9, 2] } });
-        cart["bodies"] = json!([{ "name": "trailer", "parts": [part], "poses": poses }]);
-        write(&dir, "cart.json", &cart);
-        let args = ["score", "yard.json", "rigs.json", "--backend", "cpu"];
-        ok(&dir, &[&args[..], more].concat())["scores"][2]["requirements"].clone()
+        change(&dir, "cart.json", |cart| {
+            cart["bodies"] = json!([{ "name": "trailer", "parts": [part], "poses": poses }]);
+        });
+        let args = "score yard.json rigs.json --backend cpu";
+        ok(&dir, &(args, more))["scores"][2]["requirements"].clone()
     };
-    let exact = ["--tolerance", "0"];
-    let [straight, bent] = [0.0, 1.57].map(|yaw| of([yaw; 3], &exact));
-    let found = |of: &Value, rule: usize| of[rule]["found"].as_f64().unwrap();
+    let exact = "--tolerance 0";
+    let [straight, bent] = [0.0, 1.57].map(|yaw| of([yaw; 3], exact));
+    let found = |of: &Value, rule: usize| of[rule]["found"].number();
     assert_eq!((found(&straight, 0), found(&bent, 0)), (0.0, 1.0), "{straight} {bent}");
     assert!(found(&straight, 1) > found(&bent, 1), "{straight} {bent}");
     assert!((0..3).all(|rule| straight[rule].get("worst_frame").is_none()), "{straight}");
     for (yaws, frames) in [([0.0, 1.57, 1.57], [0, 1]), ([1.57, 0.0, 1.57], [1, 0])] {
-        let both = of(yaws, &exact);
+        let both = of(yaws, exact);
         for rule in 0..3 {
             let shares = [found(&straight, rule), found(&bent, rule)];
             let worst = usize::from(shares[1] < shares[0]);
@@ -321,7 +302,7 @@ fn a_target_must_be_met_in_the_worst_pose_of_a_body_that_moves() {
         assert_eq!(both[0]["missing"], straight[0]["missing"], "{both}");
     }
     // No copy within the tolerance sees through the trailer.
-    let [both, bent] = [[1.57, 0.0, 1.57], [1.57; 3]].map(|yaws| of(yaws, &[]));
+    let [both, bent] = [[1.57, 0.0, 1.57], [1.57; 3]].map(|yaws| of(yaws, ""));
     assert_eq!((&both[0]["holds_in"], &bent[0]["holds_in"]), (&json!(0.0), &json!(1.0)));
 }
 
@@ -364,10 +345,9 @@ fn a_lidar_below_the_ground_is_the_first_warning_of_a_score() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([]));
     let lidar = |z: f64| json!({ "sensor": "wide", "x": 0.4, "y": 0.1, "z": z });
-    let low = json!({ "placements": [{ "name": "low", "lidars": [lidar(2.1), lidar(-0.5)] }] });
-    write(&dir, "low.json", &low);
+    write_rig(&dir, "low.json", "low", [lidar(2.1), lidar(-0.5)]);
     let found = ok(&dir, "score yard.json low.json --backend cpu");
-    let first = found["scores"][0]["guards"][0].as_str().unwrap();
+    let first = found["scores"][0]["guards"][0].text();
     assert!(first.starts_with("below_ground: LiDAR 1 is 0.50 m below the ground"), "{found}");
 }
 
@@ -382,21 +362,18 @@ fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
     cart["sensors"][1]["lidar"]["fov"] = json!([-80, -55]),
     );
     let back = json!({ "sensor": "side", "x": -2, "y": 0, "z": 1.5, "yaw": std::f64::consts::PI });
-    let rigs = json!({ "placements": [{ "name": "slit", "lidars": [back] }] });
-    write(&dir, "slit.json", &rigs);
-    let files = ["yard.json", "slit.json", "--backend", "cpu"];
-    let near = ok(&dir, &[&["study", "nearfield"][..], &files].concat());
+    write_rig(&dir, "slit.json", "slit", [back]);
+    let files = "yard.json slit.json --backend cpu";
+    let near = ok(&dir, &("study nearfield", files));
     let zone = &near["near_fields"][0]["zone"];
     assert_eq!(zone["behind"], 0.125, "{zone}");
     let want = json!([{ "side": "behind", "from": 1.25, "to": 10.0, "lanes": 8, "of": 8 }]);
     assert_eq!(zone["lost"], want);
-    let scores = ok(&dir, &[&["score", "--tolerance", "0"][..], &files].concat());
+    let scores = ok(&dir, &("score --tolerance 0", files));
     let rule = &scores["scores"][0]["requirements"][0];
     assert_eq!((&rule["met"], &rule["found"]), (&json!(false), &json!(0.0)), "{rule}");
-    let missing = rule["missing"].as_str().unwrap();
+    let missing = rule["missing"].text();
     assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
-    let text = stdout(&dir, &[&["study", "nearfield"][..], &files].concat());
-    let words =
-        "! slit: behind 0.1 m, but unseen again in 8 of 8 lanes, at most from 1.3 to 10 m\n";
-    assert!(text.contains(words), "{text}");
+    stdout(&dir, &("study nearfield", files))
+        .says("! slit: behind 0.1 m, but unseen again in 8 of 8 lanes, at most from 1.3 to 10 m\n");
 }

@@ -53,12 +53,11 @@ pub(crate) fn folder() -> TempDir {
 }
 
 /// The hand-over of the first rig, in `out`.
-pub(crate) fn handed_over(dir: &TempDir, more: &[&str]) -> TempDir {
+pub(crate) fn handed_over(dir: &TempDir, more: &str) -> TempDir {
     let out = tempfile::tempdir().unwrap();
     let place = out.path().join("out");
     let place = place.to_str().unwrap();
-    let start = ["rig", "handover", "p.json:rig", "--vehicle", "cart.json", "--backend", "cpu"];
-    ok(dir, &[&start[..], &["--out", place], more].concat());
+    ok(dir, &("rig handover p.json:rig --vehicle cart.json --backend cpu", ["--out", place], more));
     out
 }
 
@@ -79,7 +78,7 @@ fn cells(text: &str) -> Vec<Vec<String>> {
 #[test]
 fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     let dir = folder();
-    let out = handed_over(&dir, &[]);
+    let out = handed_over(&dir, "");
     let rows = cells(&read(&out, "poses.csv"));
     let column = |title: &str| rows[0].iter().position(|cell| cell == title).unwrap();
     let cell = |lidar: usize, title: &str| rows[lidar + 1][column(title)].clone();
@@ -96,14 +95,14 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     // A sensor that spins freely has no phase, a locked one has.
     assert_eq!((cell(0, "phase_rad"), cell(0, "phase_deg")), (String::new(), String::new()));
     change(&dir, "cart.json", |vehicle| vehicle["sensors"][0]["phase"] = json!(0));
-    let locked = cells(&read(&handed_over(&dir, &[]), "poses.csv"));
+    let locked = cells(&read(&handed_over(&dir, ""), "poses.csv"));
     let phases =
         |lidar: usize| ["phase_rad", "phase_deg"].map(|of| locked[lidar + 1][column(of)].clone());
     assert_eq!([phases(0), phases(1)], [["0", "0"]; 2].map(|both| both.map(String::from)));
     // A sensor within the body sees little else, and is told off.
     change(&dir, "p.json", |rigs| rigs["placements"][0]["lidars"][0]["z"] = json!(1.5));
     let warning = "Warning: self_hit: LiDAR 0 ends ";
-    assert!(read(&handed_over(&dir, &[]), "README.txt").contains(warning));
+    assert!(read(&handed_over(&dir, ""), "README.txt").contains(warning));
     let readme = read(&out, "README.txt");
     let line = readme.lines().find(|line| line.starts_with("  LiDAR 0: ")).unwrap();
     assert!(
@@ -145,7 +144,7 @@ fn beams(
 #[test]
 fn a_mask_holds_the_beams_whose_way_ends_at_a_box_of_the_body() {
     let dir = folder();
-    let out = handed_over(&dir, &[]);
+    let out = handed_over(&dir, "");
     let turning = beams((CHANNELS, FOV), STEPS, |j| 360.0 * f64::from(j) / f64::from(STEPS));
     let side = beams((8, [-30.0, 10.0]), SIDE.0, |j| -60.0 + 2.0 * f64::from(j));
     let tilted = SensorPose { roll: 0.05, pitch: 0.1, ..SensorPose::at(0.25, -0.125, 2.1) };
@@ -197,7 +196,7 @@ fn pixels(path: &Path, width: usize) -> Vec<u8> {
 #[test]
 fn crop_boxes_are_those_of_the_body_with_its_margin_from_base_link() {
     let dir = folder();
-    let out = handed_over(&dir, &["--margin", "0.1", "--base-link=-1.25,0,0.2"]);
+    let out = handed_over(&dir, "--margin 0.1 --base-link=-1.25,0,0.2");
     let text = read(&out, "crop_boxes.yaml");
     let nodes: Vec<&str> = text.split("/**/").skip(1).collect();
     let number = |node: &str, key: &str| -> f64 {
@@ -241,7 +240,7 @@ fn notes_on_sensor_files_are_in_the_readme_until_the_vehicle_answers_them() {
         let mut vehicle: Value = serde_json::from_str(&text).unwrap();
         vehicle["sensors"][0]["lidar"] = lidar;
         fs::write(&path, vehicle.to_string()).unwrap();
-        read(&handed_over(&dir, &[]), "README.txt")
+        read(&handed_over(&dir, ""), "README.txt")
     };
     let told = readme(json!({ "file": "s.json", "range": 50 }));
     let line = told.lines().find(|line| line.starts_with("Note: ")).unwrap_or_default();
@@ -253,8 +252,8 @@ fn notes_on_sensor_files_are_in_the_readme_until_the_vehicle_answers_them() {
 #[test]
 fn places_are_told_from_base_link_where_it_is_given() {
     let dir = folder();
-    let rows = |more: &[&str]| cells(&read(&handed_over(&dir, more), "poses.csv"));
-    let (plain, based) = (rows(&[]), rows(&["--base-link=-1.25,0,0.5"]));
+    let rows = |more: &str| cells(&read(&handed_over(&dir, more), "poses.csv"));
+    let (plain, based) = (rows(""), rows("--base-link=-1.25,0,0.5"));
     let first = plain[0].len();
     assert_eq!(based[0][first..], ["base_link_x_m", "base_link_y_m", "base_link_z_m"]);
     assert_eq!(based[1][first..], ["1.5", "-0.125", "1.6"]);
@@ -264,7 +263,7 @@ fn places_are_told_from_base_link_where_it_is_given() {
 #[test]
 fn profiles_for_isaac_have_the_beams_of_the_models() {
     let dir = folder();
-    let out = handed_over(&dir, &[]);
+    let out = handed_over(&dir, "");
     let read = |name: &str| {
         let file = out.path().join("out").join(name);
         let steps = sensor_file::read(&file, None).unwrap().azimuth_steps.unwrap();
@@ -292,18 +291,14 @@ fn profiles_for_isaac_have_the_beams_of_the_models() {
 #[test]
 fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_score() {
     let dir = folder();
-    let path = dir.path().join("cart.json");
-    let mut vehicle = read_json(&path);
-    vehicle.as_object_mut().unwrap().remove("require");
-    fs::write(&path, vehicle.to_string()).unwrap();
-    let more = ["--vehicle", "cart.json", "--backend", "cpu"];
-    let near = ok(&dir, &[&["study", "nearfield", "p.json"], &more[..]].concat());
-    for near in near["near_fields"].as_array().unwrap() {
-        let rig = format!("p.json:{}", near["name"].as_str().unwrap());
-        let args = ["rig", "handover", &rig, "--out", "h", "--force"];
-        let made = ok(&dir, &[&args[..], &more[..]].concat());
-        let svg = fs::read_to_string(dir.path().join("h/drawing.svg")).unwrap();
-        let number = |of: &Value| of.as_f64().unwrap();
+    change(&dir, "cart.json", |cart| drop(cart.as_object_mut().unwrap().remove("require")));
+    let more = "--vehicle cart.json --backend cpu";
+    let near = ok(&dir, &("study nearfield p.json", more));
+    for near in near["near_fields"].list() {
+        let rig = format!("p.json:{}", near["name"].text());
+        let made = ok(&dir, &(format!("rig handover {rig} --out h --force"), more));
+        let svg = read_text(&dir, "h/drawing.svg");
+        let number = |of: &Value| of.number();
         // With its angle at 0 the second rig has 72.2 m² in place of 73.2.
         let area =
             format!("open where it goes on; {:.1} m² to 10 m", number(&near["zone"]["area"]));
@@ -316,9 +311,9 @@ fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_scor
         let share =
             format!("{:.1} %", (1e3 * number(&near["beams"][0]["own"]) - 1e-9).ceil() / 10.0);
         let guard = format!("self_hit: LiDAR 0 ends {share} of its beams at the own vehicle");
-        assert!(made["guards"][0].as_str().unwrap().starts_with(&guard), "{made}: {guard}");
+        assert!(made["guards"][0].text().starts_with(&guard), "{made}: {guard}");
     }
-    let text = stdout(&dir, &[&["study", "nearfield", "p.json"], &more[..]].concat());
+    let text = stdout(&dir, &("study nearfield p.json", more));
     let row = text.lines().filter(|line| line.starts_with("rig ")).nth(1).unwrap();
     assert!(row.ends_with(" 34.7 0 0"), "{text}");
 }
@@ -327,10 +322,8 @@ fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_scor
 fn a_scene_with_a_lidar_and_a_mount_needs_no_vehicle() {
     let dir = crate::cli_files::world();
     let out = dir.path().join("out");
-    let line = "rig handover town.json p.json --frame 1 --backend cpu --out out";
-    ok(&dir, line);
-    let poses = fs::read_to_string(out.join("poses.csv")).unwrap();
-    assert!(poses.contains("\n0,,lidar,0,0,2,0,0,2000,"), "{poses}");
+    ok(&dir, "rig handover town.json p.json --frame 1 --backend cpu --out out");
+    read_text(&out, "poses.csv").says("\n0,,lidar,0,0,2,0,0,2000,");
     assert!(out.join("mask-1.png").is_file() && out.join("lidar.isaac.json").is_file());
 }
 
@@ -339,7 +332,7 @@ fn refusals_leave_nothing_behind() {
     let dir = folder();
     fs::create_dir(dir.path().join("full")).unwrap();
     write(&dir, "full/note", "mine");
-    let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
+    let text = read_text(&dir, "p.json");
     write(&dir, "odd.json", &text.replace("\"turning\"", "\"odd\""));
     let before = all_files(dir.path());
     // A rule about a model that there is not says nothing.
@@ -362,13 +355,11 @@ fn refusals_leave_nothing_behind() {
         ("a.json b.json p.json:rig --out o", "is a second scene"),
     ] {
         let line = format!("rig handover {line} --backend cpu");
-        let told = fails(&dir, &line);
-        assert!(told.contains(words), "{line}: {told}");
+        fails(&dir, &line).says(words);
         assert!(!dir.path().join("o").exists() && all_files(dir.path()) == before, "{line}");
     }
-    let line = "rig handover p.json:rig --vehicle cart.json --backend cpu --out full --force";
-    ok(&dir, &line);
-    assert_eq!(fs::read_to_string(dir.path().join("full/note")).unwrap(), "mine");
+    ok(&dir, "rig handover p.json:rig --vehicle cart.json --backend cpu --out full --force");
+    assert_eq!(read_text(&dir, "full/note"), "mine");
     assert!(dir.path().join("full/poses.csv").is_file());
 }
 
@@ -376,8 +367,7 @@ fn refusals_leave_nothing_behind() {
 fn a_smaller_rig_leaves_no_mask_of_a_larger_one() {
     let dir = folder();
     let line = "rig handover p.json:rig --vehicle cart.json --backend cpu --out out --force";
-    let words: Vec<&str> = line.split(' ').collect();
-    ok(&dir, &words);
+    ok(&dir, line);
     let masks = || {
         let names = fs::read_dir(dir.path().join("out")).unwrap();
         let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
@@ -394,7 +384,7 @@ fn a_smaller_rig_leaves_no_mask_of_a_larger_one() {
     change(&dir, "p.json", |rigs| {
         rigs["placements"][0]["lidars"].as_array_mut().unwrap().truncate(1);
     });
-    ok(&dir, &words);
+    ok(&dir, line);
     let mut left: Vec<&str> =
         three.iter().map(String::as_str).filter(|name| name.starts_with("mask-0")).collect();
     left.extend(["mask-2-notes.txt", "mask-old.csv"]);
@@ -416,9 +406,9 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     let path = |file: &str| root.join(file).to_str().unwrap().to_owned();
     let (found, van) = (path("docs/van/found.json"), path("scenes/vehicles/van.json"));
     ok(&dir, &["rig", "handover", &found, "--vehicle", &van, "--backend", "cpu", "--out", "h"]);
-    let svg = fs::read_to_string(dir.path().join("h/drawing.svg")).unwrap();
+    let svg = read_text(&dir, "h/drawing.svg");
     let (end, element) = text_at(&svg, "ahead: blind to");
-    assert!(element.contains("text-anchor=\"end\""), "{element}");
+    element.says("text-anchor=\"end\"");
     let (legend, _) = text_at(&svg, "van: optimized");
     assert!(legend - end > 4.9, "{end} mm, legend at {legend} mm");
     // The blind zone goes on behind it, where it is drawn to 5 m: no line closes it there.
@@ -442,7 +432,7 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
         let (before, after) = svg.split_once("drawn by sightline ").unwrap();
         before.to_owned() + after.split_once('<').unwrap().1
     };
-    let committed = fs::read_to_string(root.join("docs/van/drawing.svg")).unwrap();
+    let committed = read_text(root, "docs/van/drawing.svg");
     assert_eq!(unversioned(&svg), unversioned(&committed));
 }
 
@@ -477,7 +467,7 @@ pub(crate) fn texts_apart(svg: &str, wide: f64, [above, below]: [f64; 2]) -> Vec
 #[test]
 fn no_words_of_the_view_from_above_lie_over_others() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let svg = fs::read_to_string(root.join("docs/van/drawing.svg")).unwrap();
+    let svg = read_text(root, "docs/van/drawing.svg");
     let all = texts_apart(&svg, 0.42, [0.6, 0.0]);
     let named = |words: &&String| ["roof", "side-", "front"].iter().any(|of| words.starts_with(of));
     assert!(all.iter().filter(named).count() > 7, "{all:?}");

@@ -6,10 +6,7 @@ use crate::cli_handover::folder;
 /// A vehicle of some requirements, and a yard.
 fn yard_with(require: Value) -> TempDir {
     let dir = folder();
-    let path = dir.path().join("cart.json");
-    let mut vehicle = read_json(&path);
-    vehicle["require"] = require;
-    fs::write(&path, vehicle.to_string()).unwrap();
+    set_rules(&dir, require);
     let scene = json!({ "sightline": 1, "name": "yard", "coverage": "first-hit",
         "roi": { "min": [-10, -10, -0.5], "max": [10, 10, 3], "voxel": [0.5, 0.5, 0.5] },
         "static": [{ "class": "road", "plane": { "min": [-99, -99], "max": [99, 99], "z": 0 } },
@@ -35,8 +32,8 @@ fn run_folder() -> TempDir {
     assert!(!text.contains("\n\n\n"), "one empty line at a time: {text}");
     let words =
         "car at 30 m, 90 beams: even the best pose looked at on each mount meets it with at most ";
-    assert!(said.contains(&format!("OUT OF REACH: {words}")), "{said}");
-    assert!(text.contains(&format!("Out of reach: {words}")), "{text}");
+    said.says(&format!("OUT OF REACH: {words}"));
+    text.says(&format!("Out of reach: {words}"));
     assert!(!text.contains("Next, since") && !text.contains("all checks passed"), "{text}");
     dir
 }
@@ -64,33 +61,30 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     ok(
         "rig handover runs/yard/placements.json:optimized --vehicle cart.json --backend cpu --out b",
     );
-    let read = |path: &str| fs::read_to_string(dir.path().join(path)).unwrap();
+    let read = |path: &str| read_text(&dir, path);
     for file in ["poses.csv", "materials.csv"] {
         assert_eq!(read(&format!("a/{file}")), read(&format!("b/{file}")), "{file}");
     }
     // The drawing of a rig that misses a requirement says so, whether the run tells it or it is measured.
     for drawing in [read("a/drawing.svg"), read("b/drawing.svg")] {
-        assert!(
-            drawing.contains(">NOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required"),
-            "{drawing}"
-        );
+        drawing.says(">NOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required");
     }
     assert!(read("a/drawing.svg").contains("Found with seed 1 in the run yard"));
     // The folder of a run carries its result, its warnings and its command; a placement of a file has none.
     let mut result: Value = serde_json::from_str(&read("runs/yard/result.json")).unwrap();
-    let verdict = result["verdict"].as_str().unwrap();
+    let verdict = result["verdict"].text();
     assert!(verdict.starts_with("The requirement is not met"), "{verdict}");
-    let guards = result["best"]["scores"]["guards"].as_array().unwrap().iter();
-    let guards = guards.map(|guard| match guard.as_str().unwrap() {
+    let guards = result["best"]["scores"]["guards"].list().iter();
+    let guards = guards.map(|guard| match guard.text() {
         sector if sector.starts_with("blind_sector: ") => sector.replace("blind_sector", "BLIND"),
         other => format!("Warning: {other}"),
     });
     let mut lines: Vec<String> = guards.map(|line| line + "\n").collect();
     lines.push(format!("Result: {verdict}\n"));
     // The command names files without the folders of this machine.
-    let command = result["command"].as_str().unwrap();
+    let command = result["command"].text();
     let folder = format!("{}/", dir.path().canonicalize().unwrap().display());
-    assert!(command.contains(&folder), "{command}");
+    command.says(&folder);
     lines.push(format!("Repeat: {} --backend cpu\n", command.replace(&folder, "")));
     let [of_run, of_file] = ["a", "b"].map(|folder| read(&format!("{folder}/README.txt")));
     assert!(lines.iter().all(|line| of_run.contains(line)), "{of_run}");
@@ -99,7 +93,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     ok("rig handover yard.json runs/yard --frame 1 --backend cpu --out h");
     let in_scene = read("h/README.txt");
     assert!(lines.iter().all(|line| in_scene.contains(line)), "{in_scene}");
-    assert!(in_scene.contains("in frame 1 of yard"), "{in_scene}");
+    in_scene.says("in frame 1 of yard");
     // In another scene the vehicle is that of the run, and the requirement is measured there.
     write(&dir, "other.json", &read("yard.json").replace("\"yard\"", "\"other\""));
     ok("rig handover other.json runs/yard --backend cpu --out i");
@@ -158,7 +152,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     );
     assert_eq!(read("own.urdf"), read("named.urdf"));
     let same = ok("rig compare runs/yard runs/yard/placements.json:optimized");
-    assert!(same["lidars"].as_array().unwrap().iter().all(|of| of["moved"] == 0.0), "{same}");
+    assert!(same["lidars"].list().iter().all(|of| of["moved"] == 0.0), "{same}");
     let view = "view yard.json runs/yard --vehicle cart.json --backend cpu --out view.html";
     let (code, [_, told]) = ran(&dir, view);
     assert_eq!(code, Some(1), "the requirement is not met: {told}");
@@ -169,41 +163,35 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
         )
     };
     assert_eq!(ok(&study("runs/yard"))["rows"][0]["name"], "optimized");
-    let told = fails(&dir, &study("runs/yard:plain"));
-    assert!(told.contains("lost: holds a study of other settings"), "{told}");
-    let told = fails(&dir, "rig handover runs --out c");
-    assert!(told.contains("runs: is a folder without result.json; give a file"), "{told}");
-    let told = fails(&dir, "rig handover yard.json p.json --out c");
-    assert!(told.contains("`sightline rig handover yard.json p.json:rig`"), "{told}");
+    fails(&dir, &study("runs/yard:plain")).says("lost: holds a study of other settings");
+    fails(&dir, "rig handover runs --out c")
+        .says("runs: is a folder without result.json; give a file");
+    fails(&dir, "rig handover yard.json p.json --out c")
+        .says("`sightline rig handover yard.json p.json:rig`");
     // A vehicle that is another one now: its rules count, and the hand-over says so.
     let lower = read("cart.json").replace("1.7],", "1.6],").replace("2.4],", "1.65],");
     fs::write(dir.path().join("cart.json"), lower).unwrap();
     ok("rig handover runs/yard --backend cpu --out g");
-    let text = read("g/README.txt");
-    assert!(
-        text.contains("CHANGED SINCE THE RUN: ") && text.contains("cart.json; rules"),
-        "{text}"
-    );
-    assert!(text.contains("RULE BROKEN: LiDAR "), "{text}");
+    read("g/README.txt")
+        .says("CHANGED SINCE THE RUN: ")
+        .says("cart.json; rules")
+        .says("RULE BROKEN: LiDAR ");
 }
 
 #[test]
 fn two_of_a_model_on_a_mount_of_several_models_break_no_rule() {
     let dir = folder();
-    let path = dir.path().join("cart.json");
-    let mut vehicle = read_json(&path);
-    vehicle["mounts"][0]["sensors"] = json!(["turning", "side, narrow"]);
-    vehicle["mounts"][0]["count"] = json!([0, 2]);
-    vehicle.as_object_mut().unwrap().remove("require");
-    fs::write(&path, vehicle.to_string()).unwrap();
+    change(&dir, "cart.json", |vehicle| {
+        vehicle["mounts"][0]["sensors"] = json!(["turning", "side, narrow"]);
+        vehicle["mounts"][0]["count"] = json!([0, 2]);
+        vehicle.as_object_mut().unwrap().remove("require");
+    });
     let roof = |x: f64| json!({ "x": x, "y": 0, "z": 2, "sensor": "turning" });
     for (name, xs, breaks) in [("two", &[-0.5, 0.5][..], false), ("three", &[-0.5, 0.0, 0.5], true)]
     {
         let lidars: Vec<_> = xs.iter().map(|x| roof(*x)).collect();
-        let rig = json!({ "placements": [{ "name": name, "lidars": lidars }] });
-        write(&dir, "rig.json", &rig);
-        let line = format!("rig handover rig.json --vehicle cart.json --backend cpu --out {name}");
-        ok(&dir, &line);
+        write_rig(&dir, "rig.json", name, lidars);
+        ok(&dir, &format!("rig handover rig.json --vehicle cart.json --backend cpu --out {name}"));
         let text = fs::read_to_string(dir.path().join(name).join("README.txt")).unwrap();
         assert_eq!(text.contains("RULE BROKEN: "), breaks, "{text}");
     }

@@ -28,9 +28,7 @@ fn options(script: &str) -> BTreeMap<Vec<String>, BTreeSet<String>> {
 }
 
 fn help(dir: &TempDir, names: &[String], flag: &str) -> String {
-    let mut args: Vec<&str> = names.iter().map(String::as_str).collect();
-    args.push(flag);
-    stdout(dir, &args)
+    stdout(dir, &(names.join(" "), flag))
 }
 
 fn has_word(text: &str, option: &str) -> bool {
@@ -40,8 +38,7 @@ fn has_word(text: &str, option: &str) -> bool {
 #[test]
 fn short_help_fits_one_screen_and_long_help_names_every_option() {
     let dir = TempDir::new().unwrap();
-    let script = sightline(&dir, "completions bash");
-    let all = options(&String::from_utf8(script.stdout).unwrap());
+    let all = options(&stdout(&dir, "completions bash"));
     assert!(all.len() > 30, "{} commands", all.len());
     let (lines, columns) = SCREEN;
     let mut hidden = 0;
@@ -72,7 +69,7 @@ fn help_names_every_option_of_the_command_that_repeats_a_run() {
     let line = "optimize room.json --backend cpu --evaluations 4 --population 4 --method cma --enough 0.001 \
                 --delta 0.3 --frames 1 --mirror --equal-height --fix z=1.5 --condition rain --out run";
     ok(&dir, line);
-    let page = fs::read_to_string(dir.path().join("run").join("report.html")).unwrap();
+    let page = read_text(&dir, "run/report.html");
     let code = page.split("<code>").find(|code| code.starts_with("sightline optimize "));
     let (command, _) = code.unwrap().split_once("</code>").unwrap();
     let given: BTreeSet<&str> = command.split(' ').filter(|word| word.starts_with("--")).collect();
@@ -114,8 +111,7 @@ fn value(help: &str, option: &str) -> String {
 #[test]
 fn one_word_names_one_thing_in_all_commands() {
     let dir = TempDir::new().unwrap();
-    let script = sightline(&dir, "completions bash");
-    let all = options(&String::from_utf8(script.stdout).unwrap());
+    let all = options(&stdout(&dir, "completions bash"));
     let mut values: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
     for (names, options) in &all {
         let long = help(&dir, names, "--help");

@@ -14,19 +14,18 @@ fn a_run_does_not_go_on_with_other_files() {
     write(&dir, "room.json", &scene);
     write(&dir, "sensor.json", "{ \"elevation_deg\": [-20, 0] }");
     write(&dir, "wall.obj", "v 3 -3 0\nv 3 3 0\nv 3 0 3\nf 1 2 3\n");
-    let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "8", "--out", "run"];
-    let begun = ok(&dir, &args);
-    let resume = ["optimize", "--resume", "run", "--backend", "cpu"];
+    let args = "optimize room.json --backend cpu --evaluations 8 --out run";
+    let begun = ok(&dir, args);
+    let resume = "optimize --resume run --backend cpu";
     for name in ["room.json", "sensor.json", "wall.obj", "room.npz"] {
         let bytes = fs::read(path(name)).unwrap();
         // A byte more is still the same scene to the reader of each of these.
         fs::write(path(name), [&bytes[..], b"\n"].concat()).unwrap();
-        let message = fails(&dir, &resume);
-        assert!(message.contains(&format!("{name}: has changed")), "{message}");
+        fails(&dir, resume).says(&format!("{name}: has changed"));
         fs::write(path(name), bytes).unwrap();
     }
     // Nothing is left to do: the result is told as it was written, with the times of the search.
-    let resumed = ok(&dir, &resume);
+    let resumed = ok(&dir, resume);
     assert_eq!(resumed["best"], begun["best"]);
     assert_eq!(resumed["timings"]["generations"], begun["timings"]["generations"]);
     assert!(resumed["rate"].as_f64() > Some(0.0), "{}", resumed["rate"]);
@@ -36,7 +35,7 @@ fn a_run_does_not_go_on_with_other_files() {
     let mut times = read_json(path("run/times.json"));
     times["times"]["search"] = json!(1e6);
     write(&dir, "run/times.json", &times);
-    let anew = ok(&dir, &[&args[..], &["--force"]].concat());
+    let anew = ok(&dir, &(args, "--force"));
     let seconds = anew["timings"]["search"].as_f64();
     assert!(seconds.is_some_and(|seconds| seconds < 1e6), "{}", anew["timings"]);
 }
@@ -47,8 +46,8 @@ fn line(name: &str) -> String {
 
 /// Scores placements that come through a pipe.
 fn piped(dir: &TempDir, input: &str, more: &[&str]) -> Output {
-    let args = ["score", "scene.json", "-", "--format", "json", "--backend", "cpu"];
-    crate::cli::piped(dir.path(), &[&args[..], more].concat(), input.as_bytes())
+    let args = "score scene.json - --format json --backend cpu";
+    crate::cli::piped(dir.path(), &(args, more), input.as_bytes())
 }
 
 #[test]
@@ -58,8 +57,8 @@ fn placements_come_through_pipes_as_lines_or_as_a_document() {
         let answer: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| {
             panic!("{}", String::from_utf8_lossy(&output.stderr));
         });
-        let names = answer["scores"].as_array().unwrap().iter();
-        names.map(|score| score["name"].as_str().unwrap().to_owned()).collect()
+        let names = answer["scores"].list().iter();
+        names.map(|score| score["name"].text().to_owned()).collect()
     };
     let many: String = (0..1500).map(|n| line(&format!("p{n}"))).collect();
     assert_eq!(names(piped(&dir, &many, &[])).len(), 1500);
@@ -74,15 +73,15 @@ fn placements_come_through_pipes_as_lines_or_as_a_document() {
         let late = piped(&dir, &(many.clone() + &end), &["--out", "scores.json"]);
         let message = String::from_utf8_lossy(&late.stderr).into_owned();
         assert_eq!(late.status.code(), Some(2), "{message}");
-        assert!(message.contains(words), "{message}");
+        message.says(words);
         assert!(!dir.path().join("scores.json").exists());
     }
     // On stdout it comes after scores, which say so and are no whole document.
     let late = piped(&dir, &(many + "{}"), &[]);
     let message = String::from_utf8_lossy(&late.stderr);
     assert_eq!(late.status.code(), Some(2), "{message}");
-    assert!(message.contains("only the scores of the first 1024 placements"), "{message}");
-    assert!(message.contains("-, line 1501, column 2: missing key"), "{message}");
+    message.says("only the scores of the first 1024 placements");
+    message.says("-, line 1501, column 2: missing key");
     assert!(serde_json::from_slice::<Value>(&late.stdout).is_err());
     let none = piped(&dir, "\n", &[]);
     assert_eq!((none.status.code(), none.stdout.len()), (Some(2), 0));
@@ -118,12 +117,10 @@ fn wrong_placements_are_answered_with_place_and_mend() {
         ),
     ] {
         fs::write(dir.path().join(name), text).unwrap();
-        let message = fails(&dir, &["score", "scene.json", name, "--backend", "cpu"]);
-        assert!(message.contains(name) && message.contains(words), "{message}");
+        fails(&dir, &["score", "scene.json", name, "--backend", "cpu"]).says(name).says(words);
     }
     fs::write(dir.path().join("f.json"), b"{\"placements\": [\xff]}").unwrap();
-    let message = fails(&dir, "score scene.json f.json");
-    assert!(message.contains("f.json: is not UTF-8 text from byte 16 on"), "{message}");
+    fails(&dir, "score scene.json f.json").says("f.json: is not UTF-8 text from byte 16 on");
 }
 
 #[test]
@@ -163,29 +160,27 @@ fn with_scene(pointer: &str, value: Value, args: &[&str]) -> String {
 #[test]
 fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
     let score = ["score", "scene.json", "placements.json", "--backend", "cpu"];
-    let message = with_scene("/name", json!("a\u{1}b"), &score);
-    assert!(message.contains("scene.json: name: \"a\\u{1}b\" is not a text without"), "{message}");
-    let message = with_scene("/roi/max/0", json!(20), &score);
-    assert!(message.contains("scene.json and corridor.psog.npz: the P-SOG has"), "{message}");
+    with_scene("/name", json!("a\u{1}b"), &score)
+        .says("scene.json: name: \"a\\u{1}b\" is not a text without");
+    with_scene("/roi/max/0", json!(20), &score)
+        .says("scene.json and corridor.psog.npz: the P-SOG has");
 
     let dir = TempDir::new().unwrap();
     let path = room(dir.path());
-    let optimize = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "8"];
+    let optimize = "optimize room.json --backend cpu --evaluations 8";
     write(&dir, "file", "");
     for (more, words) in [
         (["--delta", "1e-9"], "widen --delta"),
         (["--adapter", "X"], "leave one of them out"),
         (["--memory", "16"], "--memory"),
     ] {
-        let message = fails(&dir, &[&optimize[..], &more].concat());
-        assert!(message.contains(words), "{message}");
+        fails(&dir, &(optimize, &more)).says(words);
         assert!(!dir.path().join("runs").exists(), "{more:?} left a folder");
     }
     write(&dir, "p.json", &format!("{{\"placements\":[{}]}}", line("a")));
-    let message = fails(&dir, "cast room.json p.json --frame 99");
-    assert!(message.contains("room.json: there is no frame 99; give --frame 0 to 2"), "{message}");
-    let message = stderr(&dir, "score room.json p.json --frames 99");
-    assert!(message.contains("--frames 99: the scene has 3"), "{message}");
+    fails(&dir, "cast room.json p.json --frame 99")
+        .says("room.json: there is no frame 99; give --frame 0 to 2");
+    stderr(&dir, "score room.json p.json --frames 99").says("--frames 99: the scene has 3");
 
     // Headings of a log count turns on.
     let mut scene = read_json(&path);
@@ -197,13 +192,11 @@ fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
     // Further apart than the mount is long; and not, but still further than two can be.
     scene["mount"]["min_distance"] = json!(50);
     fs::write(&path, scene.to_string()).unwrap();
-    let message = fails(&dir, &optimize);
-    assert!(message.contains("room.json: mount.min_distance: 50 is not"), "{message}");
+    fails(&dir, optimize).says("room.json: mount.min_distance: 50 is not");
     scene["mount"]["keep_out"] = json!([{ "min": [-1, -1, 1], "max": [0.5, 1, 2] }]);
     scene["mount"]["min_distance"] = json!(1.5);
     fs::write(&path, scene.to_string()).unwrap();
-    let message = fails(&dir, &optimize);
-    assert!(message.contains("was found that keeps its rules (at least 1.5 m apart;"), "{message}");
+    fails(&dir, optimize).says("was found that keeps its rules (at least 1.5 m apart;");
 }
 
 #[test]
@@ -212,9 +205,8 @@ fn doubts_about_a_sensor_file_are_told_and_refused_under_strict() {
     let write = |name: &str, value: &Value| write(&dir, name, &value);
     write("radians.json", &json!({ "elevation_deg": [-0.2, -0.1, 0.0, 0.1, 0.2] }));
     let facts = ok(&dir, "sensor info radians.json");
-    assert!(facts["notes"][0].as_str().unwrap().contains("radians?"), "{facts}");
-    let args = ["sensor", "info", "radians.json", "--out", "p.svg", "--strict"];
-    assert!(fails(&dir, &args).contains("radians?"));
+    assert!(facts["notes"][0].text().contains("radians?"), "{facts}");
+    fails(&dir, "sensor info radians.json --out p.svg --strict").says("radians?");
     assert!(!dir.path().join("p.svg").exists());
 }
 
@@ -228,11 +220,7 @@ fn other_columns_than_those_of_the_file_are_told() {
         let facts = ok(&dir, &["sensor", "info", "os.json", "--azimuth-steps", steps]);
         facts["notes"].to_string()
     };
-    assert!(
-        notes("600").contains("os.json: azimuth_steps: 512; --azimuth-steps gives 600"),
-        "{}",
-        notes("600")
-    );
+    notes("600").says("os.json: azimuth_steps: 512; --azimuth-steps gives 600");
     assert!(!notes("512").contains("azimuth_steps"), "{}", notes("512"));
 }
 
@@ -245,16 +233,13 @@ fn utf_16_is_told_with_the_mend() {
         fs::write(dir.path().join(file), wide("\u{feff}{\"sightline\": 1, \"sensors\": []}"))
             .unwrap();
     }
-    let placements =
-        json!({ "placements": [{ "name": "p", "lidars": [{ "x": 0, "y": 0, "z": 2 }] }] });
-    write(&dir, "p.json", &placements);
+    write_rig(&dir, "p.json", "p", json!([{ "x": 0, "y": 0, "z": 2 }]));
     for args in [
-        &["score", "scene.json", "p.json"][..],
-        &["study", "targets", "p.json", "--vehicle", "vehicle.json", "--target", "child"],
-        &["scene", "import", "map.xodr", "--out", "w.json"],
+        "score scene.json p.json",
+        "study targets p.json --vehicle vehicle.json --target child",
+        "scene import map.xodr --out w.json",
     ] {
-        let told = fails(&dir, args);
-        assert!(told.contains("is UTF-16 text; save it as UTF-8"), "{told}");
+        fails(&dir, args).says("is UTF-16 text; save it as UTF-8");
     }
 }
 

@@ -30,15 +30,15 @@ fn scores_of_many_placements_go_on_where_they_stopped() {
         text.split("\"timings\"").next().unwrap().to_owned()
     };
     for format in ["text", "json"] {
-        let args =
-            ["score", "scene.json", "many.jsonl", "--backend", "cpu", "--format", format, "--out"];
-        let with = |more: &[&'static str]| [&args[..], more].concat();
-        printed(&dir, &with(&["whole"]));
+        let with = |more: &str| {
+            format!("score scene.json many.jsonl --backend cpu --format {format} --out {more}")
+        };
+        printed(&dir, &with("whole"));
         for signal in ["-INT", "-KILL", "-TERM"] {
-            let mut child = spawn(dir.path(), &with(&["cut"]));
+            let mut child = spawn(dir.path(), &with("cut"));
             let partial = at("cut.partial");
             wait_for(|| fs::metadata(&partial).is_ok_and(|meta| meta.len() > 2000));
-            let second = fails(&dir, &with(&["cut", "--resume"]));
+            let second = fails(&dir, &with("cut --resume"));
             assert!(
                 second.contains("another run writes into it") || second.contains("already exists"),
                 "{second}"
@@ -50,14 +50,13 @@ fn scores_of_many_placements_go_on_where_they_stopped() {
                 "{signal}: ended before it was told to"
             );
             assert_eq!(status.code(), (signal != "-KILL").then_some(130), "{signal}");
-            assert!(fails(&dir, &with(&["cut"])).contains("cut.partial: holds the scores"));
-            let other = with(&["cut", "--resume", "--frames", "1"]);
-            assert!(fails(&dir, &other).contains("was begun with other"));
+            fails(&dir, &with("cut")).says("cut.partial: holds the scores");
+            fails(&dir, &with("cut --resume --frames 1")).says("was begun with other");
             // A torn end, as a full disk leaves it.
             let mut bytes = fs::read(&partial).unwrap();
             bytes.extend_from_slice(b"{\"scored\":99999,\"bytes\":40,\"sha256\":\"");
             fs::write(&partial, bytes).unwrap();
-            printed(&dir, &with(&["cut", "--resume"]));
+            printed(&dir, &with("cut --resume"));
             assert!(!partial.exists());
             let (cut, whole) = (fs::read(at("cut")).unwrap(), fs::read(at("whole")).unwrap());
             assert!(timings(cut) == timings(whole), "{format} {signal}");
@@ -73,10 +72,9 @@ fn no_picture_of_some_placements_is_left_under_its_name() {
     let dir = world();
     let pose = |k: u32| json!({ "x": 0, "y": 0.01 * f64::from(k % 40), "z": 2 });
     let many = |k: u32| json!({ "name": format!("p{k}"), "lidars": [pose(k), pose(k + 1)] });
-    let placements = json!({ "placements": (0..4000).map(many).collect::<Vec<_>>() });
-    write(&dir, "many.json", &placements);
+    write(&dir, "many.json", &json!({ "placements": (0..4000).map(many).collect::<Vec<_>>() }));
     for study in ["nearfield", "targets"] {
-        let args = ["study", study, "town.json", "many.json", "--backend", "cpu", "--out", "o.svg"];
+        let args = format!("study {study} town.json many.json --backend cpu --out o.svg");
         let mut child = spawn(dir.path(), &args);
         let (mut told, mut words) = told_until_work(&mut child);
         std::thread::sleep(Duration::from_millis(300));
@@ -84,8 +82,7 @@ fn no_picture_of_some_placements_is_left_under_its_name() {
         interrupt(&child, "-INT");
         told.read_to_string(&mut words).unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(130), "{study}: {words}");
-        let says = words.contains("interrupted: the table holds");
-        assert!(says && words.contains("o.svg is not written"), "{words}");
+        words.says("interrupted: the table holds").says("o.svg is not written");
         assert!(!dir.path().join("o.svg").exists(), "{study}");
         assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
     }
@@ -95,11 +92,8 @@ fn no_picture_of_some_placements_is_left_under_its_name() {
 fn of_two_scans_at_once_one_is_refused() {
     let dir = world();
     for _ in 0..10 {
-        let args = [
-            "scan", "town.json", "--placement", "p.json", "--backend", "cpu", "--threads", "1",
-            "--out", "set", "--seed",
-        ];
-        let both = ["1", "2"].map(|seed| spawn(dir.path(), &[&args[..], &[seed]].concat()));
+        let args = "scan town.json --placement p.json --backend cpu --threads 1 --out set --seed";
+        let both = ["1", "2"].map(|seed| spawn(dir.path(), &(args, [seed])));
         let codes = both.map(|child| child.wait_with_output().unwrap().status.code());
         assert!(codes.contains(&Some(0)) && codes.contains(&Some(2)), "{codes:?}");
         fs::remove_dir_all(dir.path().join("set")).unwrap();
@@ -118,12 +112,11 @@ fn the_command_on_the_page_gives_the_same_run() {
         ["optimize", "a b's/town.json", "--baselines", "a b's/p.json", "--inject", "p.json"];
     let objective = ["--objective", "0.5*near_gain + 0.5*information_gain"];
     let more = "--backend cpu --evaluations 24 --seed 7 --symmetric --fix roll=0 --frames 1 --condition fog:mor=50";
-    let more: Vec<&str> = more.split(' ').chain(["--out", "first"]).collect();
-    let text = stdout(&dir, &[&files[..], &objective, &more].concat());
-    assert!(text.contains(" over 2 frames, under fog:mor=50\n"), "{text}");
+    stdout(&dir, &(&files, &objective, (more, "--out first")))
+        .says(" over 2 frames, under fog:mor=50\n");
     let page = fs::read_to_string(at("first/report.html")).unwrap();
     assert!(!page.contains("near field %"), "a column that nobody looked for");
-    assert!(page.contains("sightline · town, under fog:mor=50<"), "{page:.2000}");
+    page.says("sightline · town, under fog:mor=50<");
     let begin = page.find("<code>sightline").unwrap() + "<code>".len();
     let command = page[begin..].split("</code>").next().unwrap();
     let command = command
@@ -226,9 +219,8 @@ fn a_scan_ends_soon_within_a_long_frame_and_goes_on() {
         town["lidar"] =
             json!({ "channels": 128, "fov": [-20, 2], "azimuth_steps": 20_000, "range": 40 })
     });
-    let args =
-        ["scan", "dense.json", "--placement", "p.json", "--backend", "cpu", "--threads", "1"];
-    let mut child = spawn(dir.path(), &[&args[..], &["--out", "set"]].concat());
+    let args = "scan dense.json --placement p.json --backend cpu --threads 1";
+    let mut child = spawn(dir.path(), &(args, "--out set"));
     wait_for(|| dir.path().join("set").exists());
     let start = Instant::now();
     interrupt(&child, "-TERM");
@@ -240,14 +232,15 @@ fn a_scan_ends_soon_within_a_long_frame_and_goes_on() {
 #[test]
 fn a_page_of_a_run_that_time_ended_says_so() {
     let dir = world();
-    let args = ["optimize", "town.json", "--backend", "cpu"];
-    let page = |folder: &str, limit: &[&str]| {
-        ok(&dir, &[&args[..], &["--out", folder], limit].concat());
+    let args = "optimize town.json --backend cpu";
+    let page = |folder: &str, limit: &str| {
+        ok(&dir, &(args, ["--out", folder], limit));
         fs::read_to_string(dir.path().join(folder).join("report.html")).unwrap()
     };
-    let ended = page("ended", &["--max-seconds", "2", "--evaluations", "1000000"]);
-    assert!(ended.contains(" --max-seconds 2") && ended.contains("Time ended this run"), "{ended}");
-    let whole = page("whole", &["--max-seconds", "500", "--evaluations", "8"]);
+    page("ended", "--max-seconds 2 --evaluations 1000000")
+        .says(" --max-seconds 2")
+        .says("Time ended this run");
+    let whole = page("whole", "--max-seconds 500 --evaluations 8");
     assert!(!whole.contains("--max-seconds") && whole.contains("They give the same bytes"));
 }
 
@@ -255,18 +248,17 @@ fn a_page_of_a_run_that_time_ended_says_so() {
 fn a_batch_that_was_killed_at_its_start_begins_anew() {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
-    let args = ["score", "scene.json", "placements.json", "--backend", "cpu", "--out"];
-    printed(&dir, &[&args[..], &["whole"]].concat());
+    let args = "score scene.json placements.json --backend cpu --out";
+    printed(&dir, &(args, "whole"));
     for begin in ["", "{\"sightline_part"] {
         fs::write(at("cut.partial"), begin).unwrap();
-        printed(&dir, &[&args[..], &["cut", "--resume"]].concat());
+        printed(&dir, &(args, "cut --resume"));
         assert!(fs::read(at("cut")).unwrap() == fs::read(at("whole")).unwrap());
         assert!(!at("cut.partial").exists());
         fs::remove_file(at("cut")).unwrap();
     }
     write(&dir, "cut.partial", "my notes");
-    let refused = fails(&dir, &[&args[..], &["cut", "--resume"]].concat());
-    assert!(refused.contains("was begun with other"), "{refused}");
+    fails(&dir, &(args, "cut --resume")).says("was begun with other");
     assert_eq!(fs::read_to_string(at("cut.partial")).unwrap(), "my notes");
 }
 
@@ -276,11 +268,10 @@ fn a_front_that_was_killed_goes_on_to_the_same_bytes() {
     let require = json!([{ "target": "car", "from": 5, "within": 15, "share": 0.9 }]);
     crate::front::street(dir.path(), [30, 11], require);
     let line = "optimize street.json --front price,near_gain --backend cpu --evaluations 30 --out";
-    let args: Vec<&str> = line.split(' ').collect();
-    let (code, [_, told]) = ran(&dir, &[&args[..], &["whole"]].concat());
+    let (code, [_, told]) = ran(&dir, &(line, "whole"));
     assert!(matches!(code, Some(0 | 1)), "{told}");
     for signal in ["-KILL", "-INT"] {
-        let mut child = spawn(dir.path(), &[&args[..], &["cut"]].concat());
+        let mut child = spawn(dir.path(), &(line, "cut"));
         wait_for(|| dir.path().join("cut/checkpoint.json").exists());
         interrupt(&child, signal);
         let status = child.wait().unwrap();
@@ -299,7 +290,7 @@ fn a_front_that_was_killed_goes_on_to_the_same_bytes() {
 fn a_run_that_is_ended_at_once_says_how_to_go_on() {
     let dir = world();
     let line = "optimize town.json --backend cpu --evaluations 90000 --method cma --out cut";
-    let child = spawn(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let child = spawn(dir.path(), line);
     wait_for(|| dir.path().join("cut/checkpoint.json").exists());
     // The checkpoint is a moment older than the words.
     std::thread::sleep(Duration::from_millis(300));

@@ -34,8 +34,8 @@ fn of_car(dir: &TempDir, change: impl Fn(&mut Value)) -> String {
     let mut car = car();
     change(&mut car);
     write(dir, "own.json", &car.to_string());
-    let args = ["score", "s.json", "rigs.json:A", "--vehicle", "own.json", "--backend", "cpu"];
-    String::from_utf8(sightline(dir, &args).stderr).unwrap()
+    let args = "score s.json rigs.json:A --vehicle own.json --backend cpu";
+    String::from_utf8(sightline(dir, args).stderr).unwrap()
 }
 
 #[test]
@@ -61,21 +61,20 @@ fn files_of_other_kinds_are_named() {
         }
     }
     fs::create_dir(dir.path().join("runs")).unwrap();
-    let told = fails(&dir, "optimize s.json --inject runs");
-    assert!(told.contains("runs: is a directory; give a file of placements"), "{told}");
+    fails(&dir, "optimize s.json --inject runs")
+        .says("runs: is a directory; give a file of placements");
     // Binary ones are known by name.
     fs::write(dir.path().join("b.stl"), [0xff; 90]).unwrap();
-    let told = fails(&dir, "score s.json b.stl --backend cpu");
-    assert!(told.contains("b.stl: is not JSON, it looks like an STL mesh; a file of"), "{told}");
-    let told = fails(&dir, "score b.stl rigs.json --backend cpu");
-    assert!(told.contains("b.stl: is no text, it looks like an STL mesh; give a text"), "{told}");
+    fails(&dir, "score s.json b.stl --backend cpu")
+        .says("b.stl: is not JSON, it looks like an STL mesh; a file of");
+    fails(&dir, "score b.stl rigs.json --backend cpu")
+        .says("b.stl: is no text, it looks like an STL mesh; give a text");
     let result = json!({ "sightline": "0.1.0", "scene": "s", "settings": {}, "stopped": "time: over", "mounts": ["a"] });
     write(&dir, "result.json", &result);
     let words =
         "result.json: is the result of a run; give the folder of the run, or its placements.json";
     for command in ["score", "verify"] {
-        let told = fails(&dir, &[command, "s.json", "result.json"]);
-        assert!(told.contains(words), "{told}");
+        fails(&dir, &[command, "s.json", "result.json"]).says(words);
     }
     for (comment, line) in [("// mine\n", 1), ("\n/* mine */", 2), ("# mine\n# and yours\n", 1)] {
         for (file, args) in [
@@ -87,7 +86,7 @@ fn files_of_other_kinds_are_named() {
             ("rigs.json", "rig export c.json --format urdf"),
             ("rigs.json", "rig import c.json"),
         ] {
-            let text = fs::read_to_string(dir.path().join(file)).unwrap();
+            let text = read_text(&dir, file);
             write(&dir, "c.json", &format!("{comment}{text}"));
             let told = fails(&dir, args);
             let words = format!("c.json: line {line} is a comment, and JSON has no comments");
@@ -95,11 +94,8 @@ fn files_of_other_kinds_are_named() {
         }
     }
     write(&dir, "a.json", "{ // mine\n \"sightline\": 1 }");
-    let told = fails(&dir, "score s.json rigs.json --vehicle a.json");
-    assert!(
-        told.contains("a comment stands here, and JSON has none; remove it (line 1, column 3)"),
-        "{told}"
-    );
+    fails(&dir, "score s.json rigs.json --vehicle a.json")
+        .says("a comment stands here, and JSON has none; remove it (line 1, column 3)");
 }
 
 #[test]
@@ -108,8 +104,8 @@ fn results_and_meshes_are_named_wherever_they_are_given() {
     let result = json!({ "sightline": "0.1.0", "scene": "s", "settings": {}, "stopped": "time: over", "mounts": ["a"] });
     write(&dir, "result.json", &result);
     write(&dir, "m.gltf", "{\n  \"asset\": { \"version\": \"2.0\" },\n  \"nodes\": []\n}");
-    let told = fails(&dir, "score s.json m.gltf");
-    assert!(told.contains("m.gltf: is a glTF mesh; name it as `file` of a `mesh`"), "{told}");
+    fails(&dir, "score s.json m.gltf")
+        .says("m.gltf: is a glTF mesh; name it as `file` of a `mesh`");
     for (args, wanted) in [
         ("score FILE rigs.json", "a scene"),
         ("score s.json rigs.json --vehicle FILE", "a vehicle"),
@@ -128,35 +124,29 @@ fn results_and_meshes_are_named_wherever_they_are_given() {
         }
     }
     fs::create_dir(dir.path().join("runs")).unwrap();
-    let told = fails(&dir, "rig export runs --format urdf");
-    assert!(told.contains("runs: is a directory; give a file of placements"), "{told}");
+    fails(&dir, "rig export runs --format urdf")
+        .says("runs: is a directory; give a file of placements");
 }
 
 #[test]
 fn millimetres_are_told_with_the_file_and_the_mount() {
     let dir = folder();
-    let told = of_car(&dir, |car| {
+    of_car(&dir, |car| {
         car["mounts"][0]["min"] = json!([0, -600, 1900]);
         car["mounts"][0]["max"] = json!([4800, 600, 2200]);
-    });
-    assert!(told.contains("own.json: mounts[0]: the mount runs from"), "{told}");
-    assert!(
-        told.contains("is it in millimetres? lengths are in metres, 4800 mm are 4.8"),
-        "{told}"
-    );
-    let told = of_car(&dir, |car| {
+    })
+    .says("own.json: mounts[0]: the mount runs from")
+    .says("is it in millimetres? lengths are in metres, 4800 mm are 4.8");
+    of_car(&dir, |car| {
         car["mounts"][0]["min"] = json!([0, -0.6, 0.9]);
         car["mounts"][0]["max"] = json!([1.5, 0.6, 1.2]);
-    });
-    assert!(
-        told.contains("own.json: mounts[0]: the whole mount lies inside the ego body"),
-        "{told}"
-    );
-    let told = of_car(&dir, |car| {
+    })
+    .says("own.json: mounts[0]: the whole mount lies inside the ego body");
+    of_car(&dir, |car| {
         car["body"][0]["box"] = json!({ "min": [-1000, -900, 300], "max": [3500, 900, 1600] });
-    });
-    assert!(told.contains("own.json: the ego body is 4500.0 m large"), "{told}");
-    assert!(told.contains("divide the numbers of its shapes by 1000"), "{told}");
+    })
+    .says("own.json: the ego body is 4500.0 m large")
+    .says("divide the numbers of its shapes by 1000");
 }
 
 #[test]
@@ -169,8 +159,7 @@ fn a_mesh_of_a_wrong_scale_ends_in_one_error_with_the_right_one() {
         let vertices: String = k.iter().map(|&k| vertex(corners[k])).collect();
         format!("facet normal 0 0 1\nouter loop\n{vertices}endloop\nendfacet\n")
     };
-    let stl = format!("solid\n{}{}endsolid\n", face([0, 1, 2]), face([0, 2, 3]));
-    write(&dir, "body.stl", &stl);
+    write(&dir, "body.stl", &format!("solid\n{}{}endsolid\n", face([0, 1, 2]), face([0, 2, 3])));
     let of_scale = |within: f64| {
         of_car(&dir, |car| {
             car["body"] =
@@ -182,10 +171,7 @@ fn a_mesh_of_a_wrong_scale_ends_in_one_error_with_the_right_one() {
     let told = of_scale(8.0);
     let large = "own.json: the ego body is 45.0 m large with the `scale` of 0.01 that its mesh has; lengths are in metres: \
                  `\"scale\": 0.001` would make it 4.50 m";
-    assert!(
-        told.contains(large) && told.contains("every place of `adult from 5 to 8 m, -10° to 10°`"),
-        "{told}"
-    );
+    told.says(large).says("every place of `adult from 5 to 8 m, -10° to 10°`");
     assert_eq!(told.matches("own.json").count(), 1, "{told}");
     // A rule with a place beside the body leaves it a note.
     let told = of_scale(60.0);
@@ -195,15 +181,13 @@ fn a_mesh_of_a_wrong_scale_ends_in_one_error_with_the_right_one() {
 #[test]
 fn score_tells_mounts_that_look_into_the_body() {
     let dir = folder();
-    let told = of_car(&dir, |car| {
+    of_car(&dir, |car| {
         car["mounts"][0]["yaw"] = json!([3.0, 3.2]);
         car["sensors"][0]["lidar"]["azimuth"] = json!([-40, 40]);
         car["body"][0]["box"] = json!({ "min": [-4, -1.5, 0.3], "max": [-0.8, 1.5, 3.5] });
-    });
-    assert!(
-        told.contains("in the middle of its range") && told.contains("at the own body"),
-        "{told}"
-    );
+    })
+    .says("in the middle of its range")
+    .says("at the own body");
 }
 
 #[test]
@@ -211,65 +195,56 @@ fn doubts_about_a_vehicle_are_told_once() {
     let dir = folder();
     assert!(!of_car(&dir, |_| {}).contains("own.json"));
     let count = of_car(&dir, |car| car["mounts"][0]["count"] = json!([3, 1]));
-    let least =
-        "mounts[0].count: [3, 1] is not [least, most]: the least is above the most; write [1, 3]";
-    assert!(count.contains(least), "{count}");
+    count.says(
+        "mounts[0].count: [3, 1] is not [least, most]: the least is above the most; write [1, 3]",
+    );
     let narrow = of_car(&dir, |car| car["sensors"][0]["lidar"]["fov"] = json!([-0.43, 0.26]));
     assert_eq!(narrow.matches("radians?").count(), 1, "{narrow}");
-    assert!(narrow.contains("0.690 rad are 39.5°"), "{narrow}");
+    narrow.says("0.690 rad are 39.5°");
     let far = of_car(&dir, |car| {
         car["require"] = json!([{ "target": "child", "within": 10, "share": 0.1 }, { "target": "car", "within": 31, "share": 0.1 }]);
     });
     let beyond = "require[1].within: 31 m is farther than any sensor of the vehicle reaches, 30 m";
     assert!(far.contains(beyond) && !far.contains("require[0]"), "{far}");
-    let bare = of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")));
-    assert!(bare.contains("own.json: has no `body`: beams pass through the vehicle"), "{bare}");
-    let apart = of_car(&dir, |car| car["min_distance"] = json!(300));
-    assert!(apart.contains("min_distance: 300 m is more than any two places"), "{apart}");
-    assert!(apart.contains("300 mm are 0.3 m"), "{apart}");
-    let mut scene = read_json(dir.path().join("s.json"));
-    scene["ego"]["body"] = car()["body"].clone();
-    write(&dir, "s.json", &scene);
-    let lent = of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")));
-    assert!(
-        lent.contains("own.json: has no `body`: the ego body of s.json stands for it"),
-        "{lent}"
-    );
+    of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")))
+        .says("own.json: has no `body`: beams pass through the vehicle");
+    of_car(&dir, |car| car["min_distance"] = json!(300))
+        .says("min_distance: 300 m is more than any two places")
+        .says("300 mm are 0.3 m");
+    change(&dir, "s.json", |scene| scene["ego"]["body"] = car()["body"].clone());
+    of_car(&dir, |car| drop(car.as_object_mut().unwrap().remove("body")))
+        .says("own.json: has no `body`: the ego body of s.json stands for it");
     assert!(!of_car(&dir, |_| {}).contains("own.json"));
 }
 
 #[test]
 fn one_placement_of_a_file_is_read_alike_by_every_command() {
     let dir = folder();
-    let names = |args: &[&str]| -> Vec<String> {
-        let scores = ok(&dir, args)["scores"].as_array().unwrap().clone();
-        scores.iter().map(|one| one["name"].as_str().unwrap().to_owned()).collect()
+    let names = |args: &str| -> Vec<String> {
+        let scores = ok(&dir, args)["scores"].list().clone();
+        scores.iter().map(|one| one["name"].text().to_owned()).collect()
     };
-    assert_eq!(names(&["score", "s.json", "rigs.json"]), ["A", "B"]);
-    assert_eq!(names(&["score", "s.json", "rigs.json:B"]), ["B"]);
+    assert_eq!(names("score s.json rigs.json"), ["A", "B"]);
+    assert_eq!(names("score s.json rigs.json:B"), ["B"]);
     // LiDARs that name no model are of the only one.
-    let text = stdout(&dir, "score s.json rigs.json:B --backend cpu");
-    assert!(
-        text.contains(", 480 beams a LiDAR") && text.contains("\nB: price 4; distances"),
-        "{text}"
-    );
+    stdout(&dir, "score s.json rigs.json:B --backend cpu")
+        .says(", 480 beams a LiDAR")
+        .says("\nB: price 4; distances");
     for args in [
-        ["score", "s.json", "rigs.json:C", "--backend", "cpu"],
-        ["study", "tolerance", "s.json", "rigs.json:C", "--frames=1"],
-        ["audit", "s.json", "rigs.json:C", "--backend", "cpu"],
+        "score s.json rigs.json:C --backend cpu",
+        "study tolerance s.json rigs.json:C --frames=1",
+        "audit s.json rigs.json:C --backend cpu",
     ] {
-        let told = fails(&dir, &args);
-        assert!(told.contains("rigs.json: has no placement `C`; it has A, B"), "{told}");
+        fails(&dir, args).says("rigs.json: has no placement `C`; it has A, B");
     }
-    let missing = fails(&dir, "score s.json none.json:A");
-    assert!(missing.contains("none.json: cannot be read"), "{missing}");
+    fails(&dir, "score s.json none.json:A").says("none.json: cannot be read");
 }
 
 #[test]
 fn placements_may_state_the_version_of_other_files() {
     let dir = folder();
     printed(&dir, "rig compare rigs.json:A rigs.json:A");
-    let rigs = fs::read_to_string(dir.path().join("rigs.json")).unwrap();
+    let rigs = read_text(&dir, "rigs.json");
     for (from, to, told) in [
         (
             "\"sightline\":1",
@@ -306,16 +281,10 @@ fn mirrored_pairs_may_face_back() {
             car["sensors"][0]["lidar"]["azimuth"] = json!([-60, 60]);
         }
     };
-    let told = of_car(&dir, back(json!([2.6, 3.9]), -1.0));
-    assert!(
-        told.contains("yaw of a mount that faces back from 3.1416 - a to 3.1416 + a"),
-        "{told}"
-    );
-    let told = of_car(&dir, back(json!([2.6, 3.7]), -1.0));
-    assert!(
-        told.contains("mounts[0].yaw: 2.6 to 3.7; mirrored pairs stand from 2.6000 to 3.6832"),
-        "{told}"
-    );
+    of_car(&dir, back(json!([2.6, 3.9]), -1.0))
+        .says("yaw of a mount that faces back from 3.1416 - a to 3.1416 + a");
+    of_car(&dir, back(json!([2.6, 3.7]), -1.0))
+        .says("mounts[0].yaw: 2.6 to 3.7; mirrored pairs stand from 2.6000 to 3.6832");
     // A fixed half turn is written with a few digits.
     for (yaw, note) in [("3.14159", false), ("3.14", true), ("-3.1416", false)] {
         let yaw: f64 = yaw.parse().unwrap();
@@ -325,11 +294,9 @@ fn mirrored_pairs_may_face_back() {
     }
     assert!(of_car(&dir, back(json!([3.2, 3.2]), -1.0)).contains("no mirror image"));
     of_car(&dir, back(json!([2.6, 3.7]), -1.0));
-    let args =
-        ["optimize", "s.json", "--vehicle", "own.json", "--backend", "cpu", "--evaluations", "20"];
-    let found = ok(&dir, &args);
-    let lidars = found["best"]["placement"]["lidars"].as_array().unwrap().clone();
-    let of = |lidar: usize, key: &str| lidars[lidar][key].as_f64().unwrap();
+    let found = ok(&dir, "optimize s.json --vehicle own.json --backend cpu --evaluations 20");
+    let lidars = found["best"]["placement"]["lidars"].list().clone();
+    let of = |lidar: usize, key: &str| lidars[lidar][key].number();
     assert!((of(0, "y") + of(1, "y")).abs() < 1e-6, "{lidars:?}");
     let turn = (of(0, "yaw") + of(1, "yaw")).rem_euclid(std::f64::consts::TAU);
     assert!(turn.min(std::f64::consts::TAU - turn) < 1e-6, "{lidars:?}");
@@ -356,12 +323,9 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     write(&dir, "rigs.json", &rigs);
     let text = stdout(&dir, "score s.json rigs.json --backend cpu");
     assert!(text.contains(", 480 beams a LiDAR"), "no rig has the other model: {text}");
-    assert!(
-        text.contains("\nup: price 2; distances from the origin met in all 16 directions: car "),
-        "{text}"
-    );
-    assert!(text.contains("\nlevel: price 4; distances"), "{text}");
-    assert!(text.contains("\nMetres of targets count from the origin, of ground"), "{text}");
+    text.says("\nup: price 2; distances from the origin met in all 16 directions: car ");
+    text.says("\nlevel: price 4; distances");
+    text.says("\nMetres of targets count from the origin, of ground");
     // Every table that prints metres says where they begin.
     for (study, from) in [
         ("targets", "Distances from the origin. 5 beams or more meet a target"),
@@ -369,8 +333,7 @@ fn two_rigs_are_told_apart_by_requirements_first() {
         ("nearfield", " m² of ground within 10 m of the body, "),
     ] {
         let args = ["study", study, "s.json", "rigs.json", "--frames", "1", "--backend", "cpu"];
-        let output = sightline(&dir, &args);
-        let text = String::from_utf8(output.stdout).unwrap();
+        let (_, [text, _]) = ran(&dir, &args);
         assert!(text.contains(from), "{study}: {text}");
     }
     let last = text.lines().last().unwrap();
@@ -379,8 +342,8 @@ fn two_rigs_are_told_apart_by_requirements_first() {
     assert!(last.contains("missing, ") && last.contains("; decided by the requirements"), "{text}");
     let scores = ok(&dir, "score s.json rigs.json --backend cpu");
     let card = &scores["scores"][0]["range_card"];
-    for of in card["targets"][0]["bearings"].as_array().unwrap() {
-        let bearing = of["bearing"].as_f64().unwrap();
+    for of in card["targets"][0]["bearings"].list() {
+        let bearing = of["bearing"].number();
         assert!(bearing > -180.0 && bearing <= 180.0, "{bearing}");
     }
     let blind = &card["blind"][0];
@@ -419,30 +382,26 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
     }
     let fine = of_car(&dir, |car| car["require"] = json!([child(json!({ "bearing": [-2, 2] }))]));
     assert!(!fine.contains("radians?"), "{fine}");
-    let low = of_car(&dir, |car| {
+    of_car(&dir, |car| {
         car["mounts"][0]["min"] = json!([4, -0.6, -0.5]);
         car["mounts"][0]["max"] = json!([4.5, 0.6, 0.2]);
-    });
-    assert!(low.contains("mounts[0] reaches down to z = -0.5, below the ground"), "{low}");
-    let under = of_car(&dir, |car| {
+    })
+    .says("mounts[0] reaches down to z = -0.5, below the ground");
+    of_car(&dir, |car| {
         car["mounts"][0]["min"] = json!([4, -0.6, -0.5]);
         car["mounts"][0]["max"] = json!([4.5, 0.6, -0.2]);
-    });
-    assert!(under.contains("mounts[0] reaches down to z = -0.5, below the ground"), "{under}");
-    let tilted = of_car(&dir, |car| car["mounts"][0]["pitch"] = json!([-10, 10]));
-    assert!(
-        tilted.contains("mounts[0].pitch[0]: -10 is not an angle in radians within"),
-        "{tilted}"
-    );
-    assert!(tilted.contains("-10° are -0.1745 rad"), "{tilted}");
+    })
+    .says("mounts[0] reaches down to z = -0.5, below the ground");
+    of_car(&dir, |car| car["mounts"][0]["pitch"] = json!([-10, 10]))
+        .says("mounts[0].pitch[0]: -10 is not an angle in radians within")
+        .says("-10° are -0.1745 rad");
 }
 
 #[test]
 fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     let dir = folder();
-    let args = ["rig", "handover", "rigs.json:A", "--vehicle", "car.json", "--out", "h"];
-    let told = fails(&dir, &[&args[..], &["--base-link=-1400"]].concat());
-    assert!(told.contains("-1400 m is far from any vehicle; -1400 mm are -1.4 m"), "{told}");
+    fails(&dir, &("rig handover rigs.json:A --vehicle car.json --out h", "--base-link=-1400"))
+        .says("-1400 m is far from any vehicle; -1400 mm are -1.4 m");
     let rig = r#"{ "sightline": 1, "placements": [{ "name": "A", "lidars": [
         { "x": 0.5, "y": 0, "z": 2, "sensor": "spin" }] }] }"#;
     write(&dir, "named.json", rig);
@@ -452,10 +411,7 @@ fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     scene["mount"] = json!({ "min": [0, -1, 1], "max": [1, 1, 2], "lidars": 1 });
     write(&dir, "plain.json", &scene);
     let told = fails(&dir, "score plain.json named.json --backend cpu");
-    assert!(
-        told.contains("names of models come with the file of a vehicle, `--vehicle FILE`"),
-        "{told}"
-    );
+    told.says("names of models come with the file of a vehicle, `--vehicle FILE`");
     assert!(!told.contains("give --vehicle"), "{told}");
     // The folder of a run says which vehicle it was made with.
     fs::create_dir(dir.path().join("run")).unwrap();
@@ -463,10 +419,9 @@ fn an_origin_in_millimetres_and_a_model_without_its_vehicle_are_told() {
     let result =
         json!({ "settings": { "vehicle": "car.json" }, "best": { "placement": { "name": "A" } } });
     write(&dir, "run/result.json", &result);
-    let told = fails(&dir, "score plain.json run --backend cpu");
-    assert!(told.contains("there is no sensor `spin`"), "{told}");
-    assert!(told.contains("; give --vehicle car.json, with which this run was made"), "{told}");
-    let told = fails(&dir, "optimize run");
-    let mend = "run: is the folder of a run; go on with --resume run, or give a scene file";
-    assert!(told.contains(mend), "{told}");
+    fails(&dir, "score plain.json run --backend cpu")
+        .says("there is no sensor `spin`")
+        .says("; give --vehicle car.json, with which this run was made");
+    fails(&dir, "optimize run")
+        .says("run: is the folder of a run; go on with --resume run, or give a scene file");
 }

@@ -7,8 +7,7 @@ use crate::cli_vehicle::garage;
 fn named() -> TempDir {
     let dir = garage();
     let lidar = |x: f64| json!({ "x": x, "y": 0, "z": 1.5, "sensor": "spinning" });
-    let placement = json!({ "placements": [{ "name": "p", "lidars": [lidar(-0.2), lidar(0.2)] }] });
-    write(&dir, "p.json", &placement);
+    write_rig(&dir, "p.json", "p", [lidar(-0.2), lidar(0.2)]);
     dir
 }
 
@@ -35,7 +34,7 @@ fn errors_that_need_no_scene_come_before_it_is_read() {
     for name in ["f.html", "f.npz"] {
         fs::write(dir.path().join("taken").join(name), "").unwrap();
     }
-    let text = fs::read_to_string(dir.path().join("p.json")).unwrap();
+    let text = read_text(&dir, "p.json");
     fs::write(dir.path().join("typo.json"), text.replacen("spinning", "spining", 1)).unwrap();
     let sweep = |of: &str| format!("study sweep bad.json {of} --from 0 --to 1");
     let (by_number, by_name) =
@@ -98,12 +97,10 @@ fn models_and_indices_that_do_not_exist_are_refused() {
             "--sensor 7=solid: no placement of p.json has such a LiDAR; indices go from 0 to 1",
         ),
     ] {
-        let told = fails(&dir, &format!("{SCORE} --sensor {choice}"));
-        assert!(told.contains(word), "{told}");
+        fails(&dir, &format!("{SCORE} --sensor {choice}")).says(word);
     }
-    let told = stderr(&dir, &format!("{SCORE} --sensor all=solid"));
-    let note = "--sensor all=solid changes nothing: every LiDAR of p.json names its model";
-    assert!(told.contains(note), "{told}");
+    stderr(&dir, &format!("{SCORE} --sensor all=solid"))
+        .says("--sensor all=solid changes nothing: every LiDAR of p.json names its model");
 }
 
 #[test]
@@ -114,8 +111,7 @@ fn options_that_leave_nothing_to_search_are_refused() {
         ("--objective 0*near_gain", "`0*near_gain`: every weight is 0"),
         ("--delta 100", "--delta: 100 m from pose to pose is more than any mount of "),
     ] {
-        let told = fails(&dir, &format!("{optimize} {more}"));
-        assert!(told.contains(word), "{told}");
+        fails(&dir, &format!("{optimize} {more}")).says(word);
     }
     assert!(!dir.path().join("o").exists());
 }
@@ -124,20 +120,19 @@ fn options_that_leave_nothing_to_search_are_refused() {
 fn a_spacing_of_more_beams_than_can_be_cast_is_refused_with_their_number() {
     let dir = named();
     change(&dir, "room.json", |room| room["psog"] = json!({ "scan": { "spacing": 0.0001 } }));
-    let told = fails(&dir, SCORE);
-    assert!(told.contains("psog.scan.spacing: 0.0001 m makes "), "{told}");
-    assert!(told.contains(" beams in each frame, at most 100000000 may be cast"), "{told}");
+    fails(&dir, SCORE)
+        .says("psog.scan.spacing: 0.0001 m makes ")
+        .says(" beams in each frame, at most 100000000 may be cast");
 }
 
 #[test]
 fn studies_of_no_kind_name_all_of_them() {
     let dir = named();
-    let told = fails(&dir, "study nearfeld room.json");
-    assert!(told.contains("nearfield, targets, redundancy, overlap, sweep, tolerance]"), "{told}");
-    assert!(told.contains("a similar value exists: 'nearfield'"), "{told}");
-    let told = fails(&dir, "study cost room.json p.json --vehicle cart.json");
-    let list = "`nearfield`, `targets`, `redundancy`, `overlap`, `sweep` and `tolerance` do";
-    assert!(told.contains(list), "{told}");
+    fails(&dir, "study nearfeld room.json")
+        .says("nearfield, targets, redundancy, overlap, sweep, tolerance]")
+        .says("a similar value exists: 'nearfield'");
+    fails(&dir, "study cost room.json p.json --vehicle cart.json")
+        .says("`nearfield`, `targets`, `redundancy`, `overlap`, `sweep` and `tolerance` do");
 }
 
 #[test]
@@ -152,8 +147,7 @@ fn files_with_the_ending_of_another_format_are_refused() {
         ("rig export p.json:p --format urdf --out c.json".to_owned(), "give it the ending .urdf"),
         ("rig export p.json:p --format urdf --out .".to_owned(), "is not empty"),
     ] {
-        let told = fails(&dir, &line);
-        assert!(told.contains(word), "{line}: {told}");
+        fails(&dir, &line).says(word);
     }
     let mut left: Vec<_> =
         fs::read_dir(dir.path()).unwrap().map(|f| f.unwrap().file_name()).collect();

@@ -21,12 +21,11 @@ fn two_lidars(dir: &Path) {
     for (file, models) in
         [("plain.json", [None, None]), ("named.json", [Some("spinning"), Some("solid")])]
     {
-        let all = json!({ "placements": [{ "name": "a", "lidars": lidars(models) }] });
-        fs::write(dir.join(file), all.to_string()).unwrap();
+        write_rig(dir, file, "a", lidars(models));
     }
 }
 
-const CART: [&str; 4] = ["--vehicle", "cart.json", "--backend", "cpu"];
+const CART: &str = "--vehicle cart.json --backend cpu";
 
 #[test]
 fn no_command_picks_a_model_for_a_lidar_that_names_none() {
@@ -35,32 +34,26 @@ fn no_command_picks_a_model_for_a_lidar_that_names_none() {
     let wanted = "plain.json: placement `a`, LiDAR 0 names no sensor, and the vehicle has 2 models: \
                   spinning, solid; add \"sensor\": \"spinning\" to the LiDAR, or give --sensor 0=spinning";
     for args in [
-        &["score", "room.json", "plain.json"][..],
-        &["score", "room.json", "room.json", "plain.json"],
-        &["cast", "room.json", "plain.json"],
-        &["view", "room.json", "plain.json", "--out", "v.html"],
-        &["view", "room.json", "named.json", "--baseline", "plain.json", "--out", "v.html"],
-        &["scan", "room.json", "--placement", "plain.json", "--out", "scans"],
-        &["audit", "room.json", "plain.json"],
-        &["optimize", "room.json", "--baselines", "plain.json", "--out", "o"],
-        &["optimize", "room.json", "--inject", "plain.json", "--out", "o"],
+        "score room.json plain.json",
+        "score room.json room.json plain.json",
+        "cast room.json plain.json",
+        "view room.json plain.json --out v.html",
+        "view room.json named.json --baseline plain.json --out v.html",
+        "scan room.json --placement plain.json --out scans",
+        "audit room.json plain.json",
+        "optimize room.json --baselines plain.json --out o",
+        "optimize room.json --inject plain.json --out o",
     ] {
-        let said = fails(&dir, &[args, &CART].concat());
-        assert!(said.contains(wanted), "{args:?}: {said}");
+        fails(&dir, &(args, CART)).says(wanted);
     }
-    let gain = |file: &str, more: &[&str]| {
-        let args = [&["score", "room.json", file][..], &CART, more].concat();
-        ok(&dir, &args)["scores"][0]["information_gain"].as_f64().unwrap()
+    let gain = |rig: &str| {
+        ok(&dir, &("score room.json", rig, CART))["scores"][0]["information_gain"].number()
     };
-    let own = gain("named.json", &[]);
-    assert_eq!(gain("plain.json", &["--sensor", "0=spinning", "--sensor", "all=solid"]), own);
-    assert!(gain("plain.json", &["--sensor", "all=spinning"]) > own);
-    let replaced = [&["score", "room.json", "named.json", "--sensor", "1=spinning"][..], &CART];
-    let said = fails(&dir, &replaced.concat());
-    assert!(
-        said.contains("LiDAR 1 is a `solid`, and --sensor 1=spinning says otherwise"),
-        "{said}"
-    );
+    let own = gain("named.json");
+    assert_eq!(gain("plain.json --sensor 0=spinning --sensor all=solid"), own);
+    assert!(gain("plain.json --sensor all=spinning") > own);
+    fails(&dir, &("score room.json named.json --sensor 1=spinning", CART))
+        .says("LiDAR 1 is a `solid`, and --sensor 1=spinning says otherwise");
 }
 
 #[test]
@@ -68,25 +61,24 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
     let dir = garage();
     two_lidars(dir.path());
     let gain = |file: &str| {
-        let score = [&["score", "room.json", file][..], &CART].concat();
-        ok(&dir, &score)["scores"][0]["information_gain"].as_f64().unwrap()
+        ok(&dir, &("score room.json", file, CART))["scores"][0]["information_gain"].number()
     };
     let own = gain("named.json");
     for format in ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "json"] {
         let [out, back] = [format!("{format}.out"), format!("{format}.json")];
-        let to = ["--format", format, "--out", &out, "--vehicle", "cart.json"];
-        crate::cli::sightline(&dir, &[&["rig", "export", "named.json"][..], &to].concat());
-        let import = ["rig", "import", &out, "--out", &back];
-        printed(&dir, &import);
+        sightline(
+            &dir,
+            &format!("rig export named.json --format {format} --out {out} --vehicle cart.json"),
+        );
+        printed(&dir, &format!("rig import {out} --out {back}"));
         if ["autoware", "urdf", "sdf", "json"].contains(&format) {
             assert_eq!(gain(&back), own, "{format}");
         } else {
-            let score = [&["score", "room.json", &back][..], &CART].concat();
-            let said = fails(&dir, &score);
-            assert!(said.contains("names no sensor, and the vehicle has 2 models"), "{said}");
+            fails(&dir, &("score room.json", &back, CART))
+                .says("names no sensor, and the vehicle has 2 models");
         }
     }
-    let read = |file: &str| fs::read_to_string(dir.path().join(file)).unwrap();
+    let read = |file: &str| read_text(&dir, file);
     for format in ["urdf", "sdf"] {
         let text = read(&format!("{format}.out"));
         for part in [
@@ -100,7 +92,7 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
         }
     }
     let carla: Value = serde_json::from_str(&read("carla.out")).unwrap();
-    let of = |key: &str| [0, 1].map(|k| carla[k][key].as_f64().unwrap());
+    let of = |key: &str| [0, 1].map(|k| carla[k][key].number());
     assert_eq!(of("channels"), [6.0, 5.0]);
     assert_eq!(of("range"), [20.0, 8.0]);
     assert_eq!(of("horizontal_fov"), [360.0, 100.0]);
@@ -109,8 +101,8 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
     let models: Value = serde_json::from_str(&read("autoware.out/models.json")).unwrap();
     assert_eq!(models["lidars"], json!({ "roof_lidar": "spinning", "lidar_1": "solid" }));
     assert_eq!(models["models"]["solid"]["azimuth"], json!([-50.0, 50.0]));
-    let plain = ["rig", "export", "plain.json", "--format", "urdf", "--vehicle", "cart.json"];
-    assert!(fails(&dir, &plain).contains("`roof_lidar` names no sensor, and the vehicle has"));
+    let plain = "rig export plain.json --format urdf --vehicle cart.json";
+    fails(&dir, plain).says("`roof_lidar` names no sensor, and the vehicle has");
 }
 
 #[test]
@@ -124,26 +116,19 @@ fn a_rig_of_the_second_model_of_a_mount_is_legal_everywhere() {
         { "name": "A", "lidars": [roof("spinning", 0.1)] },
         { "name": "B", "lidars": [roof("solid", 0.0)] }] });
     write(&dir, "rigs.json", &rigs);
-    let room = ["room.json", "rigs.json:B", "--vehicle", "two.json", "--baselines", "rigs.json:A"];
-    printed(&dir, &[&["view"], &room[..], &["--out", "b.html"], &CPU].concat());
-    let page = fs::read_to_string(dir.path().join("b.html")).unwrap();
+    let view = "view room.json rigs.json:B --vehicle two.json --baselines rigs.json:A --out b.html";
+    printed(&dir, &(view, CPU));
+    let page = read_text(&dir, "b.html");
     assert!(!page.contains("no mount for"), "{page}");
-    let own = json!({ "placements": [rigs["placements"][1]] });
-    write(&dir, "b.json", &own);
-    let sweep = ["study", "sweep", "room.json", "b.json", "--vehicle", "two.json"];
-    let swept = ok(
-        &dir,
-        &[&sweep[..], &["--of", "roof.z", "--from", "1.5", "--to", "1.9", "--values", "2"], &CPU]
-            .concat(),
-    );
-    let rows = swept["sweeps"][0]["rows"].as_array().unwrap();
-    let broken: Vec<usize> =
-        rows.iter().map(|row| row["broken_rules"].as_array().unwrap().len()).collect();
+    write(&dir, "b.json", &json!({ "placements": [rigs["placements"][1]] }));
+    let sweep = "study sweep room.json b.json --vehicle two.json";
+    let swept = ok(&dir, &(sweep, "--of roof.z --from 1.5 --to 1.9 --values 2", CPU));
+    let rows = swept["sweeps"][0]["rows"].list();
+    let broken: Vec<usize> = rows.iter().map(|row| row["broken_rules"].list().len()).collect();
     assert_eq!(broken, [0, 0, 1], "{rows:?}");
     // A rig given to compare with is judged by what the mounts may hold, whatever the search was to take.
-    let search =
-        ["optimize", "room.json", "--vehicle", "two.json", "--budget", "10", "--evaluations", "20"];
-    let more = ["--baselines", "b.json", "--out", "run", "--backend", "cpu"];
-    let found = ok(&dir, &[&search[..], &more].concat());
+    let search = "optimize room.json --vehicle two.json --budget 10 --evaluations 20";
+    let more = "--baselines b.json --out run --backend cpu";
+    let found = ok(&dir, &(search, more));
     assert_eq!(found["baselines"][0]["violations"], json!([]), "{found}");
 }

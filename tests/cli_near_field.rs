@@ -10,19 +10,17 @@ fn yard(dir: &TempDir) {
     let pose = |z: f64| json!([{ "x": 0.0, "y": 0.0, "z": z }]);
     let low = json!({ "name": "low", "lidars": pose(1.6) });
     let high = json!({ "name": "high", "lidars": pose(2.4) });
-    let placements = json!({ "placements": [low, high] });
-    write(dir, "two.json", &placements);
+    write(dir, "two.json", &json!({ "placements": [low, high] }));
 }
 
 #[test]
 fn the_near_field_of_two_heights() {
     let dir = TempDir::new().unwrap();
     yard(&dir);
-    let args =
-        ["study", "nearfield", "yard.json", "two.json", "--backend", "cpu", "--out", "n.svg"];
-    let found = ok(&dir, &args);
+    let study = "study nearfield yard.json two.json --backend cpu";
+    let found = ok(&dir, &(study, "--out n.svg"));
     let of = |k: usize| found["near_fields"][k].clone();
-    let number = |value: &Value| value.as_f64().unwrap();
+    let number = |value: &Value| value.number();
     let (low, high) = (of(0), of(1));
     assert!(number(&low["ring"]) < number(&high["ring"]), "{low} {high}");
     assert!(number(&low["beams"][0]["own"]) > number(&high["beams"][0]["own"]));
@@ -30,17 +28,17 @@ fn the_near_field_of_two_heights() {
     for (side, rig) in
         ["ahead", "left", "right"].iter().flat_map(|side| [(side, &low), (side, &high)])
     {
-        let lanes = rig["zone"]["lanes"].as_array().unwrap().iter();
+        let lanes = rig["zone"]["lanes"].list().iter();
         let depths = lanes.filter(|lane| lane["side"] == *side).map(|lane| lane["depth"].as_f64());
         // A lane that does not end leaves none.
         let deepest = depths.reduce(|a, b| Some(a?.max(b?))).unwrap();
         assert_eq!(deepest, rig["zone"][side].as_f64(), "{side}: {rig}");
     }
-    assert_eq!(low["poles"].as_array().unwrap().len(), 58);
+    assert_eq!(low["poles"].list().len(), 58);
     let area = number(&found["ground_area"]);
     let (share, blind) = (number(&high["near_field"]), number(&high["blind_area"]));
     assert!(((1.0 - share) * area - blind).abs() < 0.01 * area, "{share} of {area}: {blind}");
-    let svg = fs::read_to_string(dir.path().join("n.svg")).unwrap();
+    let svg = read_text(&dir, "n.svg");
     // Every line of the legend ends within the drawing; letters of 13 pixels are 7.2 wide on average.
     let width: f64 =
         svg.split_once(" width=\"").unwrap().1.split_once('"').unwrap().0.parse().unwrap();
@@ -65,46 +63,42 @@ fn the_near_field_of_two_heights() {
     );
     assert!(svg.matches("<circle").count() >= 116 && svg.ends_with("</svg>\n"));
     // Fog hides what is far, a wet road mirrors what is flat: more ground is blind, and more beams end at nothing.
-    let weather = ["--condition", "fog:mor=10", "--condition", "wet:water=1"];
-    let hidden = ok(&dir, &[&args[..6], &weather].concat());
+    let weather = "--condition fog:mor=10 --condition wet:water=1";
+    let hidden = ok(&dir, &(study, weather));
     assert_eq!(hidden["conditions"], json!(["fog:mor=10", "wet:water=1"]));
     let hidden = &hidden["near_fields"][1];
     assert!(number(&hidden["blind_area"]) > number(&high["blind_area"]), "{hidden} {high}");
     assert!(number(&hidden["beams"][0]["nothing"]) > number(&high["beams"][0]["nothing"]));
-    let twice = ["--condition", "rain", "--condition", "rain"];
-    assert!(fails(&dir, &[&args[..6], &twice].concat()).contains("rain is given twice"));
-    let text = sightline(&dir, &args[..6]);
-    let text = String::from_utf8(text.stdout).unwrap();
+    fails(&dir, &(study, "--condition rain --condition rain")).says("rain is given twice");
+    let (_, [text, _]) = ran(&dir, study);
     assert_eq!(text.lines().count(), 10, "{text}");
-    assert!(text.contains("\nground is seen where a beam ends on ground within 0.5 m\n"), "{text}");
+    text.says("\nground is seen where a beam ends on ground within 0.5 m\n");
     assert!(text.ends_with("partly unconfirmed; no type approval (docs/nearfield.md)\n"), "{text}");
     // Shares of ground are rounded down like shares of requirements.
     let row = text.lines().find(|line| line.starts_with("high ")).unwrap();
     let shown = row.split_whitespace().nth(1).unwrap();
     assert_eq!(shown, format!("{:.1}", (1e3 * share).floor() / 10.0), "{share}");
-    let text = sightline(&dir, &[&args[..6], &weather].concat());
-    assert!(String::from_utf8(text.stdout).unwrap().contains("under fog:mor=10 and wet:water=1"));
+    let (_, [text, _]) = ran(&dir, &(study, weather));
+    text.says("under fog:mor=10 and wet:water=1");
 }
 
 #[test]
 fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
     let dir = TempDir::new().unwrap();
     yard(&dir);
-    let scored = |more: &[&str]| {
-        let args = ["score", "yard.json", "two.json", "--backend", "cpu"];
-        ok(&dir, &[&args[..], more].concat())["scores"].clone()
-    };
-    let plain = scored(&[]);
+    let scored =
+        |more: &str| ok(&dir, &("score yard.json two.json --backend cpu", more))["scores"].clone();
+    let plain = scored("");
     let guards = |k: usize| plain[k]["guards"].to_string();
     assert!(guards(0).contains("self_hit: LiDAR 0 ends") && !guards(1).contains("self_hit"));
     // The near field is a score: that of the study.
     let study = ok(&dir, "study nearfield yard.json two.json --backend cpu");
-    let looked = scored(&["--near-field"]);
+    let looked = scored("--near-field");
     for k in 0..2 {
         let near = &study["near_fields"][k];
         // Scores have nine digits.
         let same = |score: &str, share: &str| {
-            let [a, b] = [&looked[k][score], &near[share]].map(|value| value.as_f64().unwrap());
+            let [a, b] = [&looked[k][score], &near[share]].map(|value| value.number());
             assert!((a - b).abs() < 1e-9, "{score}: {a} is not {b}");
         };
         same("near_field", "near_field");
@@ -112,8 +106,7 @@ fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
         assert!(plain[k]["near_field"].is_null());
     }
     // Over several scenes too, in each and in the mean.
-    let args = ["score", "yard.json", "yard.json", "two.json", "--near-field", "--backend", "cpu"];
-    let both = ok(&dir, &args);
+    let both = ok(&dir, "score yard.json yard.json two.json --near-field --backend cpu");
     for scores in [&both["scenes"][0]["scores"], &both["scenes"][1]["scores"], &both["mean"]] {
         let guards = |k: usize| scores[k]["guards"].to_string();
         assert!(guards(0).contains("self_hit") && !guards(1).contains("self_hit"), "{scores}");
@@ -131,20 +124,18 @@ fn without_a_scene_the_near_field_is_that_of_level_ground() {
         "mounts": [{ "name": "roof", "sensors": ["turning"], "count": [1, 1],
                      "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4] }] });
     write(&dir, "cart.json", &cart);
-    let more = ["--vehicle", "cart.json", "--backend", "cpu"];
-    let near = ok(&dir, &[&["study", "nearfield", "two.json"], &more[..]].concat());
-    let shared = ok(&dir, &[&["study", "redundancy", "two.json"], &more[..]].concat());
-    for (near, shared) in
-        near["near_fields"].as_array().unwrap().iter().zip(shared["rows"].as_array().unwrap())
-    {
+    let more = "--vehicle cart.json --backend cpu";
+    let near = ok(&dir, &("study nearfield two.json", more));
+    let shared = ok(&dir, &("study redundancy two.json", more));
+    for (near, shared) in near["near_fields"].list().iter().zip(shared["rows"].list()) {
         assert_eq!(near["name"], shared["placement"]);
-        let unseen = |ground: &str| shared[ground]["share"][0].as_f64().unwrap();
-        let seen = |key: &str| near[key].as_f64().unwrap();
+        let unseen = |ground: &str| shared[ground]["share"][0].number();
+        let seen = |key: &str| near[key].number();
         assert!((seen("near_field") - (1.0 - unseen("ground_10m"))).abs() < 1e-12, "{near}");
         assert!((seen("ring") - (1.0 - unseen("ground_3m"))).abs() < 1e-12, "{near}");
     }
     // The lower one looks over the edge of the roof at ground beyond 10 m.
-    let seen = |k: usize| near["near_fields"][k]["near_field"].as_f64().unwrap();
+    let seen = |k: usize| near["near_fields"][k]["near_field"].number();
     assert!(seen(0) == 0.0 && seen(1) > 0.1, "{near}");
 }
 
@@ -154,22 +145,20 @@ fn what_cannot_be_is_named() {
     yard(&dir);
     fs::create_dir(dir.path().join("run")).unwrap();
     fs::copy(dir.path().join("two.json"), dir.path().join("run/placements.json")).unwrap();
-    let result = json!({ "best": { "placement": { "name": "high" } } });
-    write(&dir, "run/result.json", &result);
+    write(&dir, "run/result.json", &json!({ "best": { "placement": { "name": "high" } } }));
     for (args, says) in [
-        (&["study", "nearfield", "none.json"][..], "none.json"),
-        (&["study", "nearfield", "yard.json", "two.json", "--out", "two.json"], "two.json"),
-        (&["study"], "<KIND>"),
-        (&["study", "nearfield", "two.json"], "two.json: there is neither a scene nor a vehicle"),
-        (&["study", "nearfield", "run"], "run/placements.json:high: there is neither a scene nor"),
-        (&["cast", "run", "two.json"], "run: is the folder of a run, where a scene belongs; give"),
-        (&["study", "lidars", "run"], "high: holds placements, which `study lidars` does not take"),
+        ("study nearfield none.json", "none.json"),
+        ("study nearfield yard.json two.json --out two.json", "two.json"),
+        ("study", "<KIND>"),
+        ("study nearfield two.json", "two.json: there is neither a scene nor a vehicle"),
+        ("study nearfield run", "run/placements.json:high: there is neither a scene nor"),
+        ("cast run two.json", "run: is the folder of a run, where a scene belongs; give"),
+        ("study lidars run", "high: holds placements, which `study lidars` does not take"),
     ] {
-        let message = fails(&dir, args);
-        assert!(message.contains(says), "{args:?}: {message}");
+        fails(&dir, args).says(says);
     }
-    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
+    let text = read_text(&dir, "yard.json");
     write(&dir, "yard.json", &text.replace("road", "wall"));
-    let message = fails(&dir, "study nearfield yard.json --backend cpu");
-    assert!(message.contains("yard.json: there is no ground within 10 m"), "{message}");
+    fails(&dir, "study nearfield yard.json --backend cpu")
+        .says("yard.json: there is no ground within 10 m");
 }

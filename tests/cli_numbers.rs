@@ -56,15 +56,13 @@ fn as_people_write(what: &str, document: &Value) {
     }
 }
 
-const OPTIMIZE: [&str; 12] = [
-    "optimize", "s.json", "--vehicle", "car.json", "--evaluations", "40", "--seed", "3",
-    "--backend", "cpu", "--out", "run",
-];
+const OPTIMIZE: &str =
+    "optimize s.json --vehicle car.json --evaluations 40 --seed 3 --backend cpu --out run";
 
 #[test]
 fn a_found_pose_has_nine_decimals_and_is_scored_as_it_is_written() {
     let dir = folder();
-    ok(&dir, &OPTIMIZE);
+    ok(&dir, OPTIMIZE);
     let mut result = read_json(dir.path().join("run/result.json"));
     let found = read_json(dir.path().join("run/placements.json"));
     as_people_write("placements", &json!(found["placements"][0]));
@@ -72,9 +70,8 @@ fn a_found_pose_has_nine_decimals_and_is_scored_as_it_is_written() {
     // Poses of a turned roof are not on any grid, so the test is of something.
     let pose = found["placements"][0]["lidars"][0].to_string();
     assert!(pose.len() > 80, "{pose}");
-    let score =
-        ["score", "s.json", "run/placements.json", "--vehicle", "car.json", "--backend", "cpu"];
-    let mut again = ok(&dir, &score)["scores"][0].take();
+    let score = "score s.json run/placements.json --vehicle car.json --backend cpu";
+    let mut again = ok(&dir, score)["scores"][0].take();
     let mut scores = result["best"]["scores"].take();
     for one in [&mut again, &mut scores] {
         one.as_object_mut().unwrap().retain(|key, _| key != "guards" && key != "price");
@@ -85,13 +82,11 @@ fn a_found_pose_has_nine_decimals_and_is_scored_as_it_is_written() {
 #[test]
 fn lidars_carry_the_names_of_their_mounts() {
     let dir = folder();
-    let printed = stdout(&dir, &OPTIMIZE);
+    let printed = stdout(&dir, OPTIMIZE);
     let rows: Vec<&str> =
         printed.lines().skip_while(|line| !line.starts_with("LiDAR ")).take(6).collect();
-    assert!(
-        rows[0].contains("mount") && rows[3].contains("x mm") && rows[3].contains("yaw °"),
-        "{printed}"
-    );
+    rows[0].says("mount");
+    rows[3].says("x mm").says("yaw °");
     let (first, second) = (rows[1], rows[2]);
     assert!(first.contains(" roof") && second.contains(" nose"), "{printed}");
     let metres: f64 = second.split_whitespace().nth(1).unwrap().parse().unwrap();
@@ -99,23 +94,17 @@ fn lidars_carry_the_names_of_their_mounts() {
     assert!(metres > 2.0 && (millimetres - 1000.0 * metres).abs() <= 0.51, "{printed}");
     let result = read_json(dir.path().join("run/result.json"));
     assert_eq!(result["mounts"], json!(["roof", "nose"]));
-    let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
+    let page = read_text(&dir, "run/report.html");
     assert!(page.contains("Positions in millimetres") && page.contains(">nose<"));
 
-    let export =
-        ["rig", "export", "run/placements.json:optimized", "--vehicle", "car.json", "--format"];
-    let launch = stdout(&dir, &[&export[..], &["ros2-launch"]].concat());
-    assert!(
-        launch.contains("--child-frame-id roof_lidar\"")
-            && launch.contains("--child-frame-id nose_lidar\"")
-    );
+    let export = "rig export run/placements.json:optimized --vehicle car.json --format";
+    let launch = stdout(&dir, &(export, "ros2-launch"));
+    launch.says("--child-frame-id roof_lidar\"").says("--child-frame-id nose_lidar\"");
     assert!(!launch.contains("e-1") && !launch.contains("-0 "), "{launch}");
     // Names of before stay good, and those given count.
-    let named = ["carla", "--sensor", "lidar_1=four", "--sensor", "roof_lidar=four"];
-    let carla: Value =
-        serde_json::from_str(&stdout(&dir, &[&export[..], &named].concat())).unwrap();
+    let named = "carla --sensor lidar_1=four --sensor roof_lidar=four";
+    let carla: Value = serde_json::from_str(&stdout(&dir, &(export, named))).unwrap();
     assert_eq!([&carla[0]["id"], &carla[1]["id"]], ["roof_lidar", "nose_lidar"]);
     as_people_write("carla", &carla);
-    let given = ["json", "--frame", "a", "--frame", "b"];
-    assert!(stdout(&dir, &[&export[..], &given].concat()).contains("four"));
+    stdout(&dir, &(export, "json --frame a --frame b")).says("four");
 }

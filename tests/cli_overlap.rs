@@ -28,19 +28,18 @@ fn yard(dir: &Path, require: Value) {
     write(dir, "rigs.json", &placements);
 }
 
-fn run(dir: &Path, command: &[&str], more: &[&str]) -> Value {
-    let files = ["yard.json", "rigs.json", "--backend", "cpu"];
-    ok(dir, &[command, &files, more].concat())
+fn run(dir: &Path, command: &str, more: &str) -> Value {
+    ok(dir, &(command, "yard.json rigs.json --backend cpu", more))
 }
 
-const SCORE: [&str; 3] = ["score", "--tolerance", "0"];
+const SCORE: &str = "score --tolerance 0";
 
 #[test]
 fn required_overlap_has_the_number_of_the_study() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([{ "overlap": 0.05 }, { "overlap": 0.6, "name": "close" }]));
-    for weather in [&[][..], &["--condition", "fog:mor=15"]] {
-        let scores = run(dir.path(), &SCORE, weather)["scores"].clone();
+    for weather in ["", "--condition fog:mor=15"] {
+        let scores = run(dir.path(), SCORE, weather)["scores"].clone();
         let rules = |k: usize| scores[k]["requirements"].clone();
         assert_eq!(
             rules(4)[0],
@@ -51,13 +50,13 @@ fn required_overlap_has_the_number_of_the_study() {
         change(&dir, "rigs.json", |rigs| {
             rigs["placements"].as_array_mut().unwrap().pop();
         });
-        let rows = run(dir.path(), &["study", "overlap"], weather)["rows"].clone();
+        let rows = run(dir.path(), "study overlap", weather)["rows"].clone();
         for k in 0..4 {
             let up_to = &rows[k]["overlap_up_to"];
             assert_eq!([&rules(k)[0]["found"], &rules(k)[1]["found"]], [up_to; 2], "{k}");
             assert_eq!(rules(k)[0]["met"], up_to.as_f64() >= Some(0.05), "{k}");
         }
-        let found = |k: usize| rules(k)[0]["found"].as_f64().unwrap();
+        let found = |k: usize| rules(k)[0]["found"].number();
         assert_eq!(found(0), 0.0, "the two look opposite ways");
         assert!(found(1) > 0.05 && found(3) > 0.05, "{} {}", found(1), found(3));
         yard(dir.path(), json!([{ "overlap": 0.05 }, { "overlap": 0.6, "name": "close" }]));
@@ -68,17 +67,17 @@ fn required_overlap_has_the_number_of_the_study() {
 fn lidars_that_are_cut_off_are_named() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([{ "overlap": 0.6 }]));
-    let scores = run(dir.path(), &SCORE, &[])["scores"].clone();
+    let scores = run(dir.path(), SCORE, "")["scores"].clone();
     let missing = |k: usize| scores[k]["requirements"][0]["missing"].as_str().unwrap_or_default();
     assert_eq!(missing(0), "LiDAR 1 is cut off: shares nothing with any other");
     let row = &run_pairs(dir.path())["rows"][1]["overlap"][0][1];
-    let shown = (1e3 * row.as_f64().unwrap()).floor() / 10.0;
+    let shown = (1e3 * row.number()).floor() / 10.0;
     assert_eq!(missing(1), format!("LiDAR 1 is cut off: shares at most {shown:.1} % with LiDAR 0"));
     let text = stdout(&dir, "score yard.json rigs.json --backend cpu");
     let line = format!(
         "! NOT MET: overlap of LiDARs: {shown:.1} % shared, 60.0 % required, LiDAR 1 is cut off: "
     );
-    assert!(text.contains(&line), "{text}");
+    text.says(&line);
 }
 
 /// The study of the rigs of two LiDARs or more.
@@ -93,18 +92,18 @@ fn run_pairs(dir: &Path) -> Value {
 fn without_any_one_the_least_that_is_left_counts() {
     let dir = TempDir::new().unwrap();
     yard(dir.path(), json!([{ "overlap": 0.9, "without_any_one": true }]));
-    let all = run(dir.path(), &SCORE, &[])["scores"].clone();
+    let all = run(dir.path(), SCORE, "")["scores"].clone();
     let rigs = read_json(dir.path().join("rigs.json"));
     let without = |lost: usize| {
-        let mut lidars = rigs["placements"][3]["lidars"].as_array().unwrap().clone();
+        let mut lidars = rigs["placements"][3]["lidars"].list().clone();
         lidars.remove(lost);
         json!({ "name": format!("without-{lost}"), "lidars": lidars })
     };
     let one_less: Vec<Value> = (0..4).map(without).collect();
     write(&dir, "rigs.json", &json!({ "placements": one_less }));
     set_rules(&dir, json!([{ "overlap": 0.9 }]));
-    let each = run(dir.path(), &SCORE, &[])["scores"].clone();
-    let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].as_f64().unwrap();
+    let each = run(dir.path(), SCORE, "")["scores"].clone();
+    let found = |scores: &Value, k: usize| scores[k]["requirements"][0]["found"].number();
     let lefts: Vec<f64> = (0..4).map(|k| found(&each, k)).collect();
     assert_eq!(found(&all, 3), lefts.iter().copied().fold(f64::INFINITY, f64::min), "{lefts:?}");
     assert!(lefts[1] > lefts[0], "the roof alone joins the others: {lefts:?}");
@@ -121,16 +120,11 @@ fn over_several_scenes_the_mean_counts() {
             (json!("walled"), json!({ "min": [2, -8, 0], "max": [2.5, 12, 3] }))
     });
     run_pairs(dir.path());
-    let of = |command: &[&str]| {
-        ok(
-            &dir,
-            &[command, &["yard.json", "walled.json", "pairs.json", "--backend", "cpu"]].concat(),
-        )
-    };
-    let (scores, study) = (of(&SCORE), of(&["study", "overlap"]));
-    let up_to = |row: usize| study["rows"][row]["overlap_up_to"].as_f64().unwrap();
+    let files = "yard.json walled.json pairs.json --backend cpu";
+    let [scores, study] = [SCORE, "study overlap"].map(|command| ok(&dir, &(command, files)));
+    let up_to = |row: usize| study["rows"][row]["overlap_up_to"].number();
     for k in [1, 3] {
-        let found = scores["mean"][k]["requirements"][0]["found"].as_f64().unwrap();
+        let found = scores["mean"][k]["requirements"][0]["found"].number();
         assert_eq!(found, 0.5 * (up_to(k) + up_to(4 + k)), "{k}");
     }
     assert_ne!(up_to(1), up_to(4 + 1), "the wall changes it");
@@ -158,12 +152,12 @@ fn a_search_finds_a_rig_whose_lidars_share_enough() {
     // Where one LiDAR would do, one alone does not: it shares nothing.
     let (code, scores) = search("few", required.clone(), json!([1, 3]));
     let best = read_json(dir.path().join("few/placements.json"));
-    let lidars = best["placements"][0]["lidars"].as_array().unwrap();
+    let lidars = best["placements"][0]["lidars"].list();
     assert!(code == Some(0) && lidars.len() > 1, "{scores} {best}");
     // Without the rule the LiDARs look apart.
     search("free", json!([]), json!(3));
     set_rules(&dir, required);
-    let free = ["score", "yard.json", "free/placements.json", "--backend", "cpu"];
+    let free = "score yard.json free/placements.json --backend cpu";
     let free = ok(&dir, &free)["scores"][0].clone();
     assert_eq!(free["requirements"][0]["met"], false, "{}", free["requirements"]);
 }
@@ -189,8 +183,8 @@ fn wrong_rules_on_overlap_are_named() {
     }
     yard(dir.path(), json!([{ "overlap": 0.1 }]));
     change(&dir, "yard.json", |through| through["coverage"] = json!("through"));
-    let error = fails(&dir, "score yard.json rigs.json --backend cpu");
-    assert!(error.contains("`overlap of LiDARs`, and beams end at nothing"), "{error}");
+    fails(&dir, "score yard.json rigs.json --backend cpu")
+        .says("`overlap of LiDARs`, and beams end at nothing");
 }
 
 #[test]
@@ -205,15 +199,15 @@ fn requirements_are_told_in_the_order_of_the_file() {
             { "blind_zone": "left", "depth": 2, "name": "a" }]),
     );
     let names = |required: &Value| -> Vec<String> {
-        let all = required.as_array().unwrap().iter();
-        all.map(|rule| rule["name"].as_str().unwrap().to_owned()).collect()
+        let all = required.list().iter();
+        all.map(|rule| rule["name"].text().to_owned()).collect()
     };
-    let scores = run(dir.path(), &["score"], &[])["scores"].clone();
+    let scores = run(dir.path(), "score", "")["scores"].clone();
     assert_eq!(names(&scores[3]["requirements"]), ["e", "d", "area", "b", "a"]);
     // Each number goes with its name: alone, a rule finds the same.
     let alone = |rule_alone: Value| {
         set_rules(&dir, json!([rule_alone]));
-        run(dir.path(), &["score"], &[])["scores"][3]["requirements"][0].clone()
+        run(dir.path(), "score", "")["scores"][3]["requirements"][0].clone()
     };
     let all = read_json(dir.path().join("cart.json"));
     for k in 0..5 {
@@ -224,8 +218,8 @@ fn requirements_are_told_in_the_order_of_the_file() {
     let mut gone = all["require"].clone();
     (gone[2]["min"], gone[2]["max"]) = (json!([90, 90, 0]), json!([91, 91, 1]));
     set_rules(&dir, gone);
-    let error = fails(&dir, "score yard.json rigs.json --backend cpu");
-    assert!(error.contains("require[2]: `area` holds no voxel"), "{error}");
+    fails(&dir, "score yard.json rigs.json --backend cpu")
+        .says("require[2]: `area` holds no voxel");
 }
 
 #[test]

@@ -33,53 +33,49 @@ fn a_requirement_that_copies_within_the_tolerance_break_is_met_on_paper_only() {
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar], "price": 3 }] });
     write(&dir, "rigs.json", &rigs);
-    let score = |require: Value, more: &[&str]| {
+    let score = |require: Value, more: &str| {
         street(dir.path(), require);
-        let args = [&["score", "street.json", "rigs.json", "--backend", "cpu"], more].concat();
-        ok(&dir, &args)["scores"][0].clone()
+        ok(&dir, &("score street.json rigs.json --backend cpu", more))["scores"][0].clone()
     };
     // All round a half turn sees about half: just the share that it sees is required in the second run.
-    let found = score(json!([car([-180, 180], 0.1)]), &[]);
-    let share = found["requirements"][0]["found"].as_f64().unwrap();
+    let found = score(json!([car([-180, 180], 0.1)]), "");
+    let share = found["requirements"][0]["found"].number();
     assert!((0.5..0.6).contains(&share), "{found}");
     let ring = json!({ "name": "ground", "min": [2, -3, -0.3], "max": [6, 3, 0.3], "share": 0.05 });
     let all = json!([ring, car([-60, 60], 0.9), car([-180, 180], share)]);
-    let found = score(all.clone(), &["--tolerance", "5mm,2deg"]);
-    let holds = |k: usize| found["requirements"][k]["holds_in"].as_f64().unwrap();
+    let found = score(all.clone(), "--tolerance 5mm,2deg");
+    let holds = |k: usize| found["requirements"][k]["holds_in"].number();
     assert_eq!((holds(0), holds(1)), (1.0, 1.0), "{found}");
     assert!(holds(2) > 0.1 && holds(2) < 0.95, "{found}");
     assert_eq!(found["requirements_hold_in"], holds(2));
     // The page of a rig has the copies of `score`, and no column for them where nobody looked.
     let view = |tolerance: &str| {
         let args = "view street.json rigs.json --backend cpu --force --out v.html --tolerance";
-        let args: Vec<&str> = args.split(' ').chain([tolerance]).collect();
-        printed(&dir, &args);
-        fs::read_to_string(dir.path().join("v.html")).unwrap()
+        printed(&dir, &(args, tolerance));
+        read_text(&dir, "v.html")
     };
     let page = view("5mm,2deg");
     let (_, table) = page.split_once("copies that hold %").unwrap();
     let (table, _) = table.split_once("</table>").unwrap();
-    assert!(table.contains(&format!("<td>{}</td>", (1e3 * holds(2)).round() / 10.0)), "{table}");
+    table.says(&format!("<td>{}</td>", (1e3 * holds(2)).round() / 10.0));
     assert!(page.contains(" --tolerance 5mm,2deg "), "its command has the tolerance");
     let copies = "Copies are mounted up to ";
     let within =
         |page: &str| page.split_once(copies).unwrap().1.split_once(" off").unwrap().0.to_owned();
     assert_eq!([within(&page), within(&view("5mm,0.5deg"))], ["5 mm and 2°", "5 mm and 0.5°"]);
-    assert!(!view("0").contains("copies that hold %"));
+    view("0").lacks("copies that hold %");
     // Voxels on the ground that beams just reach depend on millimetres, too.
     let edge = json!([{ "name": "ground", "min": [2, -3, -0.3], "max": [6, 3, 0.3],
         "share": found["requirements"][0]["found"] }]);
-    let found = score(edge, &[]);
+    let found = score(edge, "");
     assert_eq!(found["requirements"][0]["met"], true);
-    assert!(found["requirements"][0]["holds_in"].as_f64().unwrap() < 0.95, "{found}");
-    let plain = score(all, &["--tolerance", "0"]);
+    assert!(found["requirements"][0]["holds_in"].number() < 0.95, "{found}");
+    let plain = score(all, "--tolerance 0");
     assert_eq!(plain["requirements"][2].get("holds_in"), None);
-    let args = ["score", "street.json", "rigs.json", "--backend", "cpu", "--tolerance", "5mm,2deg"];
-    let text = stdout(&dir, &args);
-    assert!(text.contains("required, ON PAPER ONLY, met by "), "{text}");
-    assert!(text.contains("all requirements: ON PAPER ONLY, met by "), "{text}");
-    let wrong = fails(&dir, "score street.json rigs.json --tolerance 5");
-    assert!(wrong.contains("5mm,0.5deg"), "{wrong}");
+    stdout(&dir, "score street.json rigs.json --backend cpu --tolerance 5mm,2deg")
+        .says("required, ON PAPER ONLY, met by ")
+        .says("all requirements: ON PAPER ONLY, met by ");
+    fails(&dir, "score street.json rigs.json --tolerance 5").says("5mm,0.5deg");
 }
 
 #[test]
@@ -96,10 +92,10 @@ fn a_result_is_moved_until_its_copies_within_the_tolerance_meet_what_is_required
     for found in [&paper, &mounted] {
         assert_eq!(found["requirements"][0]["met"], true, "{found}");
     }
-    assert!(paper["requirements_hold_in"].as_f64().unwrap() < 0.9, "{paper}");
-    assert!(mounted["requirements_hold_in"].as_f64().unwrap() >= 0.95, "{mounted}");
+    assert!(paper["requirements_hold_in"].number() < 0.9, "{paper}");
+    assert!(mounted["requirements_hold_in"].number() >= 0.95, "{mounted}");
     // Little is paid for it.
-    let gain = |found: &Value| found["near_gain"].as_f64().unwrap();
+    let gain = |found: &Value| found["near_gain"].number();
     assert!(gain(&mounted) > 0.9 * gain(&paper), "{mounted}");
 }
 
@@ -112,22 +108,19 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
         let (code, found, told) = answer(&dir, &format!("{args} {out}"));
         let listed = read_json(dir.path().join(out).join("placements.json"));
         let best = listed["placements"][0].clone();
-        let sensors = best["lidars"].as_array().unwrap().iter();
-        let sensors: Vec<_> = sensors.map(|l| l["sensor"].as_str().unwrap().to_owned()).collect();
-        (code, sensors, best["price"].as_f64().unwrap(), found, told)
+        let sensors = best["lidars"].list().iter();
+        let sensors: Vec<_> = sensors.map(|l| l["sensor"].text().to_owned()).collect();
+        (code, sensors, best["price"].number(), found, told)
     };
     // One narrow sensor is enough ahead, and cheaper than a wide one; all round it takes two wide ones.
     let (code, sensors, price, ..) = search("ahead", json!([car([-15, 15], 0.95)]));
     assert_eq!((code, &sensors[..], price), (Some(0), &["narrow".to_owned()][..], 1.0));
     let (code, sensors, price, _, told) = search("round", json!([car([-180, 180], 0.95)]));
     assert_eq!((code, sensors.len(), price), (Some(0), 2, 6.0), "{told}");
-    assert!(
-        told.contains("no equipment of 1 sensor was found that meets all requirements"),
-        "{told}"
-    );
+    told.says("no equipment of 1 sensor was found that meets all requirements");
     // It wrote a file of placements.
-    let again = ["score", "street.json", "round/placements.json", "--backend", "cpu"];
-    assert_eq!(ok(&dir, &again)["scores"][0]["requirements"][0]["met"], true);
+    let again = "score street.json round/placements.json --backend cpu";
+    assert_eq!(ok(&dir, again)["scores"][0]["requirements"][0]["met"], true);
     // One LiDAR alone can never hold what must hold without any one: the choice begins with two.
     let mut lost = car([-15, 15], 0.95);
     lost["without_any_one"] = json!(true);
@@ -142,20 +135,16 @@ fn the_fewest_sensors_that_meet_all_requirements_are_the_cheapest_of_them() {
     // Time that ends before more are tried is told.
     let args = "optimize street.json --fewest --max-seconds 0.01 --backend cpu --out late";
     let (_, [_, told]) = ran(&dir, args);
-    assert!(told.contains("rigs of more than 1 sensor were not tried"), "{told}");
-    let found = fs::read_to_string(dir.path().join("late/result.json")).unwrap();
+    told.says("rigs of more than 1 sensor were not tried");
+    let found = read_text(&dir, "late/result.json");
     let verdict = serde_json::from_str::<Value>(&found).unwrap()["verdict"].clone();
-    assert!(
-        verdict.as_str().unwrap().contains(" Not tried: rigs of more than 1 sensor."),
-        "{verdict}"
-    );
+    assert!(verdict.text().contains(" Not tried: rigs of more than 1 sensor."), "{verdict}");
     // No more sensors are tried than the budget pays for.
     let args = "optimize street.json --fewest --budget 2 --backend cpu --evaluations 16 --out poor";
     let (_, [_, told]) = ran(&dir, args);
     assert!(told.contains("1 sensor was found") && !told.contains("2 sensors was"), "{told}");
     street(dir.path(), json!([]));
-    let nothing = fails(&dir, "optimize street.json --fewest");
-    assert!(nothing.contains("--fewest: the vehicle requires nothing"), "{nothing}");
+    fails(&dir, "optimize street.json --fewest").says("--fewest: the vehicle requires nothing");
 }
 
 #[test]
@@ -174,7 +163,7 @@ fn the_rig_that_is_best_after_its_worst_loss_meets_what_is_required() {
             "study loss street.json --backend cpu --evaluations {evaluations} --seed 1 --out loss{evaluations}"
         );
         let found = ok(&dir, &args);
-        for row in found["rows"].as_array().unwrap() {
+        for row in found["rows"].list() {
             assert_eq!(row["requirements_met"], true, "{row}");
         }
     }
@@ -185,12 +174,9 @@ fn a_requirement_beyond_the_range_of_the_sensors_says_so() {
     let dir = TempDir::new().unwrap();
     let at = |name: &str, from: u32, within: u32| json!({ "name": name, "target": "car", "from": from, "within": within, "share": 0.9 });
     street(dir.path(), json!([at("near", 10, 20), at("partly", 40, 80), at("far", 70, 80)]));
-    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
-    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    write(&dir, "rigs.json", &rigs);
+    write_rig(&dir, "rigs.json", "ahead", json!([{ "x": 0, "y": 0, "z": 1, "sensor": "half" }]));
     let found = ok(&dir, "score street.json rigs.json --backend cpu");
-    let missing =
-        |k: usize| found["scores"][0]["requirements"][k]["missing"].as_str().unwrap().to_owned();
+    let missing = |k: usize| found["scores"][0]["requirements"][k]["missing"].text().to_owned();
     assert!(!missing(0).contains("sensors reach"), "{}", missing(0));
     assert!(missing(1).ends_with("; sensors reach 60 m at most"), "{}", missing(1));
     let far = "; sensors reach 60 m at most: this lies beyond their range";
@@ -201,9 +187,7 @@ fn a_requirement_beyond_the_range_of_the_sensors_says_so() {
 fn ground_that_is_not_level_where_targets_stand_is_said() {
     let dir = TempDir::new().unwrap();
     street(dir.path(), json!([car([-60, 60], 0.1)]));
-    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
-    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    write(&dir, "rigs.json", &rigs);
+    write_rig(&dir, "rigs.json", "ahead", json!([{ "x": 0, "y": 0, "z": 1, "sensor": "half" }]));
     let mut scene = read_json(dir.path().join("street.json"));
     for (z, is_told) in [(0.2, false), (1.5, true)] {
         let plane = |from: i32, to: i32, z: f64| json!({ "class": "road", "plane": { "min": [from, -40], "max": [to, 40], "z": z } });
@@ -222,15 +206,15 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
             let (_, [_, told]) = ran(&dir, &line);
             assert_eq!(told.contains(words), is_told, "{line}: {told}");
         }
-        let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
+        let page = read_text(&dir, "v.html");
         assert_eq!(page.contains("Note: targets of requirements and range card"), is_told);
     }
     // A requirement that stands on the ground of the scene is no reason to doubt.
     let mut on_scene = car([-60, 60], 0.1);
     on_scene["ground"] = json!("scene");
     set_rules(&dir, json!([on_scene]));
-    let told = stderr(&dir, "score street.json rigs.json --backend cpu");
-    assert!(told.contains("targets of the range card stand on level ground, "), "{told}");
+    stderr(&dir, "score street.json rigs.json --backend cpu")
+        .says("targets of the range card stand on level ground, ");
 }
 
 /// Scenes on a road that the nose points to by an angle, with a rig `a` in `p.json`. Its vehicle must meet a car on level
@@ -261,8 +245,7 @@ fn on_slopes(dir: &Path, scenes: [(&str, f64); 2], more: &[Value]) {
                 "poses": [{ "x": 8, "y": 4 }, { "x": 10, "y": 4 }] }] });
         write(dir, &format!("{name}.json"), &scene);
     }
-    let rigs = json!({ "placements": [{ "name": "a", "lidars": [{ "x": 0, "y": 0, "z": 1.8, "sensor": "m" }] }] });
-    write(dir, "p.json", &rigs);
+    write_rig(dir, "p.json", "a", json!([{ "x": 0, "y": 0, "z": 1.8, "sensor": "m" }]));
 }
 
 #[test]
@@ -274,8 +257,8 @@ fn each_scene_has_its_own_share_of_a_requirement_and_all_have_the_mean() {
     ];
     on_slopes(dir.path(), [("hill", 0.05), ("plain", 0.0)], &rules);
     let found = |scores: &Value| -> Vec<f64> {
-        let rules = scores["requirements"].as_array().unwrap();
-        rules.iter().map(|rule| rule["found"].as_f64().unwrap()).collect()
+        let rules = scores["requirements"].list();
+        rules.iter().map(|rule| rule["found"].number()).collect()
     };
     let scored = |scenes: &str| -> Value {
         let line = format!("score {scenes} p.json --backend cpu --format json");
@@ -283,9 +266,9 @@ fn each_scene_has_its_own_share_of_a_requirement_and_all_have_the_mean() {
     };
     let both = scored("hill.json plain.json");
     let each = ["hill", "plain"].map(|name| scored(&format!("{name}.json"))["scores"][0].clone());
-    for (of_scene, alone) in both["scenes"].as_array().unwrap().iter().zip(&each) {
-        let of_scene = of_scene["scores"][0]["requirements"].as_array().unwrap().iter();
-        for (rule, alone) in of_scene.zip(alone["requirements"].as_array().unwrap()) {
+    for (of_scene, alone) in both["scenes"].list().iter().zip(&each) {
+        let of_scene = of_scene["scores"][0]["requirements"].list().iter();
+        for (rule, alone) in of_scene.zip(alone["requirements"].list()) {
             for key in ["name", "found", "met", "missing", "intact", "worst_frame", "places"] {
                 assert_eq!(rule[key], alone[key], "{key}: {rule}");
             }
@@ -322,23 +305,19 @@ fn a_target_on_the_ground_of_a_scene_is_looked_at_there_by_every_command() {
         ("optimize hill.json again.json --evaluations 4 --force --out o", missed),
         (optimize("--front price,near_gain").as_str(), none),
     ] {
-        let args: Vec<&str> = line.split(' ').chain(["--backend", "cpu"]).collect();
-        let output = sightline(dir.path(), &args);
-        let text = String::from_utf8(output.stdout).unwrap();
+        let (code, [text, _]) = ran(&dir, &(line, "--backend cpu"));
         assert!(text.contains(words) && !text.contains("NOT MET: flat"), "{line}: {text}");
         let is_study = line.starts_with("study loss") || line.starts_with("study weather");
-        assert_eq!(output.status.code(), Some(i32::from(!is_study)), "{line}");
+        assert_eq!(code, Some(i32::from(!is_study)), "{line}");
     }
-    let args = ["view", "hill.json", "p.json", "--out", "v.html", "--backend", "cpu"];
-    assert_eq!(sightline(dir.path(), &args).status.code(), Some(1));
+    let args = "view hill.json p.json --out v.html --backend cpu";
+    assert_eq!(sightline(dir.path(), args).status.code(), Some(1));
 }
 
 #[test]
 fn a_vehicle_without_requirements_is_told_of_them_first() {
     let dir = TempDir::new().unwrap();
-    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
-    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    write(&dir, "rigs.json", &rigs);
+    write_rig(&dir, "rigs.json", "ahead", json!([{ "x": 0, "y": 0, "z": 1, "sensor": "half" }]));
     for (require, is_told) in [(json!([]), true), (json!([car([-60, 60], 0.1)]), false)] {
         street(dir.path(), require);
         let text = |args: &str| {
@@ -350,7 +329,7 @@ fn a_vehicle_without_requirements_is_told_of_them_first() {
         assert_eq!(scored.contains(&format!("{hint}The page of `view`")), is_told, "{scored}");
         let found = text("optimize street.json --budget 3 --evaluations 8 --force --out run");
         assert_eq!(found.contains(&format!("{hint}report.html")), is_told, "{found}");
-        let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
+        let page = read_text(&dir, "run/report.html");
         let place = page.find("No requirement is set");
         assert_eq!(place.is_some(), is_told);
         assert!(
@@ -366,21 +345,19 @@ fn weather_takes_beams_from_required_targets_as_from_those_of_the_study() {
     let rule =
         json!({ "target": "car", "from": 10, "within": 40, "bearing": [0, 0], "share": 0.9 });
     street(dir.path(), json!([rule]));
-    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
-    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    write(&dir, "rigs.json", &rigs);
+    write_rig(&dir, "rigs.json", "ahead", json!([{ "x": 0, "y": 0, "z": 1, "sensor": "half" }]));
     let mut shares = Vec::new();
-    for weather in [&[][..], &["--condition", "fog:mor=40"], &["--condition", "fog:mor=15"]] {
-        let score = ["score", "street.json", "rigs.json", "--backend", "cpu"];
-        let score = ok(&dir, &[&score[..], weather].concat())["scores"][0].clone();
+    for weather in ["", "--condition fog:mor=40", "--condition fog:mor=15"] {
+        let score = "score street.json rigs.json --backend cpu";
+        let score = ok(&dir, &(&score, weather))["scores"][0].clone();
         // The places of the rule, every 2.5 m.
         let distances: Vec<String> =
             (0..13).map(|k| (10.0 + 2.5 * f64::from(k)).to_string()).collect();
         let distances = distances.join(",");
-        let study = ["study", "targets", "rigs.json", "--vehicle", "cart.json", "--target", "car"];
+        let study = "study targets rigs.json --vehicle cart.json --target car";
         let places = ["--distances", &distances, "--bearings", "0"];
-        let rows = ok(&dir, &[&study[..], &places, weather].concat())["rows"].clone();
-        let met = rows.as_array().unwrap().iter().filter(|row| row["beams"].as_u64() >= Some(5));
+        let rows = ok(&dir, &(study, &places, weather))["rows"].clone();
+        let met = rows.list().iter().filter(|row| row["beams"].as_u64() >= Some(5));
         let share = met.count() as f64 / 13.0;
         assert_eq!(score["requirements"][0]["found"].as_f64(), Some(share), "{score} {rows}");
         shares.push((share, score["range_card"]["targets"][0]["bearings"][0]["met"].to_string()));
@@ -395,35 +372,29 @@ fn a_rule_may_count_only_beams_that_return_in_clear_air() {
     let dark = json!({ "sightline": 1, "name": "dark box", "reflectance": 0.02, "source": "made here",
         "shapes": [{ "box": { "foot": [0, 0, 0], "size": [2, 2, 2] } }] });
     write(&dir, "dark.json", &dark);
-    let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
-    let rigs = json!({ "placements": [{ "name": "ahead", "lidars": [lidar] }] });
-    write(&dir, "rigs.json", &rigs);
+    write_rig(&dir, "rigs.json", "ahead", json!([{ "x": 0, "y": 0, "z": 1, "sensor": "half" }]));
     let rule = |response: bool| json!({ "target": "dark.json", "from": 10, "within": 40, "bearing": [0, 0], "share": 0.9, "response": response });
     street(dir.path(), json!([rule(false), rule(true)]));
-    let score = ["score", "street.json", "rigs.json", "--backend", "cpu"];
-    let required = ok(&dir, &score)["scores"][0]["requirements"].clone();
+    let score = "score street.json rigs.json --backend cpu";
+    let required = ok(&dir, score)["scores"][0]["requirements"].clone();
     let distances: Vec<String> = (0..13).map(|k| (10.0 + 2.5 * f64::from(k)).to_string()).collect();
     let distances = distances.join(",");
-    let share = |more: &[&str]| {
-        let study = ["study", "targets", "rigs.json", "--vehicle", "cart.json", "--target"];
+    let share = |more: &str| {
+        let study = "study targets rigs.json --vehicle cart.json --target";
         let places = ["dark.json", "--distances", &distances, "--bearings", "0"];
-        let found = ok(&dir, &[&study[..], &places, more].concat());
-        let rows = found["rows"].as_array().unwrap().iter();
+        let found = ok(&dir, &(study, &places, more));
+        let rows = found["rows"].list().iter();
         rows.filter(|row| row["beams"].as_u64() >= Some(5)).count() as f64 / 13.0
     };
     // A sensor rated at 36 m for 10 % sees 2 % to 36·√0.2 = 16.1 m: the front of a box at 15 m, not of one at 17.5 m.
     let expected = [1.0, 3.0 / 13.0];
-    assert_eq!([share(&[]), share(&["--response"])], expected);
-    assert_eq!([0, 1].map(|k| required[k]["found"].as_f64().unwrap()), expected, "{required}");
+    assert_eq!([share(""), share("--response")], expected);
+    assert_eq!([0, 1].map(|k| required[k]["found"].number()), expected, "{required}");
     assert_eq!(required[1]["name"], "dark box from 10 to 40 m, at 0°, beams that return");
     assert_eq!(required[1]["missing"], "missing at 17.5 to 40 m, 0°");
     // Copies are looked at in the same way.
     assert_eq!([0, 1].map(|k| required[k]["holds_in"].as_f64()), [Some(1.0), Some(0.0)]);
     // Another kind of rule has no such key.
     street(dir.path(), json!([{ "ground": 3, "share": 0.5, "response": true }]));
-    let wrong = fails(&dir, &score);
-    assert!(
-        wrong.contains("require[0]: `response` cannot stand here: a rule on the ground"),
-        "{wrong}"
-    );
+    fails(&dir, score).says("require[0]: `response` cannot stand here: a rule on the ground");
 }

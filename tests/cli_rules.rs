@@ -15,9 +15,8 @@ fn room_with(dir: &Path, mount: &[(&str, Value)]) {
     write(dir, "room.json", &scene);
 }
 
-fn args<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let fixed = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "48", "--out", out];
-    [&fixed[..], more].concat()
+fn args(out: &str, more: &str) -> String {
+    format!("optimize room.json --backend cpu --evaluations 48 --out {out} {more}")
 }
 
 fn read(dir: &Path, run: &str, file: &str) -> String {
@@ -77,12 +76,10 @@ fn no_candidate_that_is_evaluated_breaks_a_rule() {
 fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
     let dir = TempDir::new().unwrap();
     room_with(dir.path(), &[("lidars", json!(3)), keep_out(), ("symmetric", json!(true))]);
-    let more = ["--equal-height", "--fix", "roll=0.0"];
-    let first = ok(&dir, &args("first", &more));
-    let one = ok(&dir, &args("one", &[&more[..], &["--threads", "1"]].concat()));
-    let gpu: Vec<&str> =
-        args("gpu", &more).into_iter().map(|a| if a == "cpu" { "gpu" } else { a }).collect();
-    let gpu = ok(&dir, &gpu);
+    let more = "--equal-height --fix roll=0.0";
+    let first = ok(&dir, &args("first", more));
+    let one = ok(&dir, &(args("one", more), "--threads 1"));
+    let gpu = ok(&dir, &args("gpu", more).replace("cpu", "gpu"));
     for (run, other) in [("one", &one), ("gpu", &gpu)] {
         assert_eq!(
             read(dir.path(), "first", "history.jsonl"),
@@ -91,8 +88,8 @@ fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
         assert_eq!(first["best"], other["best"]);
     }
     assert_eq!(first["best"]["violations"], json!([]));
-    let lidars = first["best"]["placement"]["lidars"].as_array().unwrap();
-    let number = |lidar: &Value, key: &str| lidar[key].as_f64().unwrap();
+    let lidars = first["best"]["placement"]["lidars"].list();
+    let number = |lidar: &Value, key: &str| lidar[key].number();
     let mut ys: Vec<f64> = lidars.iter().map(|lidar| number(lidar, "y")).collect();
     ys.sort_by(f64::total_cmp);
     assert_eq!((ys[0], ys[1]), (-ys[2], 0.0));
@@ -107,11 +104,11 @@ fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
     }
     assert!(read(dir.path(), "first", "report.html").contains("all LiDARs at one height"));
     // Both ways of searching took part.
-    let methods = first["methods"].as_array().unwrap();
+    let methods = first["methods"].list();
     assert!(methods.iter().any(|m| m["method"] == "swaps" && m["poses_cast"].as_u64() > Some(10)));
-    let swaps = ok(&dir, &args("swaps", &["--method", "swaps", "--equal-height"]));
+    let swaps = ok(&dir, &args("swaps", "--method swaps --equal-height"));
     assert_eq!(swaps["best"]["violations"], json!([]));
-    let grid = ok(&dir, &args("grid", &["--delta", "0.25,0.2", "--equal-height"]));
+    let grid = ok(&dir, &args("grid", "--delta 0.25,0.2 --equal-height"));
     assert_eq!(grid["best"]["violations"], json!([]));
 }
 
@@ -119,27 +116,27 @@ fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
 fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
     let dir = TempDir::new().unwrap();
     room_with(dir.path(), &[("lidars", json!(4)), keep_out(), ("symmetric", json!(true))]);
-    ok(&dir, &args("whole", &[]));
-    let stopped = |args: &[&str]| {
+    ok(&dir, &args("whole", ""));
+    let stopped = |args: &str| {
         let (code, run, stderr) = answer(&dir, args);
         assert_eq!(code, Some(0), "{stderr}");
-        assert!(stderr.contains("time: ") && stderr.contains("--resume broken"), "{stderr}");
-        assert!(run["stopped"].as_str().unwrap().starts_with("time: "), "{}", run["stopped"]);
+        stderr.says("time: ").says("--resume broken");
+        assert!(run["stopped"].text().starts_with("time: "), "{}", run["stopped"]);
         assert!(run["evaluations"].as_u64().unwrap() < 120);
         assert_eq!(run["best"]["violations"], json!([]));
         run["generations"].as_u64().unwrap()
     };
-    assert_eq!(stopped(&args("broken", &["--max-seconds", "0"])), 1);
-    let resume = ["optimize", "--resume", "broken", "--backend", "cpu"];
-    assert_eq!(stopped(&[&resume[..], &["--time", "0"]].concat()), 2, "a generation a sitting");
+    assert_eq!(stopped(&args("broken", "--max-seconds 0")), 1);
+    let resume = "optimize --resume broken --backend cpu";
+    assert_eq!(stopped(&format!("{resume} --time 0")), 2, "a generation a sitting");
     // A better rig of an earlier sitting is the result of one without time.
     let of = |file: &str| read_json(dir.path().join(file));
     let best = of("whole/result.json")["best"]["placement"].clone();
     change(&dir, "broken/times.json", |spent| spent["kept"] = best.clone());
-    assert_eq!(stopped(&[&resume[..], &["--max-seconds", "0"]].concat()), 3);
+    assert_eq!(stopped(&format!("{resume} --max-seconds 0")), 3);
     assert_eq!(of("broken/result.json")["best"]["placement"], best);
     assert_eq!(of("broken/times.json")["kept"], best);
-    let resumed = ok(&dir, &resume);
+    let resumed = ok(&dir, resume);
     for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg", "map.svg"]
     {
         assert_eq!(read(dir.path(), "whole", file), read(dir.path(), "broken", file), "{file}");
@@ -154,21 +151,19 @@ fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
 #[test]
 fn a_target_ends_the_search_once_it_holds_over_all_frames() {
     let dir = in_room();
-    let whole = ok(&dir, &args("whole", &["--method", "cma"]));
-    let best = whole["best"]["objective"].as_f64().unwrap();
-    let unreached = (1.5 * best).to_string();
-    let missed = ok(&dir, &args("missed", &["--target", &unreached]));
+    let whole = ok(&dir, &args("whole", "--method cma"));
+    let best = whole["best"]["objective"].number();
+    let missed = ok(&dir, &args("missed", &format!("--target {}", 1.5 * best)));
     assert_eq!(missed["stopped"], "evaluations: the limit is reached");
-    for (out, more) in [("auto", &[][..]), ("one", &["--frames", "1"])] {
-        let target = (0.9 * best).to_string();
-        let run = ok(&dir, &args(out, &[more, &["--target", &target]].concat()));
+    for (out, more) in [("auto", ""), ("one", "--frames 1")] {
+        let run = ok(&dir, &args(out, &format!("{more} --target {}", 0.9 * best)));
         assert_eq!(run["stopped"], "target: a placement reached the score that was wanted");
         assert!(run["evaluations"].as_u64().unwrap() < 120);
-        assert!(run["best"]["objective"].as_f64().unwrap() >= 0.9 * best);
+        assert!(run["best"]["objective"].number() >= 0.9 * best);
         // Two LiDARs of a few beams lose a car far away, which speaks against no score.
-        let guards = run["best"]["scores"]["guards"].as_array().unwrap();
-        assert!(guards.iter().all(|guard| guard.as_str().unwrap().starts_with("blind_sector")));
-        let again = ok(&dir, &["optimize", "--resume", out, "--backend", "cpu"]);
+        let guards = run["best"]["scores"]["guards"].list();
+        assert!(guards.iter().all(|guard| guard.text().starts_with("blind_sector")));
+        let again = ok(&dir, &format!("optimize --resume {out} --backend cpu"));
         assert_eq!((&again["best"], &again["stopped"]), (&run["best"], &run["stopped"]));
     }
 }
@@ -185,9 +180,9 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
         { "name": "row", "lidars": [lidar(0.5, 0.0), lidar(-0.5, 0.0)] },
         { "name": "askew", "lidars": [lidar(0.5, 0.3), lidar(-0.5, -0.3)] } ] });
     write(&dir, "mine.json", &file);
-    let (code, run, stderr) = answer(&dir, &args("run", &["--inject", "mine.json"]));
+    let (code, run, stderr) = answer(&dir, &args("run", "--inject mine.json"));
     assert_eq!(code, Some(0), "{stderr}");
-    let left_out = run["left_out"].as_array().unwrap();
+    let left_out = run["left_out"].list();
     assert_eq!(left_out.len(), 4, "{left_out:?}");
     for (name, why) in [
         ("far", "x is 0.300 m outside the mount"),
@@ -197,7 +192,7 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
     ] {
         let found = left_out.iter().find(|l| l["name"] == name).expect(name);
         assert!(found["why"].to_string().contains(why), "{found}");
-        assert!(stderr.contains(&format!("not starting from {name}: ")), "{stderr}");
+        stderr.says(&format!("not starting from {name}: "));
     }
     let report = read(dir.path(), "run", "report.html");
     assert!(report.contains("Not started from single"), "the report says it, too");
@@ -208,22 +203,21 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
 #[test]
 fn rules_that_contradict_each_other_are_answered_with_key_and_mend() {
     /// Keys of the mount, options, and what the answer holds.
-    type Case<'a> = (&'a [(&'a str, Value)], &'a [&'a str], &'a str);
+    type Case<'a> = (&'a [(&'a str, Value)], &'a str, &'a str);
     let dir = TempDir::new().unwrap();
     let wide = json!([{ "min": [-9, -9, 0], "max": [9, 9, 9] }]);
     let cases: &[Case] = &[
-        (&[("keep_out", wide)], &[], "room.json: mount.keep_out: "),
-        (&[("min", json!([-0.6, -0.5, 1.2]))], &["--symmetric"], "room.json: mount.symmetric: "),
-        (&[("min_distance", json!(1.3))], &["--symmetric"], "min_distance, 1.3 m"),
-        (&[], &["--fix", "z=9"], "room.json: mount.z: 9 is not within the mount"),
-        (&[], &["--symmetric", "--fix", "roll=0.1"], "room.json: mount.symmetric: "),
-        (&[], &["--fix", "tilt=1"], "as z=2.5"),
-        (&[], &["--max-seconds", "soon"], "give 0 to 1000000000 seconds, as 30"),
+        (&[("keep_out", wide)], "", "room.json: mount.keep_out: "),
+        (&[("min", json!([-0.6, -0.5, 1.2]))], "--symmetric", "room.json: mount.symmetric: "),
+        (&[("min_distance", json!(1.3))], "--symmetric", "min_distance, 1.3 m"),
+        (&[], "--fix z=9", "room.json: mount.z: 9 is not within the mount"),
+        (&[], "--symmetric --fix roll=0.1", "room.json: mount.symmetric: "),
+        (&[], "--fix tilt=1", "as z=2.5"),
+        (&[], "--max-seconds soon", "give 0 to 1000000000 seconds, as 30"),
     ];
     for (mount, options, wanted) in cases {
         room_with(dir.path(), mount);
-        let answer = fails(&dir, &args("run", options));
-        assert!(answer.contains(wanted), "{options:?}: {answer}");
-        assert!(!dir.path().join("run").exists(), "{options:?} left a folder");
+        fails(&dir, &args("run", options)).says(wanted);
+        assert!(!dir.path().join("run").exists(), "{options} left a folder");
     }
 }

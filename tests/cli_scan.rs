@@ -51,24 +51,24 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn a_folder_is_whole_the_same_on_any_threads_and_goes_on_where_it_was_left() {
     let dir = street();
     for layout in ["npz", "semantickitti", "nuscenes"] {
-        let scan = |out: &str, threads: &str, more: &[&str]| {
+        let scan = |out: &str, threads: &str, more: &str| {
             let args = ["scan", "s.json", "--placement", "p.json:two", "--layout", layout];
             let rest = ["--out", out, "--threads", threads];
-            ok(&dir, &[&args[..], &rest, more].concat())
+            ok(&dir, &(&args, &rest, more))
         };
         let (first, second) = (format!("{layout}-1"), format!("{layout}-2"));
-        let summary = scan(&first, "1", &[]);
+        let summary = scan(&first, "1", "");
         let set = &summary["datasets"][0];
         assert_eq!((set["frames"].as_u64(), set["scenes"].as_u64()), (Some(3), Some(1)));
         assert!(set["points"].as_u64().unwrap() > 500, "{set}");
         let whole = files(&dir.path().join(&first));
         assert!(!whole.keys().any(|name| name.contains("INCOMPLETE")));
-        scan(&second, "3", &[]);
+        scan(&second, "3", "");
         assert_eq!(whole, files(&dir.path().join(&second)), "{layout}: any number of threads");
         // A cloud that is missing is written again, and nothing else.
         let lost = whole.keys().find(|name| name.ends_with(".npz") || name.ends_with(".bin"));
         fs::remove_file(dir.path().join(&second).join(lost.unwrap())).unwrap();
-        let again = scan(&second, "2", &[]);
+        let again = scan(&second, "2", "");
         let points = |set: &Value, key: &str| set[key].as_u64().unwrap();
         assert!(points(&again["datasets"][0], "points_now") < points(set, "points"), "{again}");
         assert_eq!(whole, files(&dir.path().join(&second)), "{layout}: gone on with");
@@ -83,134 +83,120 @@ fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
         assert!(dir.path().join("all").join(name).join("dataset.json").is_file());
     }
     let points = |condition: &str| {
-        let args = ["scan", "s.json", "--placement", "p.json:one"];
+        let args = "scan s.json --placement p.json:one";
         let rest = ["--out", condition, "--condition", condition];
-        let set = ok(&dir, &[&args[..], &rest].concat());
+        let set = ok(&dir, &(args, &rest));
         set["datasets"][0]["points"].as_u64().unwrap()
     };
     assert!(points("fog:mor=15") < points("fog:mor=inf"));
     let score = |condition: &[&str]| {
         let args = ["score", "s.json", "p.json", "--backend", "cpu"];
-        ok(&dir, &[&args[..], condition].concat())["scores"][1]["covered"].as_f64().unwrap()
+        ok(&dir, &(&args, condition))["scores"][1]["covered"].number()
     };
     assert!(score(&["--condition", "fog:mor=10"]) < score(&[]));
     // Scores in bad weather say so, in text and in JSON.
-    let score = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "wet:water=1"];
-    assert_eq!(ok(&dir, &score)["conditions"], json!(["wet:water=1"]));
-    let text = String::from_utf8(sightline(&dir, &score).stdout).unwrap();
+    let wet = "score s.json p.json --backend cpu --condition wet:water=1";
+    assert_eq!(ok(&dir, wet)["conditions"], json!(["wet:water=1"]));
+    let text = stdout(&dir, wet);
     assert!(text.lines().next().unwrap().ends_with(" a LiDAR, under wet:water=1"), "{text}");
-    assert!(ok(&dir, &score[..5]).get("conditions").is_none());
-    let blur = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "blur"];
-    let noted = |args: &[&str]| String::from_utf8(sightline(&dir, args).stderr).unwrap();
-    let words = noted(&blur);
-    assert!(words.contains("blur: takes no beam away") && words.contains("fog:mor=inf"), "{words}");
-    let words = noted(&[&blur[..], &["--condition", "wet:water=1"]].concat());
-    assert!(words.contains("scores are those of the other conditions"), "{words}");
+    assert!(ok(&dir, "score s.json p.json --backend cpu").get("conditions").is_none());
+    let score = "score s.json p.json --backend cpu";
+    stderr(&dir, &(score, "--condition blur")).says("blur: takes no beam away").says("fog:mor=inf");
+    stderr(&dir, &(score, "--condition blur --condition wet:water=1"))
+        .says("scores are those of the other conditions");
     // Beams that the sensor itself loses are lost in clear air, too.
-    let scores = |condition: &[&str]| ok(&dir, &[&blur[..5], condition].concat())["scores"].clone();
-    let blurred = scores(&["--condition", "blur"]);
-    assert_eq!(blurred, scores(&["--condition", "fog:mor=inf"]));
-    assert_ne!(blurred, scores(&[]));
+    let scores = |condition: &str| ok(&dir, &(score, condition))["scores"].clone();
+    let blurred = scores("--condition blur");
+    assert_eq!(blurred, scores("--condition fog:mor=inf"));
+    assert_ne!(blurred, scores(""));
 }
 
 #[test]
 fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let dir = street();
-    let named =
-        fs::read_to_string(dir.path().join("p.json")).unwrap().replace("\"two\"", "\"velodyne\"");
+    let named = read_text(&dir, "p.json").replace("\"two\"", "\"velodyne\"");
     fs::write(dir.path().join("v.json"), named).unwrap();
-    let refused = |args: &[&str]| {
-        let error = fails(&dir, &[&["scan", "s.json"][..], args].concat());
-        assert!(!dir.path().join("out").exists(), "{args:?}");
+    let refused = |args: &str| {
+        let error = fails(&dir, &("scan s.json", args));
+        assert!(!dir.path().join("out").exists(), "{args}");
         error
     };
-    let one = ["--placement", "p.json:one"];
-    let nuscenes = ["--out", "out", "--layout", "nuscenes"];
     for (more, words) in [
+        ("--placement p.json:three --out out", "has no placement `three`; it has one, two"),
+        ("--placement p.json --placement p.json:one --out out", "`one` comes twice"),
         (
-            &["--placement", "p.json:three", "--out", "out"][..],
-            "has no placement `three`; it has one, two",
-        ),
-        (
-            &["--placement", "p.json", "--placement", "p.json:one", "--out", "out"],
-            "`one` comes twice",
-        ),
-        (
-            &[one[0], one[1], "--out", "out/velodyne", "--layout", "semantickitti"],
+            "--placement p.json:one --out out/velodyne --layout semantickitti",
             "has `velodyne` in its path",
         ),
         // The second of two would lie in a folder of that name.
         (
-            &["--placement", "v.json", "--out", "out", "--layout", "semantickitti"],
+            "--placement v.json --out out --layout semantickitti",
             "out/velodyne: has `velodyne` in its path",
         ),
+        ("--placement p.json:one --out out --layout nuscenes --map lamp", "write CLASS=CLASS"),
         (
-            &[one[0], one[1], "--out", "out", "--layout", "nuscenes", "--map", "lamp"],
-            "write CLASS=CLASS",
-        ),
-        (
-            &[one[0], one[1], "--out", "out", "--map", "building=fence"],
+            "--placement p.json:one --out out --map building=fence",
             "--map: is for --layout nuscenes and semantickitti, and this one is npz; leave it out",
         ),
         (
-            &[one[0], one[1], "--out", "out", "--layout", "semantickitti", "--keyframe-every", "2"],
+            "--placement p.json:one --out out --layout semantickitti --keyframe-every 2",
             "--keyframe-every: is for --layout nuscenes, and this one is semantickitti",
         ),
         (
-            &[one[0], one[1], "--out", "out", "--layout", "nuscenes", "--map", "buildin=fence"],
+            "--placement p.json:one --out out --layout nuscenes --map buildin=fence",
             "no scene has a class `buildin`; did you mean `building`?",
         ),
         (
-            &[one[0], one[1], "--out", "out", "--condition", "fog:mor=-5"],
+            "--placement p.json:one --out out --condition fog:mor=-5",
             "`mor=-5` of fog: wanted is a number from",
         ),
-        (&[one[0], one[1], "--out", "out", "--condition", "hail"], "there is no condition `hail`"),
-        (&[one[0], one[1], "--out", "out", "--layout", "kitti"], "`kitti` is no layout"),
+        ("--placement p.json:one --out out --condition hail", "there is no condition `hail`"),
+        ("--placement p.json:one --out out --layout kitti", "`kitti` is no layout"),
         (
-            &[one[0], one[1], "--out", "out", "--ideal", "--condition", "fog:mor=50"],
+            "--placement p.json:one --out out --ideal --condition fog:mor=50",
             "the condition `fog:mor=50` acts on beams, of which an ideal scan has the geometry alone;",
         ),
         (
-            &[&one[..], &nuscenes, &["--map", "road=road"], &["--map", "road=fence"]].concat(),
+            "--placement p.json:one --out out --layout nuscenes --map road=road --map road=fence",
             "the class `road` is mapped to `road` and to `fence`; map it once",
         ),
         (
-            &[one[0], one[1], "--out", "out", "--splits", "1e9", "1", "0"],
+            "--placement p.json:one --out out --splits 1e9 1 0",
             "splits 1000000000, 1, 0: take three shares from 0 to below 1e9 whose sum",
         ),
         (
-            &[one[0], one[1], "--out", "out", "--layout", "nuscenes", "--keyframe-every", "0"],
+            "--placement p.json:one --out out --layout nuscenes --keyframe-every 0",
             "invalid value '0' for '--keyframe-every <N>': 0 is not a whole number from 1 on",
         ),
         // A file on the way, and where the folders of two placements are to be.
-        (&[one[0], one[1], "--out", "p.json/x/y"], "sightline: p.json: is a file, and a data set"),
-        (&["--placement", "p.json", "--out", "s.json"], "sightline: s.json: is a file, and a data"),
+        ("--placement p.json:one --out p.json/x/y", "sightline: p.json: is a file, and a data set"),
+        ("--placement p.json --out s.json", "sightline: s.json: is a file, and a data"),
         (
-            &[one[0], one[1], "--out", "p.json"],
+            "--placement p.json:one --out p.json",
             "p.json: is a file, and a data set is a folder; name another place",
         ),
     ] {
         let error = refused(more);
-        assert!(error.contains(words), "{more:?}: {error}");
+        assert!(error.contains(words), "{more}: {error}");
     }
     #[cfg(target_os = "linux")]
     assert!(
-        refused(&[one[0], one[1], "--out", "/proc/xx"])
+        refused("--placement p.json:one --out /proc/xx")
             .starts_with("sightline: /proc/xx: cannot be written: No such")
     );
     fs::create_dir(dir.path().join("mine")).unwrap();
     write(&dir, "mine/thesis.txt", "all of it");
-    let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", "mine"]);
-    assert!(error.contains("is not empty and holds no data set"), "{error}");
-    ok(&dir, &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    fails(&dir, "scan s.json --placement p.json:one --out mine")
+        .says("is not empty and holds no data set");
+    ok(&dir, "scan s.json --placement p.json:one --out set");
     // The seed is 1 unless given, as in Python: the set is the same.
-    ok(&dir, &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "1"]);
-    let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
-    assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
+    ok(&dir, "scan s.json --placement p.json:one --out set --seed 1");
+    fails(&dir, "scan s.json --placement p.json:one --out set --seed 7")
+        .says("holds a data set of other settings (seed); name");
     for inner in ["set/inner", "set/street/deep/inner"] {
-        let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", inner]);
-        assert!(error.contains(&format!("{inner}: lies in ")), "{error}");
-        assert!(error.contains("set, the folder of another data set"), "{error}");
+        fails(&dir, &["scan", "s.json", "--placement", "p.json:one", "--out", inner])
+            .says(&format!("{inner}: lies in "))
+            .says("set, the folder of another data set");
         assert!(!dir.path().join(inner).exists());
     }
     // Files that a killed run had begun go, by the number of its process.
@@ -219,12 +205,12 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let begun = format!("set/.sightline/.sightline-{}-AbCdEf.tmp", ended.id());
     fs::write(dir.path().join(&begun), "{").unwrap();
     fs::remove_file(dir.path().join("set/street/000001.npz")).unwrap();
-    ok(&dir, &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    ok(&dir, "scan s.json --placement p.json:one --out set");
     assert!(!dir.path().join(&begun).exists());
     write(&dir, "set/dataset.json", "\n");
-    let error = fails(&dir, &["scan", "s.json", one[0], one[1], "--out", "set"]);
-    assert!(error.contains("dataset.json: cannot be read (EOF"), "{error}");
-    assert!(error.contains("put it back as it was, or name another folder"), "{error}");
+    fails(&dir, "scan s.json --placement p.json:one --out set")
+        .says("dataset.json: cannot be read (EOF")
+        .says("put it back as it was, or name another folder");
     let help = sightline(&dir, "scan --help");
     assert!(String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/highway.json"));
 }
@@ -232,9 +218,9 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
 #[test]
 fn a_folder_is_gone_on_with_only_with_the_same_files() {
     let dir = street();
-    let mut scene = read_json(dir.path().join("s.json"));
-    scene["static"][1] = json!({ "class": "building", "mesh": { "file": "house.obj" } });
-    write(&dir, "s.json", &scene);
+    change(&dir, "s.json", |scene| {
+        scene["static"][1] = json!({ "class": "building", "mesh": { "file": "house.obj" } })
+    });
     write(&dir, "house.obj", "v 12 -9 0\nv 12 9 0\nv 12 0 6\nf 1 2 3\n");
     let args = |scene| ["scan", scene, "--placement", "p.json:one", "--out", "set"];
     ok(&dir, &args("s.json"));
@@ -249,33 +235,31 @@ fn a_folder_is_gone_on_with_only_with_the_same_files() {
         fs::write(&path, after).unwrap();
         let error = fails(&dir, &args("s.json"));
         let words = format!("set: `{name}` has changed since this data set was begun; put it back");
-        assert!(error.contains(&words), "{error}");
+        error.says(&words);
         assert!(!frame.exists());
         fs::write(&path, before).unwrap();
     }
     // Equal files by other paths.
     let away = dir.path().join("away");
     fs::create_dir(&away).unwrap();
-    let placements = "../p.json:one";
-    ok(&away, &["scan", "../s.json", "--placement", placements, "--out", "../set"]);
+    ok(&away, &["scan", "../s.json", "--placement", "../p.json:one", "--out", "../set"]);
     assert_eq!(fs::read(&frame).unwrap(), bytes);
 }
 
 #[test]
 fn a_device_casts_to_the_same_bytes_and_is_named() {
     let dir = street();
-    let scan = |out: &str, more: &[&str]| {
-        let args = ["scan", "s.json", "--placement", "p.json", "--condition", "fog:mor=60"];
-        stderr(&dir, &[&args[..], &["--out", out], more].concat())
+    let scan = |out: &str, more: &str| {
+        let args = "scan s.json --placement p.json --condition fog:mor=60";
+        stderr(&dir, &(args, ["--out", out], more))
     };
-    let by_device = scan("device", &["--backend", "gpu"]);
+    let by_device = scan("device", "--backend gpu");
     // For two placements, and once a run.
     assert_eq!(by_device.matches("casting on gpu: ").count(), 1, "{by_device}");
-    scan("host", &["--backend", "cpu"]);
+    scan("host", "--backend cpu");
     let [host, device] = ["host", "device"].map(|out| files(&dir.path().join(out)));
     assert!(host == device && host.len() > 6, "{:?}", host.keys());
-    let wrong = ["scan", "s.json", "--placement", "p.json", "--out", "x", "--adapter", "abacus"];
-    assert!(fails(&dir, &wrong).contains("no Vulkan device named `abacus`"));
-    let both = fails(&dir, &[&wrong[..], &["--backend", "cpu"]].concat());
-    assert!(both.contains("--adapter abacus: picks a Vulkan device"), "{both}");
+    let wrong = "scan s.json --placement p.json --out x --adapter abacus";
+    fails(&dir, wrong).says("no Vulkan device named `abacus`");
+    fails(&dir, &(wrong, "--backend cpu")).says("--adapter abacus: picks a Vulkan device");
 }

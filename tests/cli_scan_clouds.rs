@@ -18,9 +18,9 @@ fn free_street() -> TempDir {
         { "x": 0.5, "y": 0.2, "z": 2.3, "roll": 0.2 }, { "x": -0.5, "y": 0, "z": 2.4, "pitch": 0.1, "yaw": 0.7 }] }] });
     write(&dir, "v.json", &vehicle);
     write(&dir, "t.json", &tilted);
-    let scan = ["scan", "s.json", "--vehicle", "v.json", "--placement", "t.json"];
+    let scan = "scan s.json --vehicle v.json --placement t.json";
     for layout in ["nuscenes", "semantickitti"] {
-        ok(&dir, &[&scan[..], &["--layout", layout, "--out", layout]].concat());
+        ok(&dir, &(scan, ["--layout", layout, "--out", layout]));
     }
     dir
 }
@@ -52,11 +52,11 @@ fn lidars_of_nuscenes_stand_in_their_calibration_in_every_frame() {
         serde_json::from_str(&text).unwrap()
     };
     let numbers = |row: &Value, key: &str| -> Vec<f64> {
-        row[key].as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect()
+        row[key].list().iter().map(|n| n.number()).collect()
     };
     let (calibrated, clouds) = (table("calibrated_sensor"), table("sample_data"));
     let in_ego = |channel: &str, frame: usize| -> Vec<DVec3> {
-        let of = |row: &&Value| row["filename"].as_str().unwrap().contains(&format!("/{channel}/"));
+        let of = |row: &&Value| row["filename"].text().contains(&format!("/{channel}/"));
         let mut rows: Vec<&Value> = clouds.iter().filter(of).collect();
         rows.sort_by_key(|row| row["timestamp"].as_i64());
         let row = rows[frame];
@@ -64,7 +64,7 @@ fn lidars_of_nuscenes_stand_in_their_calibration_in_every_frame() {
             calibrated.iter().find(|c| c["token"] == row["calibrated_sensor_token"]).unwrap();
         let (q, t) = (numbers(sensor, "rotation"), numbers(sensor, "translation"));
         let turn = DMat3::from_quat(DQuat::from_xyzw(q[1], q[2], q[3], q[0]));
-        let cloud = points::<5>(&set.join(row["filename"].as_str().unwrap()));
+        let cloud = points::<5>(&set.join(row["filename"].text()));
         cloud.into_iter().map(|point| turn * point + DVec3::new(t[0], t[1], t[2])).collect()
     };
     for frame in 0..3 {
@@ -80,7 +80,7 @@ fn lidars_of_semantickitti_stand_in_their_places_in_every_frame() {
     let in_ego = |root: &str, frame: usize, by_poses: bool| -> Vec<DVec3> {
         let place = dir.path().join("semantickitti").join(root).join("sequences/00");
         let matrix = |file: &str, line: usize| -> DMat4 {
-            let text = fs::read_to_string(place.join(file)).unwrap();
+            let text = read_text(&place, file);
             let row = text.lines().nth(line).unwrap();
             let m: Vec<f64> = row.split(' ').map(|n| n.parse().unwrap()).collect();
             let column = |k: usize| [m[k], m[4 + k], m[8 + k], f64::from(u8::from(k == 3))];
@@ -101,10 +101,9 @@ fn lidars_of_semantickitti_stand_in_their_places_in_every_frame() {
 #[test]
 fn intensities_of_nuscenes_are_those_of_a_byte_whatever_the_noise() {
     let dir = street();
-    let noise = ["--condition", "crosstalk:share=0.5", "--merged-only"];
-    let scan =
-        ["scan", "s.json", "--placement", "p.json:one", "--layout", "nuscenes", "--out", "set"];
-    ok(&dir, &[&scan[..], &noise].concat());
+    let noise = "--condition crosstalk:share=0.5 --merged-only";
+    let scan = "scan s.json --placement p.json:one --layout nuscenes --out set";
+    ok(&dir, &(scan, noise));
     let cloud = fs::read_dir(dir.path().join("set/samples/LIDAR_TOP")).unwrap().next().unwrap();
     let bytes = fs::read(cloud.unwrap().path()).unwrap();
     let numbers: Vec<f32> = bytemuck::pod_collect_to_vec(&bytes);

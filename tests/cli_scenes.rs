@@ -27,20 +27,20 @@ fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
     write(dir, name, &scene);
 }
 
-const CPU: [&str; 2] = ["--backend", "cpu"];
+const CPU: &str = "--backend cpu";
 
 #[test]
 fn score_prints_each_scene_and_the_mean() {
     let dir = rooms();
-    let score = |files: &[&str]| ok(&dir, &[&["score"], files, &CPU].concat());
+    let score = |files: &[&str]| ok(&dir, &("score", files, CPU));
     // Placements may stand anywhere, and scenes of one name are told apart.
     let files = ["room.json", "p.json", "hall.json", "room.json"];
     let all = score(&files);
-    let told = stderr(&dir, &[&["score"], &files[..], &CPU].concat());
-    assert!(told.contains("room.json: is given twice and counts twice in means"), "{told}");
+    stderr(&dir, &("score", &files, CPU))
+        .says("room.json: is given twice and counts twice in means");
     let alone = ["room.json", "hall.json"].map(|scene| score(&[scene, "p.json"]));
-    let scenes = all["scenes"].as_array().unwrap();
-    let names: Vec<&str> = scenes.iter().map(|s| s["scene"].as_str().unwrap()).collect();
+    let scenes = all["scenes"].list();
+    let names: Vec<&str> = scenes.iter().map(|s| s["scene"].text()).collect();
     assert_eq!(names, ["room", "hall", "room-2"]);
     for (scene, alone) in scenes.iter().zip([&alone[0], &alone[1], &alone[0]]) {
         assert_eq!(scene["scores"], alone["scores"]);
@@ -51,25 +51,22 @@ fn score_prints_each_scene_and_the_mean() {
         theirs.sort();
         assert_eq!(ours, theirs, "a scene is printed as it is alone");
     }
-    for (index, mean) in all["mean"].as_array().unwrap().iter().enumerate() {
-        let share = |scores: &Value| scores["information_gain_share"].as_f64().unwrap();
+    for (index, mean) in all["mean"].list().iter().enumerate() {
+        let share = |scores: &Value| scores["information_gain_share"].number();
         let want = scenes.iter().map(|s| share(&s["scores"][index])).sum::<f64>() / 3.0;
         assert!((share(mean) - want).abs() < 1e-9);
     }
-    let covers = [&["score", "room.json", "hall.json", "p.json", "--coverage-out", "c"], &CPU[..]];
-    ok(&dir, &covers.concat());
+    ok(&dir, &("score room.json hall.json p.json --coverage-out c", CPU));
     assert!(dir.path().join("c/hall/sides.npy").exists());
     // Several files of placements are scored together; a name that comes twice gets its file behind it on either side.
     fs::copy(dir.path().join("p.json"), dir.path().join("again.json")).unwrap();
-    let once = ok(&dir, &[&["score", "room.json", "p.json"], &CPU[..]].concat());
-    for scenes in [&["room.json"][..], &["room.json", "hall.json"]] {
-        let line =
-            [&["score"], scenes, &["p.json", "again.json", "p.json:sides"], &CPU[..]].concat();
-        let all = ok(&dir, &line);
-        let all = if scenes.len() == 1 { &all } else { &all["scenes"][0] };
-        let [once, all] = [&once, all].map(|of| of["scores"].as_array().unwrap());
+    let once = ok(&dir, &("score room.json p.json", CPU));
+    for scenes in ["room.json", "room.json hall.json"] {
+        let all = ok(&dir, &format!("score {scenes} p.json again.json p.json:sides {CPU}"));
+        let all = if scenes == "room.json" { &all } else { &all["scenes"][0] };
+        let [once, all] = [&once, all].map(|of| of["scores"].list());
         assert_eq!(all.len(), 2 * once.len() + 1);
-        let names: Vec<&str> = all.iter().map(|scores| scores["name"].as_str().unwrap()).collect();
+        let names: Vec<&str> = all.iter().map(|scores| scores["name"].text()).collect();
         let again = names.iter().position(|name| *name == "sides (again.json)").unwrap();
         let sides = names.iter().position(|name| *name == "sides (p.json)").unwrap();
         assert_eq!(all[again]["information_gain"], all[sides]["information_gain"]);
@@ -78,7 +75,7 @@ fn score_prints_each_scene_and_the_mean() {
     }
     let text = stdout(&dir, "score room.json hall.json p.json");
     for words in ["room: first-hit over 3", "hall: first-hit over 4", "mean of room, hall"] {
-        assert!(text.contains(words), "{text}");
+        text.says(words);
     }
 }
 
@@ -88,57 +85,49 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
     changed(dir.path(), "dense.json", |scene| scene["lidar"]["channels"] = json!(9));
     changed(dir.path(), "high.json", |scene| scene["mount"]["max"][2] = json!(1.9));
     changed(dir.path(), "still.json", |scene| scene["actors"] = json!([]));
-    for command in [&["optimize"][..], &["score", "p.json"]] {
-        let run = |scene: &str| {
-            let files = ["room.json", scene, "--backend", "cpu"];
-            fails(&dir, &[command, &files[..]].concat())
-        };
+    for command in ["optimize", "score p.json"] {
         for (scene, words) in [
             ("dense.json", "dense.json: the scene `room-2` has another LiDAR than `room`"),
             ("high.json", "high.json: the scene `room-2` has another mount than `room`"),
             ("still.json", "still.json: the scene `room-2` has a P-SOG in which nothing"),
         ] {
-            let error = run(scene);
-            assert!(error.contains(words), "{error}");
+            fails(&dir, &format!("{command} room.json {scene} {CPU}")).says(words);
         }
     }
     write(&dir, "q.jsonl", "");
     for (args, words) in [
-        (&["score", "p.json"][..], "p.json: holds placements; give a scene"),
-        (&["score", "room.json"], "room.json: is the only file"),
-        (&["score", "room.json", "p.json", "q.jsonl"], "q.jsonl: holds no placement"),
-        (&["study", "loss", "room.json", "p.json", "q.jsonl"], "both hold placements; give one"),
-        (&["study", "nearfield", "p.json", "q.jsonl"], "p.json and q.jsonl: both hold placements"),
+        ("score p.json", "p.json: holds placements; give a scene"),
+        ("score room.json", "room.json: is the only file"),
+        ("score room.json p.json q.jsonl", "q.jsonl: holds no placement"),
+        ("study loss room.json p.json q.jsonl", "both hold placements; give one"),
+        ("study nearfield p.json q.jsonl", "p.json and q.jsonl: both hold placements"),
         (
-            &["study", "weather", "room.json", "q.jsonl", "p.json:a"],
+            "study weather room.json q.jsonl p.json:a",
             "q.jsonl and p.json:a: both hold placements; give one such file",
         ),
+        ("study nearfield p.json room.json", "p.json: is a file of placements, where a scene"),
+        ("audit p.json", "p.json: holds placements; give a scene"),
         (
-            &["study", "nearfield", "p.json", "room.json"],
-            "p.json: is a file of placements, where a scene",
-        ),
-        (&["audit", "p.json"], "p.json: holds placements; give a scene"),
-        (
-            &["study", "overlap", "p.json"],
+            "study overlap p.json",
             "`study targets`, `study tolerance` and `study sweep` take --vehicle FILE without a scene",
         ),
         (
-            &["scan", "room.json", "./room.json", "--placement", "p.json", "--out", "d"],
+            "scan room.json ./room.json --placement p.json --out d",
             "./room.json: is the same file as room.json, and a data set has each scene once",
         ),
-        (&["score", "room.json", "room.json"], "room.json: is a scene; give a file of placements"),
+        ("score room.json room.json", "room.json: is a scene; give a file of placements"),
         (
-            &["sensor", "info", "room.json"],
+            "sensor info room.json",
             "room.json: is a scene, where the table of a sensor belongs; give it as SCENE",
         ),
         (
-            &["rig", "import", "room.json"],
+            "rig import room.json",
             "room.json: is a scene, where a rig of another program belongs; give it as SCENE",
         ),
     ] {
         let error = fails(&dir, args);
-        assert!(error.contains(words), "{args:?}: {error}");
-        assert!(!error.contains("counts twice"), "{args:?}: {error}");
+        assert!(error.contains(words), "{args}: {error}");
+        assert!(!error.contains("counts twice"), "{args}: {error}");
     }
     // Other classes are no error: no score compares them.
     changed(dir.path(), "tree.json", |scene| {
@@ -146,12 +135,9 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
         scene["static"][1]["class"] = json!("hedge");
         scene["name"] = json!("garden");
     });
-    let said = stderr(&dir, "score room.json tree.json p.json");
-    assert!(
-        said.contains("garden: its classes are not those of room: it")
-            && said.contains("adds hedge"),
-        "{said}"
-    );
+    stderr(&dir, "score room.json tree.json p.json")
+        .says("garden: its classes are not those of room: it")
+        .says("adds hedge");
 }
 
 #[test]
@@ -173,37 +159,34 @@ fn scenes_of_other_own_bodies_keep_them_and_are_told() {
     }
 }
 
-fn optimize<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let fixed = ["optimize", "room.json", "hall.json", "--seed", "3", "--out", out];
-    [&fixed[..], &CPU, more].concat()
+fn optimize(out: &str, more: &str) -> String {
+    format!("optimize room.json hall.json --seed 3 --out {out} {CPU} {more}")
 }
 
 #[test]
 fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
     let dir = rooms();
-    let found =
-        ok(&dir, &optimize("both", &["--evaluations", "60", "--mirror", "--baselines", "p.json"]));
-    let scenes = found["scenes"].as_array().unwrap();
-    let names: Vec<&str> = scenes.iter().map(|s| s["name"].as_str().unwrap()).collect();
+    let found = ok(&dir, &optimize("both", "--evaluations 60 --mirror --baselines p.json"));
+    let scenes = found["scenes"].list();
+    let names: Vec<&str> = scenes.iter().map(|s| s["name"].text()).collect();
     assert_eq!(names, ["room", "room mirrored", "hall", "hall mirrored"]);
     assert_eq!(found["frames"], 14);
-    for scored in std::iter::once(&found["best"]).chain(found["baselines"].as_array().unwrap()) {
-        assert_eq!(scored["by_scene"].as_array().unwrap().len(), 4);
+    for scored in std::iter::once(&found["best"]).chain(found["baselines"].list()) {
+        assert_eq!(scored["by_scene"].list().len(), 4);
     }
     assert_eq!(found["spread"]["scenes"], 2, "mirror images are no scenes of their own");
     assert_eq!(found["spread"]["resamples"], 10_000);
-    let page = fs::read_to_string(dir.path().join("both/report.html")).unwrap();
-    let words = found["spread"]["words"].as_str().unwrap();
-    assert!(words.contains("the scenes' own spread"), "{words}");
+    let page = read_text(&dir, "both/report.html");
+    let words = found["spread"]["words"].text();
+    words.says("the scenes' own spread");
     assert!(page.contains("Scene by scene") && page.contains("hall mirrored"));
     assert_eq!(found["spread"]["gain"], "near_gain", "what the search makes large");
     assert!(words.starts_with("Over 2 scenes its near gain is ") && page.contains(words));
     assert!(dir.path().join("both/map-2.svg").exists());
     // One scene cannot say, and its result has no keys of several.
-    let args = ["optimize", "hall.json", "--out", "one", "--evaluations", "30"];
-    let text = sightline(&dir, &[&args[..], &["--baselines", "p.json"], &CPU].concat());
-    let text = String::from_utf8_lossy(&text.stdout).into_owned();
-    assert!(text.contains("One scene only: give several to see whether"), "{text}");
+    let args = "optimize hall.json --out one --evaluations 30";
+    let (_, [text, _]) = ran(&dir, &(args, "--baselines p.json", CPU));
+    text.says("One scene only: give several to see whether");
     let one = read_json(dir.path().join("one/result.json"));
     assert!(["scenes", "spread"].iter().all(|key| one.get(key).is_none()));
     assert!(one["best"].get("by_scene").is_none() && one["settings"].get("mirror").is_none());
@@ -212,9 +195,9 @@ fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
 #[test]
 fn a_run_over_scenes_that_was_interrupted_goes_on_to_the_same_bytes() {
     let dir = rooms();
-    let more = ["--evaluations", "400", "--mirror"];
-    ok(&dir, &optimize("whole", &more));
-    let mut child = begun(&dir, &optimize("broken", &more));
+    let more = "--evaluations 400 --mirror";
+    ok(&dir, &optimize("whole", more));
+    let mut child = begun(&dir, &optimize("broken", more));
     wait_for(|| dir.path().join("broken/checkpoint.json").exists());
     // Killed, not asked: what stands in the folder is all there is.
     child.kill().unwrap();
@@ -232,36 +215,31 @@ fn a_run_over_scenes_that_was_interrupted_goes_on_to_the_same_bytes() {
     }
     // Another second scene is another run.
     changed(dir.path(), "hall.json", |scene| scene["name"] = json!("hall"));
-    let error = fails(&dir, "optimize --resume broken --backend cpu");
-    assert!(error.contains("hall.json: has changed"), "{error}");
+    fails(&dir, "optimize --resume broken --backend cpu").says("hall.json: has changed");
 }
 
 #[test]
 fn audit_study_and_chart_go_from_scene_to_scene() {
     let dir = rooms();
-    let both = ["room.json", "hall.json"];
     let (_, audit, _) = answer(&dir, "audit room.json hall.json p.json --backend cpu");
-    let names: Vec<&str> =
-        audit["scenes"].as_array().unwrap().iter().map(|s| s["scene"].as_str().unwrap()).collect();
+    let names: Vec<&str> = audit["scenes"].list().iter().map(|s| s["scene"].text()).collect();
     assert_eq!(names, ["room", "hall"]);
     assert!(audit["passed"].is_boolean());
 
-    let more = ["--evaluations", "24", "--out", "study"];
-    let study = ok(&dir, &[&["study", "height"], &both[..], &more, &CPU].concat());
-    let gain = |table: &Value| table["rows"][0]["values"][0].as_f64().unwrap();
-    let scenes = study["scenes"].as_array().unwrap();
+    let study = ok(&dir, &("study height room.json hall.json --evaluations 24 --out study", CPU));
+    let gain = |table: &Value| table["rows"][0]["values"][0].number();
+    let scenes = study["scenes"].list();
     let mean = 0.5 * (gain(&scenes[0]) + gain(&scenes[1]));
     assert!((gain(&study["mean"]) - mean).abs() < 1e-12, "{study}");
     assert!(dir.path().join("study/hall/table.csv").exists());
 
-    let more = ["--placements", "4", "--out", "chart"];
-    let charts = ok(&dir, &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
+    let chart = "chart room.json hall.json p.json --placements 4";
+    let charts = ok(&dir, &(chart, "--out chart", CPU));
     assert_eq!(charts["scenes"][1]["scene"], "hall");
-    assert_eq!(charts["scenes"][0]["placements"].as_array().unwrap().len(), 6);
+    assert_eq!(charts["scenes"][0]["placements"].list().len(), 6);
     assert!(dir.path().join("chart/room/chart.svg").exists());
 
-    let more = ["--placements", "4", "--quick", "--out", "quick", "--format", "csv"];
-    let printed = stdout(&dir, &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
+    let printed = stdout(&dir, &(chart, "--quick --out quick --format csv", CPU));
     let read = |scene: &str| {
         fs::read_to_string(dir.path().join("quick").join(scene).join("chart.csv")).unwrap()
     };

@@ -17,7 +17,7 @@ fn the_files_of_the_documentation_are_those_that_the_program_prints() {
             "{kind}: run `sightline schema {kind} > docs/schemas/{kind}.json`"
         );
     }
-    assert!(fails(&dir, "schema rig").contains("scene, vehicle, placements, targets"));
+    fails(&dir, "schema rig").says("scene, vehicle, placements, targets");
 }
 
 /// Text of a file of the project with a first key that names its schema.
@@ -51,11 +51,9 @@ fn every_kind_of_file_may_name_its_schema_and_an_unknown_key_stays_an_error() {
     let on_vehicle = &format!("{score} --vehicle vehicle.json");
     let study = "study targets yard.json placements.json --target post.json --frames 1";
     for (command, (file, text)) in [score, on_vehicle, score, study].into_iter().zip(&files) {
-        let words: Vec<&str> = command.split(' ').collect();
-        stdout(&dir, &words);
+        stdout(&dir, command);
         fs::write(dir.path().join(file), text.replacen("$schema", "$scheme", 1)).unwrap();
-        let told = fails(&dir, &words);
-        assert!(told.contains("unknown key `$scheme`; did you mean `$schema`?"), "{file}: {told}");
+        fails(&dir, command).says("unknown key `$scheme`; did you mean `$schema`?");
         fs::write(dir.path().join(file), text).unwrap();
     }
 }
@@ -63,14 +61,13 @@ fn every_kind_of_file_may_name_its_schema_and_an_unknown_key_stays_an_error() {
 #[test]
 fn a_pipe_of_placements_may_name_its_schema_first() {
     let dir = TempDir::new().unwrap();
-    fs::write(dir.path().join("yard.json"), naming_its_schema("scenes/industrial-yard.json"))
-        .unwrap();
+    write(&dir, "yard.json", &naming_its_schema("scenes/industrial-yard.json"));
     let lines = r#"{"name": "a", "lidars": [{"x": 0, "y": 0, "z": 2.4}]}"#;
     for text in
         [format!("{{ \"$schema\" : \"p, q\",\n \"placements\": [{lines}]}}"), lines.to_owned()]
     {
-        let args = ["score", "yard.json", "-", "--frames", "1", "--backend", "cpu"];
-        let output = piped(dir.path(), &args, text.as_bytes());
+        let args = "score yard.json - --frames 1 --backend cpu";
+        let output = piped(dir.path(), args, text.as_bytes());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     }
 }

@@ -64,12 +64,12 @@ pub(crate) fn cells(half: [f64; 2]) -> Vec<([f64; 2], f64)> {
     all.filter(|(_, distance)| *distance > 0.0 && *distance <= 10.0).collect()
 }
 
-fn study(dir: &Path, kind: &str, more: &[&str]) -> Value {
-    ok(dir, &[&["study", kind, "yard.json", "rigs.json", "--backend", "cpu"][..], more].concat())
+fn study(dir: &Path, kind: &str, more: &str) -> Value {
+    ok(dir, &format!("study {kind} yard.json rigs.json --backend cpu {more}"))
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+    value.list().iter().map(|v| v.number()).collect()
 }
 
 /// One beam that hits a surface: its LiDAR, its class, its end and a point a millimetre behind it.
@@ -82,10 +82,9 @@ struct End {
 
 /// Ends of the beams of `four` in a frame, as `cast` writes them.
 fn ends(dir: &Path, frame: usize) -> Vec<End> {
-    let (frame, out) = (frame.to_string(), format!("hits{frame}.npz"));
+    let out = format!("hits{frame}.npz");
     if !dir.join(&out).exists() {
-        let args = ["cast", "yard.json", "rigs.json", "--backend", "cpu", "--frame", &frame];
-        ok(dir, &[&args[..], &["--out", &out]].concat());
+        ok(dir, &format!("cast yard.json rigs.json --backend cpu --frame {frame} --out {out}"));
     }
     let mut npz = zip::ZipArchive::new(fs::File::open(dir.join(&out)).unwrap()).unwrap();
     let [origin, direction] = ["origin", "direction"].map(|name| array::<f32>(&mut npz, name));
@@ -109,9 +108,8 @@ fn ends(dir: &Path, frame: usize) -> Vec<End> {
 #[test]
 fn voxels_seen_by_several_are_those_of_each_lidar_alone() {
     let dir = yard();
-    let found = study(dir.path(), "redundancy", &["--frames", "1"]);
-    let score = ["score", "yard.json", "each.json", "--backend", "cpu", "--frames", "1"];
-    ok(&dir, &[&score[..], &["--coverage-out", "each"]].concat());
+    let found = study(dir.path(), "redundancy", "--frames 1");
+    ok(&dir, &("score yard.json each.json --backend cpu --frames 1", "--coverage-out each"));
     let mut seen: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
     for lidar in 0..4 {
         let bytes = fs::read(dir.path().join(format!("each/l{lidar}.npy"))).unwrap();
@@ -152,37 +150,31 @@ fn voxels_seen_by_several_are_those_of_each_lidar_alone() {
 #[test]
 fn one_word_has_one_number_in_every_study() {
     let dir = yard();
-    let clear = numbers_agree(dir.path(), &[]);
-    let fog = numbers_agree(dir.path(), &["--condition", "fog:mor=40"]);
+    let clear = numbers_agree(dir.path(), "");
+    let fog = numbers_agree(dir.path(), "--condition fog:mor=40");
     assert!(clear[0] < 60.0 && fog[0] > 80.0, "places without a car: {clear:?} {fog:?}");
 }
 
 /// Compares the studies in some weather; places of a car by the number of LiDARs of the first rig that see it.
-fn numbers_agree(dir: &Path, weather: &[&str]) -> [f64; 4] {
+fn numbers_agree(dir: &Path, weather: &str) -> [f64; 4] {
     let found = study(dir, "redundancy", weather);
-    let args = [&["yard.json", "rigs.json", "--backend", "cpu"], weather].concat();
-    let near = ok(dir, &[&["study", "nearfield"], &args[..]].concat());
-    let scores = ok(dir, &[&["score"], &args[..]].concat());
+    let args = "yard.json rigs.json --backend cpu";
+    let near = ok(dir, &("study nearfield", args, weather));
+    let scores = ok(dir, &("score", args, weather));
     let mut of_car = [0.0; 4];
-    let places =
-        ["--target", "car", "--target", "tyre", "--distances", "5,10,15,20,25,30,35,40,45,50"];
-    let targets = ok(
-        dir,
-        &[&["study", "targets", "rigs.json", "--vehicle", "cart.json"], &places[..], weather]
-            .concat(),
-    );
-    for (k, row) in found["rows"].as_array().unwrap().iter().enumerate() {
+    let places = "--target car --target tyre --distances 5,10,15,20,25,30,35,40,45,50";
+    let targets = ok(dir, &("study targets rigs.json --vehicle cart.json", places, weather));
+    for (k, row) in found["rows"].list().iter().enumerate() {
         let (near, scores) = (&near["near_fields"][k], &scores["scores"][k]);
         let is = |seen: &Value, share: &Value| {
-            let not_seen = seen["share"][0].as_f64().unwrap();
-            assert!((1.0 - not_seen - share.as_f64().unwrap()).abs() < 1e-12, "{seen} {share}");
+            let not_seen = seen["share"][0].number();
+            assert!((1.0 - not_seen - share.number()).abs() < 1e-12, "{seen} {share}");
         };
         is(&row["ground_10m"], &near["near_field"]);
         is(&row["ground_3m"], &near["ring"]);
-        let covered =
-            |seen: &Value| seen["all"].as_f64().unwrap() - seen["by"][0].as_f64().unwrap();
+        let covered = |seen: &Value| seen["all"].number() - seen["by"][0].number();
         for (part, score) in [("voxels", "covered"), ("occupied", "covered_nonzero")] {
-            let wanted = scores[score].as_f64().unwrap();
+            let wanted = scores[score].number();
             assert!((covered(&row[part]) - wanted).abs() < 1e-9 * wanted, "{part}");
         }
         for target in ["car", "tyre"] {
@@ -190,7 +182,7 @@ fn numbers_agree(dir: &Path, weather: &[&str]) -> [f64; 4] {
             let of = |place: &&Value| {
                 place["placement"] == row["placement"] && place["target"] == target
             };
-            for place in targets["rows"].as_array().unwrap().iter().filter(of) {
+            for place in targets["rows"].list().iter().filter(of) {
                 if place["overlaps"] != true {
                     let seers =
                         numbers(&place["by_lidar"]).into_iter().filter(|beams| *beams >= 5.0);
@@ -198,15 +190,14 @@ fn numbers_agree(dir: &Path, weather: &[&str]) -> [f64; 4] {
                 }
             }
             let of = |of: &&Value| of["target"] == target;
-            let seen = row["targets"].as_array().unwrap().iter().find(of).unwrap();
+            let seen = row["targets"].list().iter().find(of).unwrap();
             assert_eq!(numbers(&seen["by"]), by, "{target}");
             assert!(by[0] + by[1] + by[2] + by[3] > 140.0, "{by:?}");
             if (k, target) == (0, "car") {
                 of_car = by;
             }
         }
-        let names: Vec<&Value> =
-            row["targets"].as_array().unwrap().iter().map(|of| &of["target"]).collect();
+        let names: Vec<&Value> = row["targets"].list().iter().map(|of| &of["target"]).collect();
         assert_eq!(json!(names), json!(["car", "adult", "child", "tyre"]));
     }
     of_car
@@ -215,7 +206,7 @@ fn numbers_agree(dir: &Path, weather: &[&str]) -> [f64; 4] {
 #[test]
 fn ground_seen_by_several_is_that_of_the_ends_of_beams() {
     let dir = yard();
-    let found = study(dir.path(), "redundancy", &["--frames", "1"]);
+    let found = study(dir.path(), "redundancy", "--frames 1");
     let on_road: Vec<End> = ends(dir.path(), 0)
         .into_iter()
         .filter(|end| CLASSES[usize::from(end.class)] == "road")
@@ -237,7 +228,7 @@ fn ground_seen_by_several_is_that_of_the_ends_of_beams() {
 #[test]
 fn shared_surfaces_are_voxels_in_which_both_have_a_hit() {
     let dir = yard();
-    let found = study(dir.path(), "overlap", &[]);
+    let found = study(dir.path(), "overlap", "");
     let mut sums = [[0.0; 4]; 4];
     for frame in 0..3 {
         let mut voxels = [(); 4].map(|()| BTreeSet::new());
@@ -282,7 +273,7 @@ fn shared_surfaces_are_voxels_in_which_both_have_a_hit() {
     assert_eq!((&fronts["connected"], &fronts["connected_up_to"]), (&json!(false), &json!(0.0)));
     assert_eq!((&fronts["cut_off"], &fronts["groups"]), (&json!([1]), &json!([[0], [1]])));
     // All four are connected up to the weakest pair of the chain, and at no more.
-    let most = row["connected_up_to"].as_f64().unwrap();
+    let most = row["connected_up_to"].number();
     assert_eq!(row["chain"][2]["voxels"], most);
     // By its definition: at every smaller share of a pair all are joined, at no larger one.
     let shares: Vec<Vec<f64>> = (0..4).map(|a| numbers(&row["overlap"][a])).collect();
@@ -294,12 +285,12 @@ fn shared_surfaces_are_voxels_in_which_both_have_a_hit() {
         }
         reached.len() == 4
     };
-    let up_to = row["overlap_up_to"].as_f64().unwrap();
+    let up_to = row["overlap_up_to"].number();
     assert!(up_to > 0.0 && joined(up_to) && !joined(up_to + 1e-9), "{up_to} {shares:?}");
     assert_eq!(fronts["overlap_up_to"], 0.0);
     let at = |least: f64| {
         let least = (least as u64).to_string();
-        let found = study(dir.path(), "overlap", &["--least-shared", &least]);
+        let found = study(dir.path(), "overlap", &format!("--least-shared {least}"));
         found["rows"][0]["connected"].clone()
     };
     assert_eq!((at(most.floor()), at(most.floor() + 1.0)), (json!(true), json!(false)));
@@ -309,7 +300,7 @@ fn shared_surfaces_are_voxels_in_which_both_have_a_hit() {
 fn engines_agree_and_scenes_have_a_mean() {
     let dir = yard();
     for kind in ["redundancy", "overlap"] {
-        let cpu = study(dir.path(), kind, &[]);
+        let cpu = study(dir.path(), kind, "");
         #[cfg(feature = "gpu")]
         {
             let gpu = ["study", kind, "yard.json", "rigs.json", "--backend", "gpu"];
@@ -317,13 +308,13 @@ fn engines_agree_and_scenes_have_a_mean() {
         }
         let both = ["study", kind, "yard.json", "other.json", "rigs.json", "--backend", "cpu"];
         let found = ok(&dir, &both);
-        assert_eq!(found["rows"].as_array().unwrap().len(), 4);
+        assert_eq!(found["rows"].list().len(), 4);
         assert_eq!([&found["rows"][0], &found["rows"][1]], [&cpu["rows"][0], &cpu["rows"][1]]);
         assert_eq!(found["rows"][2]["scene"], "other");
         if kind == "redundancy" {
             assert!(cpu.get("mean").is_none());
             for (part, k) in [("occupied", 0), ("ground_10m", 2), ("voxels", 3)] {
-                let of = |row: &Value| row[part]["by"][k].as_f64().unwrap();
+                let of = |row: &Value| row[part]["by"][k].number();
                 let mean = 0.5 * (of(&found["rows"][1]) + of(&found["rows"][3]));
                 assert!((of(&found["mean"][1]) - mean).abs() < 1e-9, "{part}");
             }
@@ -340,9 +331,9 @@ fn the_library_has_the_rows_of_the_program() {
     let job = job.engine(EngineChoice::cpu());
     let targets = REDUNDANCY_TARGETS.map(|name| Target::named(name).unwrap());
     let rows = job.redundancy(&rigs, &redundancy_question(targets.to_vec())).unwrap();
-    assert_eq!(json!(rows), study(dir.path(), "redundancy", &[])["rows"]);
+    assert_eq!(json!(rows), study(dir.path(), "redundancy", "")["rows"]);
     let rows = json!(job.overlap(&rigs, LEAST_SHARED).unwrap());
-    assert_eq!(rows, study(dir.path(), "overlap", &[])["rows"]);
+    assert_eq!(rows, study(dir.path(), "overlap", "")["rows"]);
 }
 
 #[test]
@@ -350,13 +341,13 @@ fn tables_for_people() {
     let dir = yard();
     let text = |args: &str| stdout(&dir, &format!("study {args} --backend cpu"));
     let told = text("redundancy rigs.json --vehicle cart.json --target car");
-    assert!(told.contains("four in level ground: 4 LiDARs, 1 frame"), "{told}");
-    assert!(told.contains("wide alone  front alone") && told.contains("\ncar "), "{told}");
+    told.says("four in level ground: 4 LiDARs, 1 frame");
+    told.says("wide alone  front alone").says("\ncar ");
     assert!(told.contains("ground to 3 m") && !told.contains("tyre"), "{told}");
-    let told = text("overlap yard.json rigs.json");
-    assert!(told.contains("NOT CONNECTED at 500 shared voxels; cut off from 0 front: 1 front (shares nothing with any other)"), "{told}");
+    text("overlap yard.json rigs.json")
+        .says("NOT CONNECTED at 500 shared voxels; cut off from 0 front: 1 front (shares nothing with any other)");
     let told = text("overlap yard.json rigs.json --least-shared 20");
-    assert!(told.contains("Connected at 20 shared voxels, and up to "), "{told}");
+    told.says("Connected at 20 shared voxels, and up to ");
     // One pair has the overlap that connects all: matrix and sentence say the same number.
     let up_to = told.split("All connected up to an overlap of ").nth(1).unwrap();
     let up_to = up_to.split_whitespace().next().unwrap();
@@ -368,7 +359,7 @@ fn tables_for_people() {
 fn wrong_input_is_one_sentence_each() {
     let dir = yard();
     let at = |name: &str| dir.path().join(name);
-    write(&dir, "none.json", &json!({ "placements": [{ "name": "a", "lidars": [] }] }));
+    write_rig(&dir, "none.json", "a", json!([]));
     let through = fs::read_to_string(at("yard.json")).unwrap().replace("first-hit", "through");
     fs::write(at("through.json"), through).unwrap();
     let cases: [(&str, &str); 9] = [
@@ -406,5 +397,5 @@ fn wrong_input_is_one_sentence_each() {
     let found = ok(&dir, "study redundancy through.json rigs.json --backend cpu");
     let row = &found["rows"][0];
     assert_eq!((&row["ground_3m"], &row["targets"]), (&Value::Null, &json!([])));
-    assert!(row["no_ground"].as_str().unwrap().contains("beams end at nothing"), "{row}");
+    assert!(row["no_ground"].text().contains("beams end at nothing"), "{row}");
 }

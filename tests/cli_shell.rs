@@ -20,11 +20,10 @@ fn shells_complete_commands_and_options() {
     let dir = TempDir::new().unwrap();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let script = stdout(&dir, &["completions", shell]);
-        assert!(script.contains("optimize") && script.contains("condition"), "{shell}");
-        fs::write(dir.path().join(shell), script).unwrap();
+        script.says("optimize").says("condition");
+        write(&dir, shell, &script);
     }
-    let error = sightline(&dir, "completions tcsh");
-    assert_eq!(error.status.code(), Some(2));
+    fails(&dir, "completions tcsh");
     if !is_there("bash") {
         return;
     }
@@ -47,7 +46,7 @@ fn shells_complete_commands_and_options() {
 #[test]
 fn pages_are_there_for_all_commands_and_groff_finds_no_fault() {
     let dir = TempDir::new().unwrap();
-    stdout(&dir, &["man", "--out", "man1"]);
+    stdout(&dir, "man --out man1");
     let mut pages: Vec<String> = fs::read_dir(dir.path().join("man1"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -57,11 +56,10 @@ fn pages_are_there_for_all_commands_and_groff_finds_no_fault() {
     for name in ["sightline.1", "sightline-optimize.1", "sightline-scene-new.1"] {
         assert!(pages.iter().any(|page| page == name), "{name} of {pages:?}");
     }
-    let one = stdout(&dir, &["man", "scene", "new"]);
-    assert_eq!(one, fs::read_to_string(dir.path().join("man1/sightline-scene-new.1")).unwrap());
-    assert!(one.contains(".TH sightline-scene-new 1"), "{one}");
-    let error = fails(&dir, "man scene old");
-    assert!(error.contains("has no command `old`; it has "), "{error}");
+    let one = stdout(&dir, "man scene new");
+    assert_eq!(one, read_text(&dir, "man1/sightline-scene-new.1"));
+    one.says(".TH sightline-scene-new 1");
+    fails(&dir, "man scene old").says("has no command `old`; it has ");
     if !is_there("groff") {
         return;
     }
@@ -160,7 +158,7 @@ fn packages_hold_every_file_that_their_sources_include() {
 /// Names in the help of `--objective` are those that an unknown one is answered with.
 #[test]
 fn the_help_names_every_score_that_may_be_maximized() {
-    let help = stdout(".", &["optimize", "--help"]);
+    let help = stdout(".", "optimize --help");
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
     let (_, names) = help.split_once("--objective <OBJECTIVE>").unwrap();
     let unknown = "no_score".parse::<Objective>().unwrap_err();

@@ -5,17 +5,16 @@ use sightline::vehicle::{Constraints, random_placements};
 
 use crate::cli::*;
 
-fn study(dir: &Path, kind: &str, more: &[&str]) -> Value {
-    let fixed =
-        ["study", kind, "room.json", "--backend", "cpu", "--evaluations", "24", "--random", "20"];
-    ok(dir, &[&fixed[..], more].concat())
+fn study(dir: &Path, kind: &str, more: impl Words) -> Value {
+    let fixed = format!("study {kind} room.json --backend cpu --evaluations 24 --random 20");
+    ok(dir, &(fixed, more))
 }
 
 /// Values of one column, by the name of the row.
 fn column(table: &Value, title: &str) -> Vec<(String, f64)> {
-    let titles = table["columns"].as_array().unwrap();
+    let titles = table["columns"].list();
     let at = titles.iter().position(|t| t == title).unwrap_or_else(|| panic!("no {title}"));
-    let rows = table["rows"].as_array().unwrap().iter();
+    let rows = table["rows"].list().iter();
     rows.filter_map(|row| Some((row["name"].as_str()?.to_owned(), row["values"][at - 1].as_f64()?)))
         .collect()
 }
@@ -39,16 +38,16 @@ fn level_corridor(lidars: u32) -> TempDir {
 }
 
 /// Nats, which can be summed up by hand.
-const BY_GAIN: [&str; 2] = ["--objective", "information_gain"];
+const BY_GAIN: &str = "--objective information_gain";
 
 /// A study of the corridor; every table and chart is whole.
-fn of_corridor(dir: &TempDir, kind: &str, more: &[&str]) -> Value {
-    let args = ["study", kind, "scene.json", "--backend", "cpu", "--evaluations", "24"];
-    let table = ok(dir, &[&args[..], &["--out", kind], more].concat());
-    let columns = table["columns"].as_array().unwrap().len();
-    let rows = table["rows"].as_array().unwrap();
+fn of_corridor(dir: &TempDir, kind: &str, more: impl Words) -> Value {
+    let args = format!("study {kind} scene.json --backend cpu --evaluations 24 --out {kind}");
+    let table = ok(dir, &(args, more));
+    let columns = table["columns"].list().len();
+    let rows = table["rows"].list();
     for row in rows {
-        assert_eq!(row["values"].as_array().unwrap().len() + 1, columns, "{kind}: {row}");
+        assert_eq!(row["values"].list().len() + 1, columns, "{kind}: {row}");
     }
     let csv = fs::read_to_string(dir.path().join(kind).join("table.csv")).unwrap();
     assert_eq!(csv.lines().count(), 1 + rows.len(), "{kind}");
@@ -72,7 +71,7 @@ fn a_second_lidar_gains_the_second_row_and_no_further_one_gains_anything() {
     let dir = level_corridor(1);
     let [first, second] = rows_of_the_corridor();
     let all = first + second;
-    let table = of_corridor(&dir, "lidars", &[]);
+    let table = of_corridor(&dir, "lidars", "");
     let mut gains = vec![100.0; 8];
     gains[0] = 100.0 * first / all;
     assert_column(&table, "gain %", &gains);
@@ -85,12 +84,11 @@ fn a_second_lidar_gains_the_second_row_and_no_further_one_gains_anything() {
         (near[0].1 - more[0].1).abs() < 1e-9 && (near[1].1 - near[0].1 - more[1].1).abs() < 1e-9
     );
     // The figure shows what the searches made large.
-    let figure = fs::read_to_string(dir.path().join("lidars/chart.svg")).unwrap();
-    assert!(figure.contains(">near gain %<"), "{figure}");
+    read_text(&dir, "lidars/chart.svg").says(">near gain %<");
     let mut covered = vec![20.0; 8];
     covered[0] = 10.0;
     assert_column(&table, "covered", &covered);
-    assert!(table["notes"][1].as_str().unwrap().contains("bends most at 2 LiDARs"), "{table}");
+    assert!(table["notes"][1].text().contains("bends most at 2 LiDARs"), "{table}");
 }
 
 #[test]
@@ -100,24 +98,24 @@ fn sensors_and_heights_that_see_the_same_row_gain_the_same() {
     let share = 100.0 * first / (first + second);
     // The upper channel leaves the region within the first voxels.
     write(&dir, "two.json", "{ \"elevation_deg\": [0, 45] }");
-    let table = of_corridor(&dir, "channels", &["--sensor", "two.json"]);
+    let table = of_corridor(&dir, "channels", "--sensor two.json");
     assert_column(&table, "beams a LiDAR", &[16.0, 32.0, 64.0, 128.0, 2.0]);
     assert_column(&table, "gain %", &[share; 5]);
     assert_column(&table, "M-SOG/N ×1e-6", &[-1e6 * first / 100.0; 5]);
-    let table = of_corridor(&dir, "height", &[]);
+    let table = of_corridor(&dir, "height", "");
     assert_column(&table, "gain %", &[share; 5]);
     // The figure shows what the searches made large.
     let y_title = |svg: &str| svg.contains(">near gain %<");
     let svg = |kind: &str| fs::read_to_string(dir.path().join(kind).join("chart.svg")).unwrap();
     assert!(y_title(&svg("height")) && y_title(&svg("channels")));
     fs::remove_dir_all(dir.path().join("height")).unwrap();
-    of_corridor(&dir, "height", &BY_GAIN);
+    of_corridor(&dir, "height", BY_GAIN);
     assert!(!y_title(&svg("height")) && svg("height").contains(">gain %<"));
     // Without ground and within 10 m all information counts alike.
     assert_column(&table, "near gain %", &[share; 5]);
     assert_eq!(column(&table, "gain %")[1].0, "0.37 m");
-    for (k, row) in table["rows"].as_array().unwrap().iter().take(4).enumerate() {
-        let z = row["placement"]["lidars"][0]["z"].as_f64().unwrap();
+    for (k, row) in table["rows"].list().iter().take(4).enumerate() {
+        let z = row["placement"]["lidars"][0]["z"].number();
         assert!((z - (0.1 + 0.8 * k as f64 / 3.0)).abs() < 1e-9, "{z} in case {k}");
     }
 }
@@ -128,11 +126,10 @@ fn tasks_and_regions_share_the_information_of_the_row_that_is_seen() {
     let [first, second] = rows_of_the_corridor();
     let share = 100.0 * first / (first + second);
     // With two classes, car against all others is the same as every class for itself.
-    let table = of_corridor(&dir, "tasks", &[]);
+    let table = of_corridor(&dir, "tasks", "");
     assert_column(&table, "segmentation gain %", &[share; 5]);
     assert_column(&table, "detection gain %", &[share; 5]);
-    let boxes = ["--box", "seen:2,0,0,3,1,1", "--box", "unseen:3,1,0,4,2,1"];
-    let table = of_corridor(&dir, "regions", &boxes);
+    let table = of_corridor(&dir, "regions", "--box seen:2,0,0,3,1,1 --box unseen:3,1,0,4,2,1");
     let optimized = |title: &str| {
         column(&table, title).into_iter().find(|(name, _)| name == "optimized").map(|found| found.1)
     };
@@ -160,7 +157,7 @@ fn tasks_and_regions_share_the_information_of_the_row_that_is_seen() {
 fn random_placements_see_either_row_and_the_optimized_one_the_better() {
     let dir = level_corridor(1);
     let [first, second] = rows_of_the_corridor();
-    let table = of_corridor(&dir, "random", &[&["--random", "9"], &BY_GAIN[..]].concat());
+    let table = of_corridor(&dir, "random", ("--random 9", BY_GAIN));
     // Equal draws, and the row of each.
     let mount = read_json(dir.path().join("scene.json"));
     assert_eq!((&mount["mount"]["min"][1], &mount["mount"]["max"][1]), (&json!(0.1), &json!(1.9)));
@@ -180,7 +177,7 @@ fn random_placements_see_either_row_and_the_optimized_one_the_better() {
 fn the_worst_loss_of_two_lidars_is_the_better_row_or_none() {
     let dir = level_corridor(2);
     let [first, second] = rows_of_the_corridor();
-    let table = of_corridor(&dir, "loss", &BY_GAIN);
+    let table = of_corridor(&dir, "loss", BY_GAIN);
     // A LiDAR a row gains all and may lose the better row; both in the better row lose nothing.
     assert_column(&table, "all LiDARs", &[first + second, first]);
     assert_column(&table, "after the worst loss", &[second, first]);
@@ -209,12 +206,12 @@ fn a_placement_carried_to_another_scene_sees_its_own_row_there() {
     let quarter = p(1.0) + p(3.0);
     let (worse, better) = (quarter, p(2.0) + p(2.0) + quarter);
     let [first, second] = rows_of_the_corridor();
-    let table = of_corridor(&dir, "transfer", &[&["other.json"], &BY_GAIN[..]].concat());
+    let table = of_corridor(&dir, "transfer", ("other.json", BY_GAIN));
     assert_column(&table, "corridor", &[first, second]);
     assert_column(&table, "other", &[worse, better]);
     let notes = table["notes"].to_string();
     let lost = 100.0 * (worse - better) / better;
-    assert!(notes.contains(&format!("from corridor to other: {lost:.2} %")), "{notes}");
+    notes.says(&format!("from corridor to other: {lost:.2} %"));
 }
 
 /// Scores of the layouts of Table 7 in the room with other voxels, as `score` prints them.
@@ -223,7 +220,7 @@ fn scores_in_room(dir: &Path, voxel: [f64; 3]) -> Vec<Value> {
     let placements = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/placements.json");
     let placements = placements.to_str().unwrap();
     let args = ["score", "other.json", placements, "--backend", "cpu"];
-    ok(dir, &args)["scores"].as_array().unwrap().clone()
+    ok(dir, &args)["scores"].list().clone()
 }
 
 #[test]
@@ -231,23 +228,21 @@ fn voxels_and_published_results_are_ranked_by_the_scores_that_score_prints() {
     let dir = in_room();
     let layouts = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/placements.json");
     let more = [layouts.to_str().unwrap(), "--out", "voxels", "--frames", "3"];
-    let table = study(dir.path(), "voxels", &more);
+    let table = study(dir.path(), "voxels", more);
     for (row, voxel) in [(0, [0.2; 3]), (1, [0.1, 0.15, 0.2])] {
         let scores = scores_in_room(dir.path(), voxel);
         assert_eq!(scores.len(), 11);
         for (k, scores) in scores.iter().enumerate() {
-            let want = 1e6 * scores["m_sog_scaled"].as_f64().unwrap();
-            let found = table["rows"][row]["values"][k].as_f64().unwrap();
+            let want = 1e6 * scores["m_sog_scaled"].number();
+            let found = table["rows"][row]["values"][k].number();
             assert!((found - want).abs() <= 1e-8 * want.abs(), "{voxel:?}, {k}: {found}, {want}");
         }
     }
     // Sensors of another vehicle are not those behind the published results.
     let car = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/vehicles/car.json");
     let car = ["study", "published", "room.json", "--vehicle", car.to_str().unwrap()];
-    let refused = fails(&dir, &car);
-    assert!(refused.contains("room.json: `study published` compares"), "{refused}");
-    let more = ["--out", "published", "--frames", "3", "--voxel", "0.2"];
-    let table = study(dir.path(), "published", &more);
+    fails(&dir, &car).says("room.json: `study published` compares");
+    let table = study(dir.path(), "published", "--out published --frames 3 --voxel 0.2");
     // Mean mIoU of Table 7, in the order of the paper's table; `Ours-seg` is ours there.
     let published = [
         ("Center", 69.1),
@@ -293,7 +288,7 @@ fn pearson(a: &[f64], b: &[f64]) -> f64 {
 #[test]
 fn more_lidars_in_a_room_never_gain_less_and_a_loss_never_gains() {
     let dir = in_room();
-    let table = study(dir.path(), "lidars", &["--out", "lidars"]);
+    let table = study(dir.path(), "lidars", "--out lidars");
     let gains: Vec<f64> = column(&table, "gain %").into_iter().map(|gain| gain.1).collect();
     assert_eq!(gains.len(), 8);
     // Once all is seen a LiDAR more sees nothing new: guards then come before the gain.
@@ -301,7 +296,7 @@ fn more_lidars_in_a_room_never_gain_less_and_a_loss_never_gains() {
     let guards: Vec<f64> = column(&table, "guards violated").into_iter().map(|g| g.1).collect();
     assert!(guards[..=all].iter().all(|&guards| guards == 0.0), "{guards:?}");
     assert!(gains[..=all].is_sorted() && gains[all] > gains[0] + 1.0, "{gains:?}");
-    let loss = study(dir.path(), "loss", &["--out", "loss"]);
+    let loss = study(dir.path(), "loss", "--out loss");
     let [whole, worst] = ["all LiDARs %", "after the worst loss %"].map(|c| column(&loss, c));
     assert!(worst[1].1 >= worst[0].1, "{worst:?}");
     assert!(worst.iter().zip(&whole).all(|(w, a)| w.1 < a.1), "a loss gains nothing");
@@ -310,34 +305,27 @@ fn more_lidars_in_a_room_never_gain_less_and_a_loss_never_gains() {
 #[test]
 fn a_study_that_is_done_is_not_made_again_and_another_one_is_refused() {
     let dir = in_room();
-    let first = study(dir.path(), "height", &["--out", "s"]);
+    let first = study(dir.path(), "height", "--out s");
     let before = fs::read(dir.path().join("s/checkpoint.json")).unwrap();
-    assert_eq!(study(dir.path(), "height", &["--out", "s"]), first);
+    assert_eq!(study(dir.path(), "height", "--out s"), first);
     assert_eq!(fs::read(dir.path().join("s/checkpoint.json")).unwrap(), before);
-    let other = ["study", "height", "room.json", "--backend", "cpu", "--out", "s", "--seed", "9"];
-    let message = fails(&dir, &other);
-    assert!(message.contains("other settings"), "{message}");
-    let moved = fs::read_to_string(dir.path().join("room.json")).unwrap();
+    fails(&dir, "study height room.json --backend cpu --out s --seed 9").says("other settings");
+    let moved = read_text(&dir, "room.json");
     write(&dir, "room.json", &moved.replace("[3.9,", "[3.2,"));
-    let fixed = ["study", "height", "room.json", "--backend", "cpu", "--evaluations", "24"];
-    let same = [&fixed[..], &["--random", "20", "--out", "s"]].concat();
-    let message = fails(&dir, &same);
-    assert!(message.contains("room.json: has changed;"), "{message}");
+    let same = "study height room.json --backend cpu --evaluations 24 --random 20 --out s";
+    fails(&dir, same).says("room.json: has changed;");
 }
 
 #[test]
 fn wrong_input_is_named() {
     let dir = in_room();
     for (args, says) in [
-        (&["study", "transfer", "room.json"][..], "two or more scene files"),
-        (&["study", "regions", "room.json", "--box", "a:1,2,3"][..], "NAME:x0,y0,z0,x1,y1,z1"),
-        (&["study", "channels", "room.json", "--sensor", "none.json"][..], "none.json"),
-        (&["study", "lidars", "room.json", "--objective", "near_gan"][..], "did you mean"),
+        ("study transfer room.json", "two or more scene files"),
+        ("study regions room.json --box a:1,2,3", "NAME:x0,y0,z0,x1,y1,z1"),
+        ("study channels room.json --sensor none.json", "none.json"),
+        ("study lidars room.json --objective near_gan", "did you mean"),
     ] {
-        let refused = sightline(&dir, args);
-        assert_eq!(refused.status.code(), Some(2), "{args:?}");
-        let message = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(message.contains(says), "{message}");
+        fails(&dir, args).says(says);
     }
 }
 
@@ -350,19 +338,18 @@ fn cases_of_one_name_would_share_numbers_and_are_refused() {
         let sensor = format!("{{ \"elevation_deg\": [0, {}] }}", folder.len());
         fs::write(dir.path().join(folder).join("vlp.json"), sensor).unwrap();
     }
-    let sensors = ["--sensor", "a/vlp.json", "--sensor", "b/vlp.json"];
-    let boxes = ["--box", "near:0,0,0,1,1,1"];
     for (args, says) in [
-        (&["transfer", "room.json", "copy.json"][..], "two scenes are called `room`"),
-        (&[&["channels", "room.json"][..], &sensors].concat(), "two sensors are called `vlp`"),
+        ("transfer room.json copy.json", "two scenes are called `room`"),
         (
-            &[&["regions", "room.json"][..], &boxes].concat(),
+            "channels room.json --sensor a/vlp.json --sensor b/vlp.json",
+            "two sensors are called `vlp`",
+        ),
+        (
+            "regions room.json --box near:0,0,0,1,1,1",
             "`near` is a built-in region; choose another name",
         ),
     ] {
-        let args = [&["study"][..], args, &["--backend", "cpu"]].concat();
-        let message = fails(&dir, &args);
-        assert!(message.contains(says), "{message}");
+        fails(&dir, &format!("study {args} --backend cpu")).says(says);
     }
     assert!(!dir.path().join("studies").exists());
 }
@@ -375,17 +362,16 @@ fn the_study_of_channels_has_the_near_field_of_each_best_placement() {
     let mut scene = level_yard(lidar, mount);
     scene["roi"]["voxel"] = json!([0.8, 0.8, 0.8]);
     write(&dir, "scene.json", &scene);
-    let table = of_corridor(&dir, "channels", &[]);
+    let table = of_corridor(&dir, "channels", "");
     let near = column(&table, "near %");
     assert_eq!(near.len(), 7);
     assert!(near[0].1 < near[3].1, "more channels see more ground: {near:?}");
     // The scene's own sensor, looked at by the study that does nothing else.
     let best = table["rows"][0]["placement"].clone();
     write(&dir, "best.json", &json!({ "placements": [best] }));
-    let looked =
-        ["study", "nearfield", "scene.json", "best.json", "--frames", "2", "--backend", "cpu"];
+    let looked = "study nearfield scene.json best.json --frames 2 --backend cpu";
     let looked = ok(&dir, &looked);
-    let field = |key: &str| 100.0 * looked["near_fields"][0][key].as_f64().unwrap();
+    let field = |key: &str| 100.0 * looked["near_fields"][0][key].number();
     assert!((near[0].1 - field("near_field")).abs() < 1e-9, "{looked}");
     assert!((column(&table, "3 m %")[0].1 - field("ring")).abs() < 1e-9, "{looked}");
 }

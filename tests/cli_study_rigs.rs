@@ -40,36 +40,35 @@ pub(crate) fn street() -> TempDir {
 
 /// The table of a study of the street, two frames, short searches.
 fn study(dir: &TempDir, line: &str) -> Value {
-    let line = format!("study {line} --frames 2 --evaluations 12 --random 8 --backend cpu");
-    ok(dir, &line)
+    ok(dir, &format!("study {line} --frames 2 --evaluations 12 --random 8 --backend cpu"))
 }
 
 /// Number of a row in a column.
 fn value(table: &Value, row: &Value, title: &str) -> Option<f64> {
-    let titles = table["columns"].as_array().unwrap();
+    let titles = table["columns"].list();
     let at = titles.iter().position(|t| t == title).unwrap_or_else(|| panic!("no {title}"));
     row["values"][at - 1].as_f64()
 }
 
 fn rows(table: &Value) -> &[Value] {
-    table["rows"].as_array().unwrap()
+    table["rows"].list()
 }
 
 fn names(table: &Value) -> Vec<&str> {
-    rows(table).iter().map(|row| row["name"].as_str().unwrap()).collect()
+    rows(table).iter().map(|row| row["name"].text()).collect()
 }
 
 /// Price of the LiDARs of a row, and how many of them are on the roof, the left and the right.
 fn price_and_mounts(row: &Value) -> (f64, [usize; 3]) {
-    let lidars = row["placement"]["lidars"].as_array().unwrap();
-    let price = |lidar: &Value| match lidar["sensor"].as_str().unwrap() {
+    let lidars = row["placement"]["lidars"].list();
+    let price = |lidar: &Value| match lidar["sensor"].text() {
         "fine" => 10.0,
         "coarse" => 4.0,
         "solid" => 3.0,
         other => panic!("{other}"),
     };
     let on = |low: f64, high: f64| {
-        let is_on = |lidar: &&Value| (low..high).contains(&lidar["y"].as_f64().unwrap());
+        let is_on = |lidar: &&Value| (low..high).contains(&lidar["y"].number());
         lidars.iter().filter(is_on).count()
     };
     (lidars.iter().map(price).sum(), [on(-0.5, 0.5), on(0.5, 2.0), on(-2.0, -0.5)])
@@ -92,11 +91,11 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
         let condition = under.map_or(String::new(), |one| format!(" --condition {one}"));
         let line = format!("score street.json rigs.json --frames 2 --backend cpu{condition}");
         let scored = ok(&dir, &line);
-        for (row, scores) in found.iter().zip(scored["scores"].as_array().unwrap()) {
-            let name = row["name"].as_str().unwrap();
-            let rig = scores["name"].as_str().unwrap();
+        for (row, scores) in found.iter().zip(scored["scores"].list()) {
+            let name = row["name"].text();
+            let rig = scores["name"].text();
             assert!(name.starts_with(&format!("{rig}, ")), "{name}");
-            let want = |key: &str| scores[key].as_f64().unwrap();
+            let want = |key: &str| scores[key].number();
             for (title, want) in [
                 ("gain %", 100.0 * want("information_gain_share")),
                 ("near gain %", 100.0 * want("near_gain")),
@@ -106,7 +105,7 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
                 let found = value(&table, row, title).unwrap();
                 assert!(close(found, want), "{name}, {title}: {found}, {want}");
             }
-            let required = scores["requirements"].as_array().unwrap();
+            let required = scores["requirements"].list();
             let missed = required.iter().filter(|seen| seen["met"] == false).count();
             assert_eq!(value(&table, row, "count not met"), Some(missed as f64), "{name}");
             assert_eq!(row["requirements_met"], missed == 0, "{name}");
@@ -125,10 +124,10 @@ fn rigs_in_weather_have_the_scores_and_requirements_that_score_prints() {
 /// Guards that speak against the scores of a placement: blind sectors are facts about the rig.
 fn doubts(scores: &Value) -> usize {
     let is_fact = |guard: &&Value| {
-        let words = guard.as_str().unwrap();
+        let words = guard.text();
         ["blind_sector", "redundant_lidar"].iter().any(|fact| words.starts_with(fact))
     };
-    let guards = scores["guards"].as_array().unwrap();
+    let guards = scores["guards"].list();
     guards.iter().filter(|guard| !is_fact(guard)).count()
 }
 
@@ -147,10 +146,10 @@ fn ahead(dir: &TempDir, (table, row): (&Value, &Value), rig: &str, condition: Op
         distances.join(",")
     );
     let looked = ok(dir, &line);
-    let of_rig = looked["rows"].as_array().unwrap().iter().filter(|of| of["placement"] == rig);
+    let of_rig = looked["rows"].list().iter().filter(|of| of["placement"] == rig);
     let met = |of: &&Value| of["beams"].as_u64().unwrap() >= 5 && of["overlaps"] != true;
     let from = of_rig.skip_while(|of| !met(of));
-    let last = from.take_while(met).last().map_or(0.0, |of| of["distance"].as_f64().unwrap());
+    let last = from.take_while(met).last().map_or(0.0, |of| of["distance"].number());
     assert_eq!(found, Some(last), "{rig}{condition}: {looked}");
 }
 
@@ -162,11 +161,11 @@ fn regions_random_and_voxels_look_at_own_rigs_alone() {
         study(&dir, "regions street.json rigs.json --box all:-17,-17,-1,17,17,4 --out regions");
     assert_eq!(names(&table), ["roof", "sides"]);
     let scored = ok(&dir, "score street.json rigs.json --frames 2 --backend cpu");
-    for (row, scores) in rows(&table).iter().zip(scored["scores"].as_array().unwrap()) {
-        let want = 100.0 * scores["information_gain_share"].as_f64().unwrap();
+    for (row, scores) in rows(&table).iter().zip(scored["scores"].list()) {
+        let want = 100.0 * scores["information_gain_share"].number();
         let found = value(&table, row, "all %").unwrap();
         assert!((found - want).abs() < 1e-4, "{found}, {want}");
-        let required = scores["requirements"].as_array().unwrap().iter();
+        let required = scores["requirements"].list().iter();
         assert_eq!(row["requirements_met"], required.clone().all(|seen| seen["met"] == true));
         let missed = required.filter(|seen| seen["met"] == false).count();
         assert_eq!(row["not_met"].as_array().map_or(0, Vec::len), missed);
@@ -198,21 +197,18 @@ fn each_number_of_lidars_keeps_mounts_symmetry_and_budget() {
     // Rows that repeat a rig say so.
     let lidars = |row: usize| rows(&table)[row]["placement"]["lidars"].clone();
     assert!(lidars(0) != lidars(1) && lidars(1) == lidars(2), "{}", table["rows"]);
-    let notes = table["notes"].to_string();
-    assert!(notes.contains("Row 3 repeats the rig of 2: no more are taken."), "{notes}");
+    table["notes"].to_string().says("Row 3 repeats the rig of 2: no more are taken.");
     let rich = study(&dir, "lidars street.json --out rich");
-    assert!(!rich["notes"].to_string().contains("repeat"), "{}", rich["notes"]);
+    rich["notes"].to_string().lacks("repeat");
     assert_eq!(price_and_mounts(&rows(&rich)[2]), (16.0, [1, 1, 1]));
     // Numbers that the mounts cannot hold have no row.
     assert_eq!(names(&rich), ["1", "2", "3"]);
-    let notes = rich["notes"].to_string();
-    assert!(notes.contains("they take 0 to 3 LiDARs."), "{notes}");
+    rich["notes"].to_string().says("they take 0 to 3 LiDARs.");
     let best = &rows(&rich)[2]["placement"];
     write(&dir, "best.json", &json!({ "placements": [best] }));
-    let line = "score street.json best.json --frames 2 --backend cpu";
-    let scores = &ok(&dir, line)["scores"][0];
+    let scores = &ok(&dir, "score street.json best.json --frames 2 --backend cpu")["scores"][0];
     let gain = value(&rich, &rows(&rich)[2], "near gain %").unwrap();
-    assert!(close(gain, 100.0 * scores["near_gain"].as_f64().unwrap()), "{gain}, {scores}");
+    assert!(close(gain, 100.0 * scores["near_gain"].number()), "{gain}, {scores}");
 }
 
 #[test]
@@ -223,7 +219,7 @@ fn prices_and_scenes_are_compared_within_the_budget() {
     assert!(prices.iter().all(|price| *price <= 10.0), "{prices:?}");
     let free = study(&dir, "cost street.json --out free");
     assert_eq!(price_and_mounts(rows(&free).last().unwrap()).0, 16.0, "{free}");
-    let other = fs::read_to_string(dir.path().join("street.json")).unwrap();
+    let other = read_text(&dir, "street.json");
     let other = other.replace("\"street\"", "\"other\"").replace("[0,14,1.5]", "[0,10,1.5]");
     fs::write(dir.path().join("other.json"), other).unwrap();
     let table = study(&dir, "transfer street.json other.json --budget 8 --out transfer");
@@ -239,31 +235,29 @@ fn rows_that_miss_a_requirement_are_marked_in_text_and_csv() {
     let line = "study regions street.json rigs.json --frames 2 --backend cpu --out one";
     let text = stdout(&dir, line);
     assert!(text.lines().any(|line| line.starts_with("! roof ")), "{text}");
-    assert!(text.contains("! roof: NOT MET: left: "), "{text}");
-    let csv = fs::read_to_string(dir.path().join("one/table.csv")).unwrap();
+    text.says("! roof: NOT MET: left: ");
+    let csv = read_text(&dir, "one/table.csv");
     let mut lines = csv.lines();
     assert!(lines.next().unwrap().ends_with(",requirements met,not met"), "{csv}");
     let roof = lines.next().unwrap();
     assert!(roof.starts_with("roof,") && roof.contains(",false,\"NOT MET: left: "), "{roof}");
-    let svg = fs::read_to_string(dir.path().join("one/chart.svg")).unwrap();
-    assert!(svg.contains("! roof"), "{svg}");
+    read_text(&dir, "one/chart.svg").says("! roof");
 }
 
 #[test]
 fn a_study_without_an_answer_ends_with_one_and_says_why() {
     let dir = street();
     // A mount for one LiDAR, and two that are to be mirror images of each other.
-    let mut van = read_json(dir.path().join("van.json"));
-    for mount in van["mounts"].as_array_mut().unwrap() {
-        mount["count"] = json!([4, 4]);
-    }
-    van["symmetric"] = json!(false);
-    write(&dir, "van.json", &van);
+    change(&dir, "van.json", |van| {
+        for mount in van["mounts"].as_array_mut().unwrap() {
+            mount["count"] = json!([4, 4]);
+        }
+        van["symmetric"] = json!(false);
+    });
     let line = "study lidars street.json --frames 1 --evaluations 4 --backend cpu";
-    let output = sightline(&dir, line);
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert!(stderr.contains("no row has an answer: the mounts of van must hold 12"), "{stderr}");
+    let (code, [_, stderr]) = ran(&dir, line);
+    assert_eq!(code, Some(1), "{stderr}");
+    stderr.says("no row has an answer: the mounts of van must hold 12");
     assert!(dir.path().join("studies/street-lidars/table.csv").is_file());
 }
 
@@ -286,8 +280,7 @@ fn what_a_study_does_not_take_is_refused() {
         ("nearfield street.json", "the vehicle is not the paper's car"),
         ("weather street.json rigs.json --condition fog --condition fog", "two conditions are"),
     ] {
-        let message = fails(&dir, &format!("study {line} --backend cpu"));
-        assert!(message.contains(says), "{line}: {message}");
+        fails(&dir, &format!("study {line} --backend cpu")).says(says);
     }
     assert!(!Path::new(&dir.path().join("studies")).exists());
 }
@@ -312,13 +305,12 @@ fn the_paper_s_car_is_compared_with_the_layouts_of_its_table() {
 #[test]
 fn the_loss_of_own_rigs_is_over_all_frames_unless_told() {
     let dir = street();
-    let loss = |more: &[&str]| {
-        let args = ["study", "loss", "street.json", "rigs.json", "--backend", "cpu"];
-        let found = ok(&dir, &[&args[..], more].concat());
-        found["title"].as_str().unwrap().to_owned()
+    let loss = |more: &str| {
+        let found = ok(&dir, &("study loss street.json rigs.json --backend cpu", more));
+        found["title"].text().to_owned()
     };
-    assert!(loss(&["--out", "all"]).starts_with("street, 3 frames: "));
-    assert!(loss(&["--out", "one", "--frames", "1"]).starts_with("street, 1 frame: "));
+    assert!(loss("--out all").starts_with("street, 3 frames: "));
+    assert!(loss("--out one --frames 1").starts_with("street, 1 frame: "));
 }
 
 #[test]
@@ -334,36 +326,33 @@ fn own_rigs_lose_each_lidar_in_turn() {
         { "name": "twice", "lidars": [lidar(0.0), lidar(0.0), lidar(std::f64::consts::PI)] },
         { "name": "front", "lidars": [lidar(0.0), lidar(0.0)] } ] });
     let back = std::f64::consts::PI;
-    let blind = json!({ "placements": [{ "name": "back", "lidars": [lidar(back), lidar(back)] }] });
-    write(&dir, "blind.json", &blind);
+    write_rig(&dir, "blind.json", "back", [lidar(back), lidar(back)]);
     write(&dir, "own.json", &rigs);
-    let args = ["study", "loss", "street.json", "own.json", "--backend", "cpu", "--out", "lost"];
-    let found = ok(&dir, &args);
-    let title = found["title"].as_str().unwrap();
+    let found = ok(&dir, "study loss street.json own.json --backend cpu --out lost");
+    let title = found["title"].text();
     assert!(title.ends_with(": near gain % with all LiDARs, and after the loss of one"), "{title}");
-    let columns = found["columns"].as_array().unwrap();
+    let columns = found["columns"].list();
     assert_eq!(columns.len(), 8, "{columns:?}");
-    let values =
-        |row: usize| -> Vec<Value> { found["rows"][row]["values"].as_array().unwrap().clone() };
+    let values = |row: usize| -> Vec<Value> { found["rows"][row]["values"].list().clone() };
     // One of two: nothing ahead, or nothing behind but what the half turns share.
     let both = values(0);
     assert_eq!((&both[5], &both[4]), (&json!(2.0), &Value::Null));
-    assert!(both[6].as_f64().unwrap() > 150.0, "{both:?}");
+    assert!(both[6].number() > 150.0, "{both:?}");
     // Without the first of two that look alike nothing changes.
     let twice = values(1);
     assert_eq!((&twice[0], &twice[5]), (&twice[2], &json!(0.0)));
     // Every column has a name of its own, and the gain is in per cent, as the table of `score` has it.
-    let table = fs::read_to_string(dir.path().join("lost/table.csv")).unwrap();
+    let table = read_text(&dir, "lost/table.csv");
     let mut titles: Vec<&str> = table.lines().next().unwrap().split(',').collect();
     let count = titles.len();
     titles.sort_unstable();
     titles.dedup();
     assert_eq!(titles.len(), count, "{table}");
     let scores = ok(&dir, "score street.json own.json --backend cpu");
-    let gain = scores["scores"][0]["near_gain"].as_f64().unwrap();
-    assert!((both[0].as_f64().unwrap() - 100.0 * gain).abs() < 1e-9, "{both:?} {gain}");
+    let gain = scores["scores"][0]["near_gain"].number();
+    assert!((both[0].number() - 100.0 * gain).abs() < 1e-9, "{both:?} {gain}");
     // The chart has the gains alone: two rigs at three and four values; the losses that fail are hollow.
-    let chart = fs::read_to_string(dir.path().join("lost/chart.svg")).unwrap();
+    let chart = read_text(&dir, "lost/chart.svg");
     let hollow = chart.matches("fill=\"#fff\" stroke=").count();
     assert_eq!(
         found["rows"][0]["unmet_at"],
@@ -374,62 +363,45 @@ fn own_rigs_lose_each_lidar_in_turn() {
     assert!(!chart.contains("most not met") && chart.contains("near gain % (hollow"), "{chart}");
     let notes = found["notes"].to_string();
     let lost = "both without LiDAR 0 (mast): NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
-    assert!(notes.contains(lost), "{notes}");
-    assert!(
-        notes.contains(
-            "both without LiDAR 1: BLIND: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°)"
-        ),
-        "{notes}"
-    );
+    notes.says(lost);
+    notes.says("both without LiDAR 1: BLIND: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°)");
     // Sectors that all LiDARs leave blind are told once.
-    assert!(
-        notes.contains(
-            "front with all LiDARs already: left and behind and right (in sectors of 30° over 210°"
-        ) && !notes.contains("front without")
-            && !notes.contains("both with all"),
-        "{notes}"
-    );
+    notes
+        .says(
+            "front with all LiDARs already: left and behind and right (in sectors of 30° over 210°",
+        )
+        .lacks("front without")
+        .lacks("both with all");
     let looked = &scores["scores"][0]["range_card"]["blind_between"];
-    let [near, far] = [0, 1].map(|end: usize| looked[end].as_f64().unwrap());
-    assert!(
-        notes.contains(&format!("a car is lost somewhere between {near} and {far} m")),
-        "{notes}"
-    );
+    let [near, far] = [0, 1].map(|end: usize| looked[end].number());
+    notes.says(&format!("a car is lost somewhere between {near} and {far} m"));
     // A rule that allows for a loss is looked at with this one LiDAR lost, and no second.
-    assert!(notes.contains("; NOT MET: pair: 0.0 % seen, 90.0 % required"), "{notes}");
-    assert!(
-        !notes.contains("twice without LiDAR 0") && !notes.contains("already NOT MET"),
-        "{notes}"
-    );
+    notes.says("; NOT MET: pair: 0.0 % seen, 90.0 % required");
+    notes.lacks("twice without LiDAR 0").lacks("already NOT MET");
     // A requirement that all LiDARs miss is missed without each, and told so.
-    let args = ["study", "loss", "street.json", "blind.json", "--backend", "cpu", "--out", "blind"];
-    let notes = ok(&dir, &args)["notes"].to_string();
+    let args = "study loss street.json blind.json --backend cpu --out blind";
+    let notes = ok(&dir, args)["notes"].to_string();
     for lost in ["back without LiDAR 0", "back without LiDAR 1"] {
         let (_, rest) = notes.split_once(lost).expect(&notes);
         let told = rest.split("back without").next().unwrap();
         assert!(told.contains("already NOT MET: ahead: 0.0 % seen, 90.0 % required"), "{notes}");
     }
     // In fog cars are lost where `score` of the LiDARs that are left says so in the same fog.
-    let fog = ["--condition", "fog:mor=12", "--backend", "cpu"];
     let single = |name: &str, yaw: f64| json!({ "name": name, "lidars": [lidar(yaw)] });
-    let left =
-        json!({ "placements": [single("ahead", 0.0), single("back", std::f64::consts::PI)] });
+    let left = json!({ "placements": [single("ahead", 0.0), single("back", back)] });
     write(&dir, "left.json", &left);
-    let degrees = |more: &[&str]| {
-        let scores = ok(&dir, &[&["score", "street.json", "left.json"], more].concat());
+    let degrees = |more: &str| {
+        let scores = ok(&dir, &("score street.json left.json --backend cpu", more));
         let [ahead, back] = [0, 1].map(|row| blind_degrees(&scores["scores"][row]));
         ahead.max(back)
     };
-    let line = ["study", "loss", "street.json", "own.json", "--out", "fog"];
-    let in_fog = ok(&dir, &[&line[..], &fog].concat());
-    let blind = in_fog["rows"][0]["values"][6].as_f64().unwrap();
-    assert_eq!((blind, both[6].as_f64().unwrap()), (degrees(&fog), degrees(&fog[2..])));
-    assert!(blind > both[6].as_f64().unwrap(), "{blind} {both:?}");
-    let told = fails(&dir, "study lidars street.json own.json");
-    assert!(
-        told.contains("own.json: holds placements, which `study lidars` does not take"),
-        "{told}"
-    );
+    let fog = "--condition fog:mor=12";
+    let in_fog = ok(&dir, &("study loss street.json own.json --backend cpu --out fog", fog));
+    let blind = in_fog["rows"][0]["values"][6].number();
+    assert_eq!((blind, both[6].number()), (degrees(fog), degrees("")));
+    assert!(blind > both[6].number(), "{blind} {both:?}");
+    fails(&dir, "study lidars street.json own.json")
+        .says("own.json: holds placements, which `study lidars` does not take");
 }
 
 #[test]
@@ -443,23 +415,19 @@ fn studies_look_at_a_rule_of_100_per_cent_as_closely_as_score() {
         "mounts": [{ "name": "top", "min": [-0.1, -0.1, 2], "max": [0.1, 0.1, 2.1], "count": 1 }],
         "require": [{ "target": "car", "from": 10, "within": 50, "share": 1 }] });
     write(&dir, "cart.json", &vehicle);
-    write(
-        &dir,
-        "ring.json",
-        &json!({ "placements": [{ "name": "one", "lidars": [{ "x": 0, "y": 0, "z": 2 }] }] }),
-    );
+    write_rig(&dir, "ring.json", "one", json!([{ "x": 0, "y": 0, "z": 2 }]));
     let of = "street.json ring.json --vehicle cart.json";
     let line = format!("score {of} --frames 2 --backend cpu --tolerance 0");
     let required = ok(&dir, &line)["scores"][0]["requirements"][0].clone();
     assert_eq!(required["met"], false, "{required}");
-    let missing = required["missing"].as_str().unwrap();
-    assert!(missing.contains("1 of 192 bearings"), "{missing}");
+    let missing = required["missing"].text();
+    missing.says("1 of 192 bearings");
     for kind in ["weather", "regions", "random"] {
         let table = study(&dir, &format!("{kind} {of} --out {kind}"));
-        let row = rows(&table).iter().find(|row| row["name"].as_str().unwrap().starts_with("one"));
+        let row = rows(&table).iter().find(|row| row["name"].text().starts_with("one"));
         let row = row.unwrap_or_else(|| panic!("{table}"));
         assert_eq!(row["requirements_met"], false, "{kind}: {row}");
-        assert!(row["not_met"][0].as_str().unwrap().ends_with(missing), "{kind}: {row}");
+        assert!(row["not_met"][0].text().ends_with(missing), "{kind}: {row}");
     }
     let line = format!("study tolerance {of} --frames 2 --backend cpu --steps 1");
     let (code, room, _) = answer(&dir, &line);

@@ -10,28 +10,25 @@ use crate::cli_shared::yard;
 fn required_yard() -> TempDir {
     let dir = yard();
     set_rules(&dir, json!([{ "target": "car", "within": 20, "share": 0.9 }]));
-    write_rig(dir.path(), "two.json", 1.0, 0.0);
+    write_two(dir.path(), "two.json", 1.0, 0.0);
     dir
 }
 
 /// A LiDAR that turns and one that looks ahead, from `z` metres with a pitch in radians.
-fn write_rig(dir: &Path, name: &str, z: f64, pitch: f64) {
+fn write_two(dir: &Path, name: &str, z: f64, pitch: f64) {
     let lidars = json!([
         { "x": 0.5, "y": 0.5, "z": 1.9, "sensor": "wide" },
         { "x": 2.1, "y": 0, "z": z, "pitch": pitch, "sensor": "front" }]);
-    let rigs = json!({ "placements": [{ "name": "two", "lidars": lidars }] });
-    write(dir, name, &rigs);
+    write_rig(dir, name, "two", lidars);
 }
 
-fn sweep(dir: &Path, more: &[&str]) -> Value {
-    let args = ["study", "sweep", "yard.json", "two.json", "--backend", "cpu", "--frames", "2"];
-    ok(dir, &[&args[..], more].concat())["sweeps"][0].clone()
+fn sweep(dir: &Path, more: &str) -> Value {
+    ok(dir, &("study sweep yard.json two.json --backend cpu --frames 2", more))["sweeps"][0].clone()
 }
 
 /// Scores of a rig as `score` prints them.
 fn scored(dir: &Path, name: &str) -> Value {
-    let args =
-        ["score", "yard.json", name, "--backend", "cpu", "--frames", "2", "--tolerance", "0"];
+    let args = format!("score yard.json {name} --backend cpu --frames 2 --tolerance 0");
     let mut scores = ok(dir, &args)["scores"][0].clone();
     // A sweep does not look between the places of a requirement.
     for requirement in scores["requirements"].as_array_mut().unwrap() {
@@ -50,39 +47,35 @@ fn assert_scores(row: &Value, score: &Value) {
 #[test]
 fn each_row_is_the_score_of_the_placement_moved_by_hand() {
     let dir = required_yard();
-    let of = ["--of", "front.pitch", "--from", "-10", "--to", "20", "--values", "4"];
-    let found = sweep(dir.path(), &of);
+    let found = sweep(dir.path(), "--of front.pitch --from -10 --to 20 --values 4");
     assert_eq!(
         (found["lidar"].as_u64(), &found["field"], &found["unit"]),
         (Some(1), &json!("pitch"), &json!("deg"))
     );
-    let rows = found["rows"].as_array().unwrap();
-    let values: Vec<f64> = rows.iter().map(|row| row["value"].as_f64().unwrap()).collect();
+    let rows = found["rows"].list();
+    let values: Vec<f64> = rows.iter().map(|row| row["value"].number()).collect();
     assert_eq!(values, [0.0, -10.0, 0.0, 10.0, 20.0]);
     assert_eq!(rows.iter().filter(|row| row["as_given"] == true).count(), 1);
     assert_scores(&rows[0], &scored(dir.path(), "two.json"));
     for row in &rows[1..] {
-        write_rig(dir.path(), "moved.json", 1.0, row["value"].as_f64().unwrap().to_radians());
+        write_two(dir.path(), "moved.json", 1.0, row["value"].number().to_radians());
         assert_scores(row, &scored(dir.path(), "moved.json"));
     }
-    let covered: Vec<f64> =
-        rows[1..].iter().map(|row| row["scores"]["covered"].as_f64().unwrap()).collect();
+    let covered: Vec<f64> = rows[1..].iter().map(|row| row["scores"]["covered"].number()).collect();
     assert!(covered.windows(2).all(|pair| pair[0] != pair[1]), "{covered:?}");
     // The mount allows 0.3 rad, which is 17.2°.
-    let broken: Vec<usize> =
-        rows.iter().map(|row| row["broken_rules"].as_array().unwrap().len()).collect();
+    let broken: Vec<usize> = rows.iter().map(|row| row["broken_rules"].list().len()).collect();
     assert!(!found.to_string().contains(" rad outside"), "{found}");
     assert_eq!(broken, [0, 0, 0, 0, 1]);
-    let by_number =
-        sweep(dir.path(), &["--of", "1.z", "--from", "1", "--to", "2", "--values", "2"]);
-    write_rig(dir.path(), "moved.json", 2.0, 0.0);
+    let by_number = sweep(dir.path(), "--of 1.z --from 1 --to 2 --values 2");
+    write_two(dir.path(), "moved.json", 2.0, 0.0);
     assert_scores(&by_number["rows"][2], &scored(dir.path(), "moved.json"));
 }
 
 #[test]
 fn the_library_has_the_rows_of_the_program() {
     let dir = required_yard();
-    let found = sweep(dir.path(), &["--of", "1.z", "--from", "0.5", "--to", "3", "--values", "2"]);
+    let found = sweep(dir.path(), "--of 1.z --from 0.5 --to 3 --values 2");
     let scene = Scene::read(dir.path().join("yard.json")).unwrap();
     let job = Job::new(scene).frames(Some(2)).engine(EngineChoice::cpu());
     let two = read_placements(dir.path().join("two.json")).unwrap().remove(0);
@@ -94,28 +87,18 @@ fn the_library_has_the_rows_of_the_program() {
 #[test]
 fn a_table_for_people_and_a_chart() {
     let dir = required_yard();
-    let args = ["study", "sweep", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
+    let args = "study sweep yard.json two.json --backend cpu --frames 1";
     let of = ["--of", "1.z", "--from", "1", "--to", "3", "--values", "3", "--out", "z.svg"];
-    let text = stdout(&dir, &[&args[..], &of].concat());
-    assert!(
-        text.contains("two: z of LiDAR 1")
-            && text.contains("req 1: car from 5 to 20 m, 90.0 % required"),
-        "{text}"
-    );
-    assert!(
-        text.contains(
-            "rules broken in 1 of 4 rows; at 3.000 m:\n  LiDAR 1: z is 0.500 m outside the mount roof\n"
-        ),
-        "{text}"
-    );
-    let lost = "\ncar lost °: bearings in which a car is lost between 5 and 50 m\n";
-    assert!(text.contains(lost), "{text}");
+    let text = stdout(&dir, &(args, &of));
+    text.says("two: z of LiDAR 1").says("req 1: car from 5 to 20 m, 90.0 % required");
+    text.says("rules broken in 1 of 4 rows; at 3.000 m:\n  LiDAR 1: z is 0.500 m outside the mount roof\n");
+    text.says("\ncar lost °: bearings in which a car is lost between 5 and 50 m\n");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     assert!(
         text.starts_with("Scores and requirements by one pose field, over 1 frame of yard\n"),
         "{text}"
     );
-    let svg = fs::read_to_string(dir.path().join("z.svg")).unwrap();
+    let svg = read_text(&dir, "z.svg");
     // Near gain, gain and a requirement: a line each, whole where the value as given stands, and a dot at each value.
     assert_eq!(svg.matches("<polyline").count(), 3, "{svg}");
     assert_eq!(svg.matches("r=\"4\"").count(), 3 * 3, "{svg}");
@@ -124,7 +107,7 @@ fn a_table_for_people_and_a_chart() {
     }
     let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
     let of = ["--of", "1.pitch", "--from", "0", "--to", "30", "--values", "2"];
-    let found = ok(&dir, &[&level[..], &of].concat());
+    let found = ok(&dir, &(&level, &of));
     // A sensor that looks down by 30° loses a car ahead; the other one sees it to 25 m. Level, it loses one at 45 m between two
     // of its beams.
     let blind =
@@ -138,56 +121,51 @@ fn a_table_for_people_and_a_chart() {
 #[test]
 fn flat_areas_of_the_ground_have_voxels_on_level_ground() {
     let dir = required_yard();
-    let path = dir.path().join("cart.json");
-    let mut vehicle = read_json(&path);
-    vehicle["require"] =
-        json!([{ "name": "ahead", "min": [4, -2, -0.1], "max": [9, 2, 0.1], "share": 0.3 }]);
-    fs::write(&path, vehicle.to_string()).unwrap();
-    let level = ["study", "sweep", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
+    let mut ahead =
+        json!({ "name": "ahead", "min": [4, -2, -0.1], "max": [9, 2, 0.1], "share": 0.3 });
+    set_rules(&dir, json!([ahead]));
+    let level = "study sweep two.json --vehicle cart.json --backend cpu";
     // A sensor that looks at the sky sees none of it.
     let of = ["--of", "front.pitch", "--from", "-60", "--to", "15", "--values", "2"];
-    let found = ok(&dir, &[&level[..], &of].concat());
-    let share = |row: usize| {
-        found["sweeps"][0]["rows"][row]["scores"]["requirements"][0]["found"].as_f64().unwrap()
-    };
+    let found = ok(&dir, &(level, &of));
+    let share =
+        |row: usize| found["sweeps"][0]["rows"][row]["scores"]["requirements"][0]["found"].number();
     assert!(share(1) < share(2) && share(2) > 0.3, "{found}");
-    let none = ["study", "redundancy", "two.json", "--vehicle", "cart.json", "--backend", "cpu"];
-    assert!(ok(&dir, &none)["rows"][0]["voxels"].is_object());
+    let none = "study redundancy two.json --vehicle cart.json --backend cpu";
+    assert!(ok(&dir, none)["rows"][0]["voxels"].is_object());
     // An area that no grid holds is named with the file of the vehicle.
-    vehicle["require"][0]["max"][2] = json!(-0.09);
-    fs::write(&path, vehicle.to_string()).unwrap();
-    let error = fails(&dir, &[&level[..], &of].concat());
-    assert!(error.contains("cart.json: require[0]: `ahead` holds no voxel"), "{error}");
+    ahead["max"][2] = json!(-0.09);
+    set_rules(&dir, json!([ahead]));
+    fails(&dir, &(level, &of)).says("cart.json: require[0]: `ahead` holds no voxel");
 }
 
 #[test]
 fn wrong_input_is_one_sentence_each() {
     let dir = required_yard();
-    let base = ["study", "sweep", "yard.json", "rigs.json", "--backend", "cpu", "--of"];
+    let base = "study sweep yard.json rigs.json --backend cpu --of";
     for (more, part) in [
-        (&["0.pitch", "--from", "3", "--to", "3"][..], "give two different numbers"),
-        (&["0.pitch", "--from", "nan", "--to", "3"], "give two different numbers"),
-        (&["0.z", "--from", "1e308", "--to", "-1e308"], "LiDAR 0: z = 1e308 is not usable"),
-        (&["1.x", "--from", "0", "--to", "2e6"], "LiDAR 1: x = 2000000.0 is not usable"),
-        (&["0.tilt", "--from", "0", "--to", "3"], "`tilt` is no pose field"),
-        (&["pitch", "--from", "0", "--to", "3"], "write LIDAR.FIELD"),
-        (&["7.x", "--from", "0", "--to", "3"], "has no LiDAR 7; it has 4"),
-        (&["roof.x", "--from", "0", "--to", "3"], "is each of the LiDARs 0, 1, 2, 3"),
-        (&["bonnet.x", "--from", "0", "--to", "3"], "its LiDARs are 0 to 3, front, roof, wide"),
-        (&["0.x", "--from", "0", "--to", "3", "--out", "x.svg"], "--out draws one placement"),
-        (&["0.x", "--from", "0", "--to", "3", "--values", "1"], "--values"),
+        ("0.pitch --from 3 --to 3", "give two different numbers"),
+        ("0.pitch --from nan --to 3", "give two different numbers"),
+        ("0.z --from 1e308 --to -1e308", "LiDAR 0: z = 1e308 is not usable"),
+        ("1.x --from 0 --to 2e6", "LiDAR 1: x = 2000000.0 is not usable"),
+        ("0.tilt --from 0 --to 3", "`tilt` is no pose field"),
+        ("pitch --from 0 --to 3", "write LIDAR.FIELD"),
+        ("7.x --from 0 --to 3", "has no LiDAR 7; it has 4"),
+        ("roof.x --from 0 --to 3", "is each of the LiDARs 0, 1, 2, 3"),
+        ("bonnet.x --from 0 --to 3", "its LiDARs are 0 to 3, front, roof, wide"),
+        ("0.x --from 0 --to 3 --out x.svg", "--out draws one placement"),
+        ("0.x --from 0 --to 3 --values 1", "--values"),
     ] {
-        let told = fails(&dir, &[&base[..], more].concat());
-        assert!(told.contains(part), "{more:?}: {told}");
+        fails(&dir, &(base, more)).says(part);
     }
     assert!(!dir.path().join("x.svg").exists());
 }
 
 /// The rig of two, as it is or with its second LiDAR off: true if `score` finds that it meets all requirements.
 fn meets(dir: &Path, z: f64, pitch: f64) -> bool {
-    write_rig(dir, "moved.json", z, pitch);
+    write_two(dir, "moved.json", z, pitch);
     let score = scored(dir, "moved.json");
-    score["requirements"].as_array().unwrap().iter().all(|seen| seen["met"] == true)
+    score["requirements"].list().iter().all(|seen| seen["met"] == true)
 }
 
 #[test]
@@ -197,15 +175,15 @@ fn a_tolerance_ends_where_score_says_that_a_requirement_breaks() {
         { "name": "far", "target": "car", "from": 30, "within": 45, "bearing": [-20, 20], "beams": 5, "share": 0.9 },
         { "name": "near", "target": "car", "within": 20, "share": 0.9 }]);
     set_rules(&dir, rules);
-    let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "2"];
-    let more = ["--most-mm", "2000", "--most-deg", "20", "--steps", "4"];
-    let found = ok(&dir, &[&args[..], &more].concat());
+    let args = "study tolerance yard.json two.json --backend cpu --frames 2";
+    let more = "--most-mm 2000 --most-deg 20 --steps 4";
+    let found = ok(&dir, &(args, more));
     let room = &found["rows"][0];
-    assert_eq!((&room["missed"], room["fields"].as_array().unwrap().len()), (&json!([]), 12));
-    assert_eq!(room["copies"].as_array().unwrap().len(), 6);
+    assert_eq!((&room["missed"], room["fields"].list().len()), (&json!([]), 12));
+    assert_eq!(room["copies"].list().len(), 6);
     let mut ends = 0;
     for (field, step, of) in [("z", 500.0, 1e-3), ("pitch", 5.0, 1.0_f64.to_radians())] {
-        let all = room["fields"].as_array().unwrap();
+        let all = room["fields"].list();
         let row = all.iter().find(|row| row["lidar"] == 1 && row["field"] == field).unwrap();
         for (side, sign) in [("down", -1.0), ("up", 1.0)] {
             let at = |k: f64| {
@@ -245,10 +223,7 @@ fn a_tolerance_looks_at_four_frames_unless_told_otherwise_and_says_so() {
         texts
     };
     let [[few, said], [four, _], [_, all]] = ["", " --frames 4", " --frames 6"].map(told);
-    assert!(
-        said.contains("4 of 6 frames are looked at, spread evenly; --frames 6 looks at all"),
-        "{said}"
-    );
+    said.says("4 of 6 frames are looked at, spread evenly; --frames 6 looks at all");
     assert!(few == four && !few.is_empty(), "{few}\n{four}");
     assert!(!all.contains("frames are looked at"), "{all}");
 }
@@ -258,34 +233,34 @@ fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
     let dir = required_yard();
     let near = json!({ "name": "near", "target": "car", "within": 20, "share": 0.9 });
     let far = json!({ "name": "far", "target": "car", "within": 300, "share": 1 });
-    let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
+    let args = "study tolerance yard.json two.json --backend cpu --frames 1";
     let few = ["--steps", "2", "--most-mm", "2000"];
-    let args = [&args[..], &few].concat();
+    let args = &(args, few);
     let ring = json!({ "ground": 3, "share": 0.01 });
     set_rules(&dir, json!([near]));
     // On targets every copy has poses of its own: the error is of 200 draws, not of 15 poses a LiDAR.
-    let (_, [text, _]) = ran(&dir, &args);
+    let (_, [text, _]) = ran(&dir, args);
     assert!(text.contains("100 % of 200 copies meet all requirements (± 1,"), "{text}");
     assert!(!text.contains("± counts 15"), "{text}");
     set_rules(&dir, json!([near, ring]));
-    let alone = ok(&dir, &args)["rows"][0].clone();
+    let alone = ok(&dir, args)["rows"][0].clone();
     set_rules(&dir, json!([near, far, ring]));
-    let (code, both, told) = answer(&dir, &args);
+    let (code, both, told) = answer(&dir, args);
     assert_eq!(code, Some(1), "{told}");
     let both = &both["rows"][0];
     for key in ["fields", "tilt", "copies", "alone"] {
         assert!(!alone[key].is_null() && both[key] == alone[key], "{key}: {both} {alone}");
     }
-    let missed = both["missed"].as_array().unwrap();
+    let missed = both["missed"].list();
     assert!(missed.len() == 1 && missed[0].to_string().contains("NOT MET: far: "), "{missed:?}");
-    let (_, [text, _]) = ran(&dir, &args);
-    assert!(text.contains("missed as it is and left out") && text.contains("holds to"), "{text}");
+    let (_, [text, _]) = ran(&dir, args);
+    text.says("missed as it is and left out").says("holds to");
     assert!(text.starts_with("Deviations within which the met requirements hold, every"), "{text}");
     // A LiDAR alone may be off as far as all together, or farther.
-    let copies = both["copies"].as_array().unwrap();
-    let together = copies.iter().take_while(|of| of["holds_in"].as_f64().unwrap() >= 0.95).last();
+    let copies = both["copies"].list();
+    let together = copies.iter().take_while(|of| of["holds_in"].number() >= 0.95).last();
     let place = |within: &Value| copies.iter().position(|of| of["tolerance"] == *within);
-    for (k, of) in both["alone"].as_array().unwrap().iter().enumerate() {
+    for (k, of) in both["alone"].list().iter().enumerate() {
         assert_eq!(of["lidar"], k);
         let within = together.map(|of| &of["tolerance"]).and_then(place);
         assert!(place(&of["holds_within"]) >= within, "{both}");
@@ -304,33 +279,32 @@ fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
 fn a_lidar_that_looks_at_the_own_body_is_told_as_score_tells_it() {
     let dir = required_yard();
     let self_hits = |scores: &Value| {
-        let all = scores["guards"].as_array().unwrap().iter();
-        all.filter(|of| of.as_str().unwrap().starts_with("self_hit")).cloned().collect::<Vec<_>>()
+        let all = scores["guards"].list().iter();
+        all.filter(|of| of.text().starts_with("self_hit")).cloned().collect::<Vec<_>>()
     };
     // LiDAR 0 looks at the roof below it. LiDAR 1 stands 0.1 m before the body, and 0.2 m behind that place within it.
     let given = self_hits(&scored(dir.path(), "two.json"));
     assert_eq!(given.len(), 1, "{given:?}");
-    let args = ["study", "tolerance", "yard.json", "two.json", "--backend", "cpu", "--frames", "1"];
-    let args = [&args[..], &["--steps", "2", "--most-mm", "400"]].concat();
-    let found = ok(&dir, &args);
+    let args = "study tolerance yard.json two.json --backend cpu --frames 1";
+    let args = &(args, "--steps 2 --most-mm 400");
+    let found = ok(&dir, args);
     let room = &found["rows"][0];
     assert_eq!(room["guards"], json!(given));
     let at = |lidar: usize, side: &str| {
-        let mut fields = room["fields"].as_array().unwrap().iter();
+        let mut fields = room["fields"].list().iter();
         let x = fields.find(|of| of["lidar"] == lidar && of["field"] == "x").unwrap();
         x[side]["self_hit_at"].clone()
     };
     let all = [at(0, "down"), at(0, "up"), at(1, "down"), at(1, "up")];
     assert_eq!(all, [json!(0.0), json!(0.0), json!(200.0), Value::Null]);
-    let (_, [text, _]) = ran(&dir, &args);
+    let (_, [text, _]) = ran(&dir, args);
     for words in [
         "  ! self_hit: LiDAR 0 ends ",
         "! self_hit: at x − 200.0 mm LiDAR 1 ends more than 25 % of its beams at the own vehicle",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
-    let found =
-        sweep(dir.path(), &["--of", "1.x", "--from", "2.1", "--to", "1.9", "--values", "2"]);
+    let found = sweep(dir.path(), "--of 1.x --from 2.1 --to 1.9 --values 2");
     let of_row = |row: usize| self_hits(&found["rows"][row]["scores"]);
     assert_eq!((of_row(0), of_row(1)), (given.clone(), given));
     assert!(of_row(2).len() == 2 && of_row(2)[1].to_string().contains("LiDAR 1 ends 100.0 %"));
@@ -339,24 +313,14 @@ fn a_lidar_that_looks_at_the_own_body_is_told_as_score_tells_it() {
 #[test]
 fn a_rig_without_room_is_exit_code_1_and_a_vehicle_without_requirements_an_error() {
     let dir = yard();
-    let args =
-        ["study", "tolerance", "yard.json", "rigs.json", "--backend", "cpu", "--frames", "1"];
-    let told = fails(&dir, &args);
-    assert!(
-        told.contains(
-            "tolerance: the vehicle requires nothing; write what it must see under `require`"
-        ),
-        "{told}"
-    );
+    let args = "study tolerance yard.json rigs.json --backend cpu --frames 1";
+    fails(&dir, args)
+        .says("tolerance: the vehicle requires nothing; write what it must see under `require`");
     set_rules(&dir, json!([{ "target": "car", "within": 300, "share": 1 }]));
-    let (code, [text, _]) = ran(&dir, &args);
+    let (code, [text, _]) = ran(&dir, args);
     assert_eq!(code, Some(1), "{text}");
-    assert!(
-        text.contains("NOT MET: car from 5 to 300 m") && text.contains("there is no room"),
-        "{text}"
-    );
-    let told = fails(&dir, &[&args[..], &["--most-mm", "0"]].concat());
-    assert!(told.contains("millimetres above 0"), "{told}");
+    text.says("NOT MET: car from 5 to 300 m").says("there is no room");
+    fails(&dir, &(args, "--most-mm 0")).says("millimetres above 0");
 }
 
 /// Product of two matrices, `[row][column]`.
@@ -382,8 +346,7 @@ fn write_tilted(dir: &Path, bearing: f64, angle: f64, [px, py]: [f64; 2]) {
         tilted([0.3, 0.2, 2.0, 0.0, 0.1, 0.7], "wide"),
         tilted([1.6, -0.4, 1.0, 0.2, 0.0, -0.3], "front"),
     ];
-    let rig = json!({ "placements": [{ "name": "two", "lidars": lidars }] });
-    write(dir, "tilted.json", &rig);
+    write_rig(dir, "tilted.json", "two", lidars);
 }
 
 #[test]
@@ -398,12 +361,11 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
     fs::copy(dir.path().join("tilted.json"), dir.path().join("level.json")).unwrap();
     let line = "study tolerance yard.json level.json --backend cpu --frames 2 --most-mm 1 --most-deg 1 --steps 4 \
                 --most-tilt 20 --tilt-about 1.2,-0.1";
-    let args: Vec<&str> = line.split_whitespace().collect();
-    let found = ok(&dir, &args);
+    let found = ok(&dir, line);
     let tilt = &found["rows"][0]["tilt"];
     assert_eq!((&tilt["about"], &found["tilt_about"]), (&json!([1.2, -0.1]), &json!([1.2, -0.1])));
-    let directions = tilt["directions"].as_array().unwrap();
-    let names: Vec<&str> = directions.iter().map(|of| of["direction"].as_str().unwrap()).collect();
+    let directions = tilt["directions"].list();
+    let names: Vec<&str> = directions.iter().map(|of| of["direction"].text()).collect();
     assert_eq!(
         (names.len(), names[0], names[2], names[5]),
         (8, "front down", "left down", "rear right down")
@@ -414,9 +376,8 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
             let angle = (5.0 * f64::from(step)).to_radians();
             write_tilted(dir.path(), (45.0 * k as f64).to_radians(), angle, about);
             let required = scored(dir.path(), "tilted.json")["requirements"].clone();
-            let lacks =
-                |rule: &Value| rule["required"].as_f64().unwrap() - rule["found"].as_f64().unwrap();
-            let all = required.as_array().unwrap().iter().filter(|rule| rule["met"] == false);
+            let lacks = |rule: &Value| rule["required"].number() - rule["found"].number();
+            let all = required.list().iter().filter(|rule| rule["met"] == false);
             let worst = all.max_by(|a, b| lacks(a).total_cmp(&lacks(b)))?;
             Some((5.0 * f64::from(step), worst["name"].clone()))
         });
@@ -434,10 +395,10 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
         (&json!(least), &directions[first]["direction"])
     );
     assert!(ends.iter().any(|end| *end != least) && least > 0.0, "{ends:?}");
-    let (_, [text, _]) = ran(&dir, &args);
-    let line =
+    let (_, [text, _]) = ran(&dir, line);
+    let told =
         format!("tilted about the ground at x = 1.2 m, y = -0.1 m hold to {least:.2}°, then ");
-    assert!(text.contains(&line) && text.contains("\nfront left down "), "{text}");
+    text.says(&told).says("\nfront left down ");
     for (more, part) in [
         ("--most-tilt=0", "degrees above 0 and up to 45"),
         ("--most-tilt=50", "degrees above 0 and up to 45"),
@@ -445,26 +406,22 @@ fn a_tilt_ends_where_score_says_that_a_rig_tilted_by_hand_breaks() {
         ("--tilt-about=1,nan", "give x,y in metres"),
         ("--tilt-about=1,200", "within ±100"),
     ] {
-        let told = fails(&dir, &[&args[..6], &[more]].concat());
-        assert!(told.contains(part), "{more}: {told}");
+        fails(&dir, &("study tolerance yard.json level.json --backend cpu", more)).says(part);
     }
 }
 
 #[test]
 fn a_lidar_that_a_tilt_turns_into_the_upright_body_is_told() {
     let dir = required_yard();
-    let path = dir.path().join("cart.json");
-    let mut vehicle = read_json(&path);
     // LiDAR 1, 0.1 m before the body, alone sees it: the roof is before LiDAR 0, which looks at it as it is.
-    vehicle["require"] = json!([{ "name": "low", "target": "tyre", "from": 3, "within": 6, "bearing": [-20, 20], "share": 0.3 }]);
-    fs::write(&path, vehicle.to_string()).unwrap();
+    let low = json!({ "name": "low", "target": "tyre", "from": 3, "within": 6, "bearing": [-20, 20], "share": 0.3 });
+    set_rules(&dir, json!([low]));
     let line = "study tolerance yard.json two.json --backend cpu --frames 1 --most-mm 1 --most-deg 1 --steps 2 \
                 --most-tilt 12";
-    let args: Vec<&str> = line.split_whitespace().collect();
-    let found = ok(&dir, &args);
+    let found = ok(&dir, line);
     let tilt = &found["rows"][0]["tilt"];
     let of = |direction: &str| {
-        let mut all = tilt["directions"].as_array().unwrap().iter();
+        let mut all = tilt["directions"].list().iter();
         all.find(|of| of["direction"] == direction).unwrap()
     };
     for (direction, at) in [("rear down", 6.0), ("rear left down", 12.0)] {
@@ -475,8 +432,8 @@ fn a_lidar_that_a_tilt_turns_into_the_upright_body_is_told() {
     assert_eq!(of("rear down")["self_hit_at"], 6.0);
     assert!(of("front down").get("self_hit_at").is_none(), "{tilt}");
     assert_eq!((&tilt["self_hit_at"], &tilt["self_hit_lidar"]), (&json!(6.0), &json!(1)));
-    let (_, [text, _]) = ran(&dir, &args);
+    let (_, [text, _]) = ran(&dir, line);
     let words = "! self_hit: at 6.00° (rear down) LiDAR 1 ends more than 25 % of its beams at the own vehicle, which \
                  does not tilt along here";
-    assert!(text.contains(words), "{text}");
+    text.says(words);
 }

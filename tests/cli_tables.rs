@@ -55,20 +55,15 @@ const OTHERS: [&str; 5] = [
 fn no_table_is_wider_than_a_hundred_columns() {
     let dir = street();
     let dir = dir.path();
-    let changed = |from: &str, to: &str, change: &dyn Fn(&mut Value)| {
-        let mut value = read_json(dir.join(from));
-        change(&mut value);
-        fs::write(dir.join(to), value.to_string()).unwrap();
-    };
     room(dir);
-    changed("room.json", "hall.json", &|scene| scene["name"] = json!("hall"));
-    changed("street.json", "other.json", &|scene| scene["name"] = json!("other"));
+    change_as(dir, ["room.json", "hall.json"], |scene| scene["name"] = json!("hall"));
+    change_as(dir, ["street.json", "other.json"], |scene| scene["name"] = json!("other"));
     let long = json!("left of the van, beside its sliding door");
-    changed("van.json", "van.json", &|van| van["require"][1]["name"] = long.clone());
-    changed("rigs.json", "wide.json", &|rigs| {
+    change(dir, "van.json", |van| van["require"][1]["name"] = long);
+    change_as(dir, ["rigs.json", "wide.json"], |rigs| {
         let (roof, sides) =
             (rigs["placements"][0]["lidars"][0].clone(), rigs["placements"][1].clone());
-        let mut all = sides["lidars"].as_array().unwrap().clone();
+        let mut all = sides["lidars"].list().clone();
         all.push(roof);
         rigs["placements"] = json!([sides, { "name": LONG, "lidars": all }]);
     });

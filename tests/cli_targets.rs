@@ -26,11 +26,11 @@ fn vehicle(dir: &Path, body: Value) {
 }
 
 fn rows<'a>(found: &'a Value, placement: &str, target: &str) -> Vec<&'a Value> {
-    let rows = found["rows"].as_array().unwrap().iter();
+    let rows = found["rows"].list().iter();
     rows.filter(|row| row["placement"] == placement && row["target"] == target).collect()
 }
 
-const STUDY: [&str; 5] = ["study", "targets", "rigs.json", "--vehicle", "cart.json"];
+const STUDY: &str = "study targets rigs.json --vehicle cart.json";
 
 #[test]
 fn level_beams_on_a_target_are_those_of_its_angle() {
@@ -39,13 +39,10 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
     let target = json!({ "sightline": 1, "name": "board", "reflectance": 0.5, "source": "made here",
         "shapes": [{ "box": { "foot": [0, 0, 0], "size": [0.2, 2, 1.5] } }] });
     write(&dir, "board.json", &target);
-    let asked = [
-        "--target", "board.json", "--target", "tyre", "--distances", "60,10,20", "--bearings",
-        "0,180",
-    ];
-    let found = ok(&dir, &[&STUDY[..], &asked].concat());
+    let asked = "--target board.json --target tyre --distances 60,10,20 --bearings 0,180";
+    let found = ok(&dir, &(STUDY, asked));
     for row in rows(&found, "one", "board") {
-        let half = (1.0 / (row["distance"].as_f64().unwrap() - 0.1)).atan().to_degrees();
+        let half = (1.0 / (row["distance"].number() - 0.1)).atan().to_degrees();
         let beams = 2 * (half / 0.1).floor() as u64 + 1;
         assert_eq!((&row["beams"], &row["by_lidar"]), (&json!(beams), &json!([beams])), "{row}");
     }
@@ -57,40 +54,37 @@ fn level_beams_on_a_target_are_those_of_its_angle() {
         assert_eq!(half > 0, row["bearing"] == 0.0, "{row}");
     }
     // A direction that is given twice has one row.
-    let twice = ["--target", "tyre", "--distances", "10", "--bearings", "0,180,360,0,-180"];
-    let told = sightline(&dir, &[&STUDY[..], &twice].concat()).stderr;
-    let told = String::from_utf8_lossy(&told).into_owned();
-    assert!(told.contains("--bearings: 360° is 0°: given once, as 0°"), "{told}");
-    assert!(told.contains("--bearings: -180° is 180°: given once, as 180°"), "{told}");
+    let twice = "--target tyre --distances 10 --bearings 0,180,360,0,-180";
+    let (_, [_, told]) = ran(&dir, &(STUDY, twice));
+    told.says("--bearings: 360° is 0°: given once, as 0°");
+    told.says("--bearings: -180° is 180°: given once, as 180°");
     assert_eq!(told.matches("given once").count(), 2, "{told}");
-    let found_twice = ok(&dir, &[&STUDY[..], &twice].concat());
+    let found_twice = ok(&dir, &(STUDY, twice));
     let bearings = rows(&found_twice, "one", "tyre");
     let bearings: Vec<&Value> = bearings.iter().map(|row| &row["bearing"]).collect();
     assert_eq!(bearings, [&json!(0.0), &json!(180.0)]);
     // No sensor reaches farther than 80 m: that is said once of all rigs.
-    let far = ["--target", "board.json", "--distances", "60,82,100,120", "--bearings", "0"];
-    let told = stderr(&dir, &[&STUDY[..], &far].concat());
+    let told = stderr(&dir, &(STUDY, "--target board.json --distances 60,82,100,120 --bearings 0"));
     let words = "--distances: a rig whose sensors reach 80 m at most meets no target at 100, 120 m: this lies beyond their range";
     assert!(told.matches(words).count() == 1, "{told}");
-    let found_near = sightline(&dir, &[&STUDY[..], &asked].concat());
-    assert!(!String::from_utf8_lossy(&found_near.stderr).contains("beyond their range"));
+    stderr(&dir, &(STUDY, asked)).lacks("beyond their range");
     let distances: Vec<&Value> =
         rows(&found, "one", "board").iter().map(|r| &r["distance"]).collect();
     assert_eq!(distances[..3], [&json!(10.0), &json!(20.0), &json!(60.0)]);
     assert_eq!(found["targets"][0]["size"], json!([0.2, 2.0, 1.5]));
     assert_eq!(found["targets"][0]["shapes"], target["shapes"]);
-    assert!(found["targets"][1]["source"].as_str().unwrap().contains("unconfirmed"));
+    assert!(found["targets"][1]["source"].text().contains("unconfirmed"));
     // At 60 m the board has 19 beams: the first detection with 20 is at 20 m.
-    let found = ok(&dir, &[&STUDY[..], &asked, &["--beams", "20"]].concat());
+    let found = ok(&dir, &(STUDY, asked, "--beams 20"));
     assert_eq!(found["detections"][0]["first"], 20.0);
     assert_eq!(found["detections"][0]["detected"], json!([[10.0, 20.0]]));
     // A return is rated at 30 m for 10 %: 50 % are seen to 30·√5 = 67 m, fog of 50 m takes 60 m away.
-    let first = |more: &[&str]| {
-        let found = ok(&dir, &[&STUDY[..], &asked, more].concat());
-        found["detections"][0]["first"].as_f64().unwrap()
+    let first = |more: &str| {
+        let found = ok(&dir, &(STUDY, asked, more));
+        found["detections"][0]["first"].number()
     };
-    assert_eq!(first(&["--response"]), 60.0);
-    assert_eq!(first(&["--condition", "fog:mor=50"]), 20.0);
+    assert_eq!(first("--response"), 60.0);
+    assert_eq!(first("--condition fog:mor=50"), 20.0);
 }
 
 #[test]
@@ -99,21 +93,20 @@ fn distances_that_are_not_given_go_to_the_range_of_the_sensors() {
     vehicle(dir.path(), json!([]));
     let path = dir.path().join("cart.json");
     let cart = fs::read_to_string(&path).unwrap();
-    let asked = [&STUDY[..], &["--target", "car", "--bearings", "0"]].concat();
+    let asked = &(STUDY, "--target car --bearings 0");
     for (range, last) in [(80.0, 80.0), (42.5, 40.0), (250.0, 200.0)] {
         fs::write(&path, cart.replace("\"range\":80", &format!("\"range\":{range}"))).unwrap();
-        let found = ok(&dir, &asked);
+        let found = ok(&dir, asked);
         let distances = rows(&found, "one", "car").into_iter().map(|row| row["distance"].as_f64());
         let distances: Vec<f64> = distances.flatten().collect();
         assert_eq!((distances[0], distances.last()), (5.0, Some(&last)));
         assert_eq!(found["reach"], json!(range));
-        let run = sightline(&dir, &asked);
+        let [text, told] = printed(&dir, asked);
         let words = format!(
             "{last} m is the farthest distance looked at; the sensors reach {range} m (--distances)."
         );
-        let text = String::from_utf8(run.stdout).unwrap();
         assert_eq!(text.lines().last(), Some(&*words), "{text}");
-        assert!(!String::from_utf8_lossy(&run.stderr).contains("beyond their range"));
+        told.lacks("beyond their range");
     }
 }
 
@@ -123,20 +116,18 @@ fn the_own_body_hides_a_target_and_the_card_says_so() {
     let wall =
         json!([{ "class": "vehicle", "box": { "min": [-2, -1.5, 0], "max": [-1.9, 1.5, 3] } }]);
     vehicle(dir.path(), wall);
-    let asked =
-        ["--target", "car", "--distances", "3,20", "--bearings", "0,180", "--out", "polar.svg"];
-    let found = ok(&dir, &[&STUDY[..], &asked].concat());
+    let asked = "--target car --distances 3,20 --bearings 0,180";
+    let found = ok(&dir, &(STUDY, asked, "--out polar.svg"));
     for row in rows(&found, "one", "car") {
         let (is_behind, is_near) = (row["bearing"] == 180.0, row["distance"] == 3.0);
         // At 3 m its nose stands before the wall, in the own body.
         assert_eq!(row["beams"] == 0, is_behind && !is_near, "{row}");
         assert_eq!(row["overlaps"] == true, is_behind && is_near, "{row}");
     }
-    let svg = fs::read_to_string(dir.path().join("polar.svg")).unwrap();
+    let svg = read_text(&dir, "polar.svg");
     assert!(svg.contains("round") && svg.ends_with("</svg>\n"));
-    let text = sightline(&dir, &[&STUDY[..], &asked[..6]].concat());
-    let text = String::from_utf8(text.stdout).unwrap();
-    assert!(text.contains("ahead 0°") && text.contains("behind 180°"), "{text}");
+    let (_, [text, _]) = ran(&dir, &(STUDY, asked));
+    text.says("ahead 0°").says("behind 180°");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
 }
 
@@ -159,10 +150,9 @@ fn in_a_scene_things_hide_a_target_and_take_its_place() {
     let dir = TempDir::new().unwrap();
     vehicle(dir.path(), json!([]));
     street(dir.path());
-    let asked =
-        ["study", "targets", "street.json", "rigs.json", "--backend", "cpu", "--target", "car"];
+    let asked = "study targets street.json rigs.json --backend cpu --target car";
     let places = ["--distances", "10.5,20", "--bearings", "0,90", "--frames", "2"];
-    let found = ok(&dir, &[&asked[..], &places].concat());
+    let found = ok(&dir, &(asked, &places));
     let beams = |bearing: f64, distance: f64, frame: u64| {
         let of = |row: &&&Value| {
             row["bearing"] == bearing && row["distance"] == distance && row["frame"] == frame
@@ -180,7 +170,7 @@ fn in_a_scene_things_hide_a_target_and_take_its_place() {
     assert_eq!(beams(90.0, 20.0, 0), 0, "the wall stands before it");
     let first = |found: &Value| found["detections"][0]["first"].clone();
     assert_eq!(first(&found), Value::Null, "in both frames");
-    let found = ok(&dir, &[&asked[..], &places, &["--in", "1"]].concat());
+    let found = ok(&dir, &(asked, &places, "--in 1"));
     assert_eq!(first(&found), 20.0, "in one of two frames");
 }
 
@@ -220,16 +210,15 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     assert!(!guards(one).contains("blind_sector") && !guards(two).contains("blind_sector"));
     assert!(!guards(round).contains("blind_sector"), "{}", guards(round));
     let card = &one["range_card"];
-    assert_eq!(card["targets"].as_array().unwrap().len(), 3);
-    assert_eq!(card["targets"][0]["bearings"].as_array().unwrap().len(), 16);
+    assert_eq!(card["targets"].list().len(), 3);
+    assert_eq!(card["targets"][0]["bearings"].list().len(), 16);
     assert_eq!(card["targets"][0]["bearings"][0]["met"][0][0], 2.5);
-    let ahead = json!({ "placements": [{ "name": "ahead", "lidars": [
-        { "x": 0, "y": 0, "z": 1, "sensor": "half" }] }] });
-    write(&dir, "ahead.json", &ahead);
+    let lidars = json!([
+        { "x": 0, "y": 0, "z": 1, "sensor": "half" }]);
+    write_rig(&dir, "ahead.json", "ahead", lidars);
     let found = ok(&dir, "score street.json ahead.json --backend cpu");
-    let told = guards(&found["scores"][0]);
-    let want = "blind_sector: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°), worst at ";
-    assert!(told.contains(want), "{told}");
+    guards(&found["scores"][0])
+        .says("blind_sector: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°), worst at ");
 }
 
 #[test]
@@ -240,27 +229,22 @@ fn more_placements_than_are_looked_at_closely_are_said_and_have_no_card() {
     let lidar = json!({ "x": 0, "y": 0, "z": 1, "sensor": "half" });
     for count in [64, 65] {
         let rig = |k| json!({ "name": format!("r{k}"), "lidars": [lidar] });
-        let rigs = json!({ "placements": (0..count).map(rig).collect::<Vec<_>>() });
-        write(&dir, "many.json", &rigs);
-        for scenes in [&["street.json"][..], &["street.json", "street.json"]] {
-            let args = [&["score"][..], scenes, &["many.json", "--backend", "cpu"]].concat();
-            let (_, found, told) = answer(&dir, &args);
+        write(&dir, "many.json", &json!({ "placements": (0..count).map(rig).collect::<Vec<_>>() }));
+        for (scenes, key) in [("street.json", "scores"), ("street.json street.json", "mean")] {
+            let (_, found, told) = answer(&dir, &format!("score {scenes} many.json --backend cpu"));
             let words = "are looked at for up to 64 placements; here are more";
             assert_eq!(told.matches(words).count(), usize::from(count > 64), "{told}");
-            let of = if scenes.len() > 1 { &found["mean"] } else { &found["scores"] };
-            let scores = of[count - 1].as_object().unwrap();
+            let scores = found[key][count - 1].as_object().unwrap();
             assert_eq!(scores["range_card"].is_null(), count > 64, "{scores:?}");
             assert!(!scores.contains_key("requirements_hold_in"), "no requirements: {scores:?}");
         }
     }
     // Beams that go through everything have no card, of however few placements.
     change_as(&dir, ["street.json", "through.json"], |scene| scene["coverage"] = json!("through"));
-    for scenes in [&["through.json"][..], &["through.json", "through.json"]] {
-        let args = [&["score"][..], scenes, &["many.json", "--backend", "cpu"]].concat();
-        let (_, found, told) = answer(&dir, &args);
-        assert!(!told.contains("are looked at"), "{told}");
-        let of = if scenes.len() > 1 { &found["mean"] } else { &found["scores"] };
-        let scores = of[64].as_object().unwrap();
+    for (scenes, key) in [("through.json", "scores"), ("through.json through.json", "mean")] {
+        let (_, found, told) = answer(&dir, &format!("score {scenes} many.json --backend cpu"));
+        told.lacks("are looked at");
+        let scores = found[key][64].as_object().unwrap();
         assert!(!scores.contains_key("range_card"), "{scores:?}");
     }
 }
@@ -281,55 +265,46 @@ fn the_default_objective_does_not_win_by_looking_away() {
         "actors": [walker([6.0, 9.0]), walker([12.0, 14.0]), walker([18.0, 20.0])] });
     write(&dir, "front.json", &scene);
     let blind = |objective: &str| {
-        let args = [
-            "optimize", "front.json", "--backend", "cpu", "--evaluations", "30", "--seed", "3",
-            "--objective", objective, "--out", objective,
-        ];
+        let args = format!(
+            "optimize front.json --backend cpu --evaluations 30 --seed 3 --objective {objective} --out {objective}"
+        );
         let found = ok(&dir, &args);
         blind_degrees(&found["best"]["scores"])
     };
     // Two halves that look ahead, against two that must stand back to back to the tenth of a radian.
     let (gain, default) = (blind("information_gain"), blind("near_gain"));
     assert!(gain > 90.0 && default < 60.0, "{gain}° and {default}° are blind");
-    let page = fs::read_to_string(dir.path().join("information_gain/report.html")).unwrap();
-    assert!(
-        page.contains("Blind sectors:") && page.contains("BLIND: "),
-        "what is blind is said first"
-    );
+    let page = read_text(&dir, "information_gain/report.html");
+    // The page begins with its blind sectors.
+    page.says("Blind sectors:").says("BLIND: ");
 }
 
 #[test]
 fn wrong_targets_are_one_sentence_each() {
     let dir = TempDir::new().unwrap();
     vehicle(dir.path(), json!([]));
-    let flat = json!({ "sightline": 1, "name": "flat", "shapes": [] });
-    write(&dir, "flat.json", &flat);
-    let told = |more: &[&str]| fails(&dir, &[&STUDY[..], more].concat());
-    let cases: [(&[&str], &str); 9] = [
-        (&["--target", "chidl"], "did you mean `child`?"),
-        (&["--target", "none.json"], "none.json"),
-        (&["--target", "flat.json"], "flat.json: shapes"),
-        (&["--target", "cart.json"], "a vehicle"),
-        (&["--target", "car", "--target", "car"], "is given twice"),
-        (&["--distances", "10,-5"], "metres above 0"),
-        (&["--in", "5", "--frames", "2"], "--in 5: is more than the 2 frames that are looked at"),
-        (&["--bearings", "north"], "degrees from -360 to 360"),
-        (&["--condition", "wet:water=1"], "fog, snow and rain alone"),
-    ];
-    for (more, word) in cases {
-        let told = told(more);
-        assert!(told.contains(word) && told.lines().count() == 1, "{more:?}: {told}");
+    write(&dir, "flat.json", &json!({ "sightline": 1, "name": "flat", "shapes": [] }));
+    for (more, word) in [
+        ("--target chidl", "did you mean `child`?"),
+        ("--target none.json", "none.json"),
+        ("--target flat.json", "flat.json: shapes"),
+        ("--target cart.json", "a vehicle"),
+        ("--target car --target car", "is given twice"),
+        ("--distances 10,-5", "metres above 0"),
+        ("--in 5 --frames 2", "--in 5: is more than the 2 frames that are looked at"),
+        ("--bearings north", "degrees from -360 to 360"),
+        ("--condition wet:water=1", "fog, snow and rain alone"),
+    ] {
+        let told = fails(&dir, &(STUDY, more));
+        assert!(told.contains(word) && told.lines().count() == 1, "{more}: {told}");
     }
     // Level ground has one frame, whatever is asked for; one that is asked for is no slip.
-    let frames = |more: &[&str]| {
-        let asked = [&STUDY[..], &["--target", "car", "--distances", "10"], more].concat();
-        String::from_utf8(sightline(&dir, &asked).stderr).unwrap()
-    };
-    let note = "--frames 4: without a scene there is one frame, level ground";
-    assert!(frames(&["--frames", "4", "--in", "3"]).contains(note));
-    assert!(!frames(&["--frames", "1", "--in", "1"]).contains("--frames"));
-    let told = fails(&dir, "study targets rigs.json");
-    assert!(told.contains("rigs.json: there is neither a scene nor a vehicle"), "{told}");
+    let asked = "--target car --distances 10";
+    stderr(&dir, &(STUDY, asked, "--frames 4 --in 3"))
+        .says("--frames 4: without a scene there is one frame, level ground");
+    stderr(&dir, &(STUDY, asked, "--frames 1 --in 1")).lacks("--frames");
+    fails(&dir, "study targets rigs.json")
+        .says("rigs.json: there is neither a scene nor a vehicle");
 }
 
 /// The cart in an empty yard, with rules on targets.
@@ -369,8 +344,8 @@ fn rules_on_targets_are_shares_of_their_places() {
     write(&dir, "rigs.json", &rigs);
     let found = ok(&dir, "score street.json rigs.json --backend cpu");
     let shares = |k: usize| -> Vec<(f64, bool)> {
-        let list = found["scores"][k]["requirements"].as_array().unwrap();
-        list.iter().map(|r| (r["found"].as_f64().unwrap(), r["met"] == true)).collect()
+        let list = found["scores"][k]["requirements"].list();
+        list.iter().map(|r| (r["found"].number(), r["met"] == true)).collect()
     };
     let single = shares(0);
     assert_eq!((single[0], single[2]), ((1.0, true), (0.0, false)), "nothing is left of one");
@@ -378,14 +353,14 @@ fn rules_on_targets_are_shares_of_their_places() {
     assert!((0.5..0.6).contains(&single[1].0) && !single[1].1, "{single:?}");
     let missing = |rule: usize| found["scores"][0]["requirements"][rule]["missing"].clone();
     assert_eq!(missing(0), Value::Null);
-    let round = missing(1).as_str().unwrap().to_owned();
+    let round = missing(1).text().to_owned();
     assert!(round.starts_with("missing at 10 to 15 m: "), "{round}");
     assert_eq!(missing(2), "missing at 10 to 15 m: all 17 bearings, -60° to 60°");
     // A share that suffices names its missed places, too; those of two LiDARs back to back without the worse one.
     assert_eq!((single[4], missing(4)), ((single[1].0, true), json!(round)));
     let half_lost = &found["scores"][2]["requirements"][5];
     assert_eq!(half_lost["met"], true, "{half_lost}");
-    assert!(half_lost["missing"].as_str().unwrap().starts_with("missing at 10 to 15 m: "));
+    assert!(half_lost["missing"].text().starts_with("missing at 10 to 15 m: "));
     let one_lost = &found["scores"][0]["requirements"][2];
     assert_eq!((&one_lost["intact"], &one_lost["worst_without"]), (&json!(1.0), &json!(0)));
     assert_eq!(single[3], (0.0, false));
@@ -420,17 +395,14 @@ fn a_search_meets_a_rule_that_gain_alone_does_not_and_says_so_where_it_cannot() 
     let requirement = &found["best"]["scores"]["requirements"][0];
     assert_eq!((code, &requirement["met"]), (Some(0), &json!(true)), "{requirement}");
     assert_eq!(requirement["name"], "adult from 5 to 15 m, 100° to 260°");
-    let page = fs::read_to_string(dir.path().join("met/report.html")).unwrap();
-    assert!(page.contains("<code>sightline study tolerance street.json met</code>"), "{page}");
+    let page = read_text(&dir, "met/report.html");
+    page.says("<code>sightline study tolerance street.json met</code>");
     // No rig puts 100 beams on an adult at 15 m: the run ends with 1, its page begins with what is not met.
     ruled(dir.path(), rule(1.0, 100));
     let (code, _, told) = answer(&dir, &args("unmet"));
     assert_eq!(code, Some(1), "{told}");
-    let page = fs::read_to_string(dir.path().join("unmet/report.html")).unwrap();
-    assert!(
-        page.contains("NOT MET: adult from 5 to 15 m, 100° to 260°, 100 beams: "),
-        "the page begins with it"
-    );
+    let page = read_text(&dir, "unmet/report.html");
+    page.says("NOT MET: adult from 5 to 15 m, 100° to 260°, 100 beams: ");
     // A margin is the difference of the numbers beside it.
     let row = page.split("adult from 5 to 15 m, 100° to 260°, 100 beams</").nth(1).unwrap();
     let cells: Vec<&str> = row.split("</tr>").next().unwrap().split('>').collect();
@@ -448,11 +420,8 @@ fn wrong_rules_are_refused_with_their_place() {
     let path = dir.path().join("street.json");
     let street = fs::read_to_string(&path).unwrap().replace("first-hit", "through");
     fs::write(&path, street).unwrap();
-    let through = fails(&dir, "score street.json rigs.json");
-    assert!(
-        through.contains("requires `car from 5 to 10 m`, and beams end at nothing"),
-        "{through}"
-    );
+    fails(&dir, "score street.json rigs.json")
+        .says("requires `car from 5 to 10 m`, and beams end at nothing");
     let told = |rule: Value| {
         ruled(dir.path(), json!([rule]));
         fails(&dir, "score street.json rigs.json")

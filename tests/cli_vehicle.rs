@@ -2,7 +2,7 @@
 
 use crate::cli::*;
 
-pub(crate) const CPU: [&str; 2] = ["--backend", "cpu"];
+pub(crate) const CPU: &str = "--backend cpu";
 
 /// A room, and a vehicle with a spinning sensor on the roof and solid ones on two sides.
 pub(crate) fn garage() -> TempDir {
@@ -35,14 +35,14 @@ pub(crate) fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
 
 /// Models of the LiDARs of a run's result.
 fn sensors(result: &Value) -> Vec<&str> {
-    let lidars = result["best"]["placement"]["lidars"].as_array().unwrap();
-    lidars.iter().map(|lidar| lidar["sensor"].as_str().unwrap()).collect()
+    let lidars = result["best"]["placement"]["lidars"].list();
+    lidars.iter().map(|lidar| lidar["sensor"].text()).collect()
 }
 
-fn optimize<'a>(budget: &'a str, out: &'a str) -> Vec<&'a str> {
-    let fixed = ["optimize", "room.json", "--vehicle", "cart.json"];
-    let more = ["--evaluations", "40", "--budget", budget, "--out", out, "--backend", "cpu"];
-    [&fixed[..], &more].concat()
+fn optimize(budget: &str, out: &str) -> String {
+    format!(
+        "optimize room.json --vehicle cart.json --evaluations 40 --budget {budget} --out {out} --backend cpu"
+    )
 }
 
 #[test]
@@ -50,14 +50,14 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     let dir = garage();
     let rich = ok(&dir, &optimize("16", "rich"));
     assert!(sensors(&rich).contains(&"spinning"), "{rich}");
-    assert!(rich["settings"]["equipped"]["cost"].as_f64().unwrap() <= 16.0);
-    assert!(rich["timings"]["equip"].as_f64().unwrap() > 0.0, "{}", rich["timings"]);
+    assert!(rich["settings"]["equipped"]["cost"].number() <= 16.0);
+    assert!(rich["timings"]["equip"].number() > 0.0, "{}", rich["timings"]);
     let poor = ok(&dir, &optimize("6.5", "poor"));
     assert_eq!(sensors(&poor), ["solid", "solid"]);
-    let gain = |result: &Value| result["best"]["scores"]["information_gain"].as_f64().unwrap();
+    let gain = |result: &Value| result["best"]["scores"]["information_gain"].number();
     assert!(gain(&rich) > gain(&poor), "{} and {}", gain(&rich), gain(&poor));
     // First for the engineer, then for the sceptic.
-    let page = fs::read_to_string(dir.path().join("rich/report.html")).unwrap();
+    let page = read_text(&dir, "rich/report.html");
     let at = |heading: &str| page.find(heading).unwrap_or_else(|| panic!("no {heading}"));
     let order = [
         "Range card<",
@@ -69,17 +69,16 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
         "How to repeat it<",
     ];
     assert!(order.map(at).is_sorted(), "{:?}", order.map(at));
-    let words = rich["phases"]["words"].as_str().unwrap();
-    assert!(words.contains("8 other draws of the azimuth phases"), "{words}");
+    let words = rich["phases"]["words"].text();
+    words.says("8 other draws of the azimuth phases");
     assert!(poor.get("phases").is_none(), "solid sensors do not turn");
-    let lidars = poor["best"]["placement"]["lidars"].as_array().unwrap();
-    let sides = [0, 1].map(|k| lidars[k]["y"].as_f64().unwrap());
+    let lidars = poor["best"]["placement"]["lidars"].list();
+    let sides = [0, 1].map(|k| lidars[k]["y"].number());
     assert!(sides[0] > 0.49 && sides[1] < -0.49, "{sides:?}");
     // Other commands read a run's files.
-    let best = json!({ "placements": [rich["best"]["placement"]] });
-    write(&dir, "best.json", &best);
+    write(&dir, "best.json", &json!({ "placements": [rich["best"]["placement"]] }));
     let again = ok(&dir, "score room.json best.json --vehicle cart.json --backend cpu");
-    let again = again["scores"][0]["information_gain"].as_f64().unwrap();
+    let again = again["scores"][0]["information_gain"].number();
     // At other draws of the spinning sensor's phases.
     assert!((again / gain(&rich) - 1.0).abs() < 0.1, "{again} and {}", gain(&rich));
 }
@@ -93,25 +92,17 @@ fn prices_add_up_as_they_are_written() {
         vehicle["mounts"][0]["count"] = json!([3, 3]);
     });
     // In floating point three times 1.1 is 3.3000000000000003.
-    let search = |budget| {
-        [&optimize(budget, "run")[..2], &["--vehicle", "cents.json"], &optimize(budget, "run")[4..]]
-            .concat()
-    };
-    let told = fails(&dir, &search("3.29"));
-    assert!(told.contains("--budget: 3.29 is below") && told.contains("costs 3.3;"), "{told}");
+    let search = |budget| optimize(budget, "run").replace("cart.json", "cents.json");
+    fails(&dir, &search("3.29")).says("--budget: 3.29 is below").says("costs 3.3;");
     let found = ok(&dir, &search("3.3"));
     assert_eq!(found["settings"]["equipped"]["cost"], json!(3.3), "{found}");
     assert_eq!(found["settings"]["equipped"]["open_mounts"], json!([]), "three stand on one mount");
     let listed = read_json(dir.path().join("run/placements.json"));
     assert_eq!(listed["placements"][0]["price"], json!(3.3));
-    let front = [
-        "optimize", "room.json", "--vehicle", "cents.json", "--front", "price,near_gain",
-        "--evaluations", "20", "--budget", "3.3", "--out", "front", "--backend", "cpu",
-    ];
-    ok(&dir, &front);
+    let front = "optimize room.json --vehicle cents.json --front price,near_gain --evaluations 20";
+    ok(&dir, &(front, "--budget 3.3 --out front", CPU));
     for file in ["result.json", "placements.json"] {
-        let text = fs::read_to_string(dir.path().join("front").join(file)).unwrap();
-        assert!(text.contains("\"price\": 3.3") && !text.contains("3.30000"), "{file}");
+        read_text(dir.path().join("front"), file).says("\"price\": 3.3").lacks("3.30000");
     }
 }
 
@@ -123,9 +114,8 @@ fn the_vehicle_of_the_readme_gets_a_rig_for_its_budget() {
     let (text, rest) = rest.split_once("```").unwrap();
     assert!(rest.contains("--vehicle car.json --budget 9000"), "the command below it");
     fs::write(dir.path().join("car.json"), text).unwrap();
-    let run =
-        ["optimize", "room.json", "--vehicle", "car.json", "--budget", "9000", "--out", "own"];
-    let result = ok(&dir, &[&run[..], &["--evaluations", "8", "--tolerance", "0"], &CPU].concat());
+    let run = "optimize room.json --vehicle car.json --budget 9000 --out own";
+    let result = ok(&dir, &(run, "--evaluations 8 --tolerance 0", CPU));
     assert_eq!(result["settings"]["equipped"]["cost"], 8400.0, "three sensors of 2800");
     assert_eq!(result["best"]["scores"]["requirements"][0]["name"], "child from 5 to 30 m");
 }
@@ -163,8 +153,8 @@ fn sensors_on_two_sides_stay_mirror_images() {
     // The rule is the vehicle's; no option gave it.
     let rules = json!({ "equal_height": false, "symmetric": true, "fixed": [] });
     assert_eq!(found["settings"]["rules"], rules);
-    let lidars = found["best"]["placement"]["lidars"].as_array().unwrap();
-    let field = |k: usize, name: &str| lidars[k][name].as_f64().unwrap();
+    let lidars = found["best"]["placement"]["lidars"].list();
+    let field = |k: usize, name: &str| lidars[k][name].number();
     let side = |k: usize| lidars[k]["sensor"] == "solid";
     let [a, b] = (0..3).filter(|&k| side(k)).collect::<Vec<_>>()[..] else { panic!("{found}") };
     for (name, sign) in
@@ -175,7 +165,7 @@ fn sensors_on_two_sides_stay_mirror_images() {
     }
     let top = (0..3).find(|&k| !side(k)).unwrap();
     assert_eq!([field(top, "y"), field(top, "roll")], [0.0; 2], "in the plane");
-    assert!(found["methods"].as_array().unwrap().len() == 2, "swaps move them, too: {found}");
+    assert!(found["methods"].list().len() == 2, "swaps move them, too: {found}");
     // With a choice of numbers, too: two sides cost 6, one alone is none.
     changed(dir.path(), "cart.json", |vehicle| {
         for mount in vehicle["mounts"].as_array_mut().unwrap() {
@@ -186,13 +176,12 @@ fn sensors_on_two_sides_stay_mirror_images() {
     assert!(message.contains("cheapest") && message.contains('6'), "{message}");
     let pair = ok(&dir, &optimize("6.5", "pair"));
     assert_eq!(sensors(&pair), ["solid", "solid"]);
-    let lidars = pair["best"]["placement"]["lidars"].as_array().unwrap();
-    let sides = [0, 1].map(|k| lidars[k]["y"].as_f64().unwrap());
+    let lidars = pair["best"]["placement"]["lidars"].list();
+    let sides = [0, 1].map(|k| lidars[k]["y"].number());
     assert!(sides[0] > 0.49 && (sides[0] + sides[1]).abs() < 1e-9, "{sides:?}");
     // One height on the roof and on the sides there is not.
     changed(dir.path(), "cart.json", |vehicle| vehicle["equal_height"] = json!(true));
-    let message = fails(&dir, &optimize("100", "level"));
-    assert!(message.contains("unless all are boxes, and `left` is a patch"), "{message}");
+    fails(&dir, &optimize("100", "level")).says("unless all are boxes, and `left` is a patch");
 }
 
 #[test]
@@ -205,10 +194,10 @@ fn what_must_be_seen_changes_what_is_bought() {
     });
     let found = ok(&dir, &optimize("3", "one"));
     let lidar = &found["best"]["placement"]["lidars"][0];
-    assert!(sensors(&found) == ["solid"] && lidar["y"].as_f64().unwrap() > 0.0, "{lidar}");
+    assert!(sensors(&found) == ["solid"] && lidar["y"].number() > 0.0, "{lidar}");
     let seen = &found["best"]["scores"]["requirements"][0];
-    assert!(seen["found"].as_f64().unwrap() >= 0.5 && seen["met"] == true, "{seen}");
-    let page = fs::read_to_string(dir.path().join("one/report.html")).unwrap();
+    assert!(seen["found"].number() >= 0.5 && seen["met"] == true, "{seen}");
+    let page = read_text(&dir, "one/report.html");
     let heading = "<h1>The placement found meets its requirement (left) at a price of 3 (budget 3) with a near gain of ";
     let rest = page.split(heading).nth(1).unwrap_or_else(|| panic!("{page:.3000}"));
     assert!(rest.split("</h1>").next().unwrap().ends_with(" %."), "{page:.3000}");
@@ -226,12 +215,12 @@ fn mixed_rigs_pass_verify() {
 fn the_study_of_cost_rises_with_the_price() {
     let dir = garage();
     let study = ["study", "cost", "room.json", "--vehicle", "cart.json", "--evaluations", "20"];
-    let table = ok(&dir, &[&study[..], &CPU].concat());
-    let rows = table["rows"].as_array().unwrap();
-    let prices: Vec<f64> = rows.iter().map(|row| row["values"][0].as_f64().unwrap()).collect();
+    let table = ok(&dir, &(&study, CPU));
+    let rows = table["rows"].list();
+    let prices: Vec<f64> = rows.iter().map(|row| row["values"][0].number()).collect();
     assert!(prices.len() >= 2 && prices.is_sorted() && prices[0] == 3.0, "{prices:?}");
     assert!(prices.last() >= Some(&10.0), "{prices:?}");
-    let gains: Vec<f64> = rows.iter().map(|row| row["values"][1].as_f64().unwrap()).collect();
+    let gains: Vec<f64> = rows.iter().map(|row| row["values"][1].number()).collect();
     assert!(gains.last() > gains.first(), "{gains:?}");
     // Searches of a study do not look at copies: a table with requirements says so.
     let note = "Requirements are met as mounted only: searches of a study allow for no tolerance";
@@ -241,17 +230,15 @@ fn the_study_of_cost_rises_with_the_price() {
             json!([{ "name": "near", "min": [-2, -2, 0], "max": [2, 2, 1], "share": 0.1 }]);
     });
     let line = "study cost room.json --vehicle need.json --evaluations 4 --out need";
-    let args: Vec<&str> = line.split(' ').collect();
-    let table = ok(&dir, &[&args[..], &CPU].concat());
+    let table = ok(&dir, &(line, CPU));
     assert!(table["notes"].to_string().contains(note), "{table}");
     // Own rigs are not searched.
-    let rig = json!({ "placements": [{ "name": "own", "lidars": [
-        { "x": 0, "y": 0, "z": 1.5, "sensor": "spinning" }, { "x": 0.3, "y": 0, "z": 1.5, "sensor": "spinning" }] }] });
-    write(&dir, "own.json", &rig);
+    let lidars = json!([
+        { "x": 0, "y": 0, "z": 1.5, "sensor": "spinning" }, { "x": 0.3, "y": 0, "z": 1.5, "sensor": "spinning" }]);
+    write_rig(&dir, "own.json", "own", lidars);
     for kind in ["loss", "weather"] {
         let line = format!("study {kind} room.json own.json --vehicle need.json --out {kind}");
-        let args: Vec<&str> = line.split(' ').collect();
-        let notes = ok(&dir, &[&args[..], &CPU].concat())["notes"].to_string();
+        let notes = ok(&dir, &(line, CPU))["notes"].to_string();
         let told = "Requirements are met as mounted only: `sightline score` tells";
         assert!(notes.contains(told) && !notes.contains("searches of a study"), "{notes}");
     }
@@ -269,8 +256,7 @@ fn the_study_of_cost_rises_with_the_price() {
         ("optimize room.json --vehicle free.json --out n", false),
         ("optimize room.json --vehicle cart.json --budget 12 --out p", false),
     ] {
-        let args = line.split(' ').chain("--evaluations 4 --backend cpu".split(' '));
-        let told = stderr(&dir, &args.collect::<Vec<_>>());
+        let told = stderr(&dir, &(line, "--evaluations 4 --backend cpu"));
         assert!(told.contains(note) == is_told, "{line}: {told}");
     }
 }
@@ -280,17 +266,15 @@ fn studies_take_mixed_rigs_or_say_why_not() {
     let dir = garage();
     // The cart is not the paper's car, and has no layouts of its own: two studies need rigs.
     let lidar = json!({ "x": 0, "y": 0, "z": 1.5, "sensor": "spinning" });
-    let rigs = json!({ "placements": [{ "name": "one", "lidars": [lidar] }] });
-    write(&dir, "rigs.json", &rigs);
-    let study = |kind: &'static str| {
-        let rigs = if ["voxels", "regions"].contains(&kind) { &["rigs.json"][..] } else { &[] };
-        let args = ["--vehicle", "cart.json", "--evaluations", "8", "--random", "5"];
-        let out = ["--backend", "cpu", "--out", kind];
-        [&["study", kind, "room.json"][..], rigs, &args, &out].concat()
+    write_rig(&dir, "rigs.json", "one", [lidar]);
+    let study = |kind: &str| {
+        let rigs = if ["voxels", "regions"].contains(&kind) { "rigs.json" } else { "" };
+        let args = "--vehicle cart.json --evaluations 8 --random 5 --backend cpu";
+        format!("study {kind} room.json {rigs} {args} --out {kind}")
     };
     for kind in ["lidars", "channels", "voxels", "random", "regions", "loss"] {
         let table = ok(&dir, &study(kind));
-        assert!(!table["rows"].as_array().unwrap().is_empty(), "{kind}");
+        assert!(!table["rows"].list().is_empty(), "{kind}");
         if kind == "random" {
             // All of few placements have a warning: the optimized one is shown with it.
             let row = &table["rows"][0];
@@ -299,21 +283,13 @@ fn studies_take_mixed_rigs_or_say_why_not() {
             assert!(table["notes"].to_string().contains("No random placement counts; "), "{table}");
         }
         if kind == "channels" {
-            assert!(
-                table["notes"].to_string().contains("`spinning`, the vehicle's first model"),
-                "{table}"
-            );
-            let beams: Vec<f64> = table["rows"]
-                .as_array()
-                .unwrap()
-                .iter()
-                .map(|row| row["values"][0].as_f64().unwrap())
-                .collect();
+            table["notes"].to_string().says("`spinning`, the vehicle's first model");
+            let beams: Vec<f64> =
+                table["rows"].list().iter().map(|row| row["values"][0].number()).collect();
             assert_eq!(beams[..2], [16.0 * 90.0, 32.0 * 90.0]);
         }
     }
-    let message = fails(&dir, &study("height"));
-    assert!(message.contains("3 mounts of their own heights: roof, left, right"), "{message}");
+    fails(&dir, &study("height")).says("3 mounts of their own heights: roof, left, right");
 }
 
 #[test]
@@ -327,129 +303,91 @@ fn the_cheapest_rig_with_room_is_found_in_any_order_of_the_mounts() {
         "sensors": [sensor("cheap", 1), sensor("dear", 80), sensor("mid", 40)],
         "mounts": [mount("cheap", -2.0), mount("dear", 0.0), mount("mid", 2.0)],
         "keep_out": [{ "min": [-3, -1, 1], "max": [-1, 1, 3] }] });
-    fs::write(dir.path().join("posts.json"), posts.to_string()).unwrap();
-    let budget = ["optimize", "room.json", "--vehicle", "posts.json", "--budget", "39"];
-    let told = fails(dir.path(), &budget);
-    assert!(told.contains("39 is below the cheapest rig") && told.contains("costs 40"), "{told}");
+    write(&dir, "posts.json", &posts);
+    let budget = "optimize room.json --vehicle posts.json --budget 39";
+    fails(dir.path(), budget).says("39 is below the cheapest rig").says("costs 40");
 }
 
 #[test]
 fn faults_are_said() {
     let dir = garage();
-    let says = |args: &[&str], parts: &[&str]| {
-        let message = fails(&dir, args);
-        for part in parts {
-            assert!(message.contains(part), "{message}\n  lacks {part}");
-        }
-    };
-    says(&optimize("2", "x"), &["--budget: 2 is below the cheapest rig", "costs 3"]);
-    let ruled = [&optimize("9", "x")[..], &["--fix", "yaw=0"]].concat();
-    says(
-        &ruled,
-        &[
-            "--fix, --symmetric and --equal-height are rules for the `mount` of a scene",
-            "cart.json has mounts of its own",
-        ],
-    );
-    says(&["optimize", "room.json", "--budget", "9"], &["--budget", "--vehicle"]);
-    says(&["study", "cost", "room.json"], &["room.json", "has no vehicle", "--vehicle"]);
-    let of_m_sog = [&optimize("9", "x")[..], &["--objective", "m_sog_scaled"]].concat();
-    says(
-        &of_m_sog,
-        &["chosen by near_gain, near_gain_2, near_gain_3 or information_gain", "m_sog_scaled"],
-    );
-    let other = json!({ "placements": [{ "name": "x", "lidars": [{ "x": 0, "y": 0, "z": 1.5, "sensor": "sonar" }] }] });
-    write(&dir, "sonar.json", &other);
-    says(
-        &["score", "room.json", "sonar.json", "--vehicle", "none.json"],
-        &["none.json: cannot be read"],
-    );
-    says(
-        &["score", "room.json", "sonar.json", "--vehicle", "cart.json", "--backend", "cpu"],
-        &["sonar.json: placement `x`, LiDAR 0: there is no sensor `sonar`", "`spinning`, `solid`"],
-    );
-    let slip = other.to_string().replace("sonar", "spining");
-    fs::write(dir.path().join("slip.json"), slip).unwrap();
-    let baselines = [&optimize("16", "x")[..], &["--baselines", "slip.json"]].concat();
-    let score = ["score", "room.json", "slip.json", "--vehicle", "cart.json", "--backend", "cpu"];
-    for command in [&score[..], &baselines] {
-        says(command, &["slip.json: placement `x`, LiDAR 0: ", "did you mean `spinning`?"]);
+    fails(&dir, &optimize("2", "x")).says("--budget: 2 is below the cheapest rig").says("costs 3");
+    fails(&dir, &(optimize("9", "x"), "--fix yaw=0"))
+        .says("--fix, --symmetric and --equal-height are rules for the `mount` of a scene")
+        .says("cart.json has mounts of its own");
+    fails(&dir, "optimize room.json --budget 9").says("--budget").says("--vehicle");
+    fails(&dir, "study cost room.json").says("room.json").says("has no vehicle").says("--vehicle");
+    fails(&dir, &(optimize("9", "x"), "--objective m_sog_scaled"))
+        .says("chosen by near_gain, near_gain_2, near_gain_3 or information_gain")
+        .says("m_sog_scaled");
+    write_rig(&dir, "sonar.json", "x", json!([{ "x": 0, "y": 0, "z": 1.5, "sensor": "sonar" }]));
+    fails(&dir, "score room.json sonar.json --vehicle none.json").says("none.json: cannot be read");
+    fails(&dir, "score room.json sonar.json --vehicle cart.json --backend cpu")
+        .says("sonar.json: placement `x`, LiDAR 0: there is no sensor `sonar`")
+        .says("`spinning`, `solid`");
+    write(&dir, "slip.json", &read_text(&dir, "sonar.json").replace("sonar", "spining"));
+    let score = "score room.json slip.json --vehicle cart.json --backend cpu";
+    for command in [score, &format!("{} --baselines slip.json", optimize("16", "x"))] {
+        fails(&dir, command)
+            .says("slip.json: placement `x`, LiDAR 0: ")
+            .says("did you mean `spinning`?");
     }
     // Files in each other's place.
     for (args, words) in [
+        ("score room.json cart.json", "cart.json: is a vehicle; give a file of placements"),
+        ("score room.json cart.json", "here, and this one by --vehicle"),
         (
-            &["score", "room.json", "cart.json"][..],
-            "cart.json: is a vehicle; give a file of placements",
-        ),
-        (&["score", "room.json", "cart.json"], "here, and this one by --vehicle"),
-        (
-            &["optimize", "cart.json"],
+            "optimize cart.json",
             "cart.json: is a vehicle, where a scene belongs; give it by --vehicle",
         ),
         (
-            &["optimize", "room.json", "sonar.json"],
+            "optimize room.json sonar.json",
             "sonar.json: is a file of placements, where a scene belongs; give it by --baselines or --inject",
         ),
         (
-            &["score", "room.json", "sonar.json", "--vehicle", "sonar.json"],
+            "score room.json sonar.json --vehicle sonar.json",
             "sonar.json: is a file of placements, where a vehicle belongs; give it behind the scenes",
         ),
         (
-            &["study", "height", "sonar.json"],
+            "study height sonar.json",
             "sonar.json: holds placements, which `study height` does not take, as it searches its own",
         ),
         (
-            &["score", "room.json", "sonar.json", "--vehicle", "room.json"],
+            "score room.json sonar.json --vehicle room.json",
             "room.json: is a scene, where a vehicle belongs; give it as SCENE",
         ),
     ] {
-        says(args, &[words]);
+        fails(&dir, args).says(words);
     }
     changed(dir.path(), "bad.json", |vehicle| vehicle["mounts"] = json!([]));
-    says(
-        &["score", "room.json", "sonar.json", "--vehicle", "bad.json"],
-        &["bad.json: mounts: a list of 0"],
-    );
+    fails(&dir, "score room.json sonar.json --vehicle bad.json")
+        .says("bad.json: mounts: a list of 0");
     changed(dir.path(), "knot.json", |vehicle| {
         vehicle["mounts"][1]["polygon"] =
             json!([[0, 0.5, 0.5], [-0.3, 0.5, 0.5], [0, 0.5, 0.6], [-0.1, 0.5, 0.7]]);
     });
-    says(
-        &["score", "room.json", "sonar.json", "--vehicle", "knot.json"],
-        &[
-            "knot.json: mounts[1].polygon[3]: the side from corner 3 to corner 0",
-            "must not cross or touch itself",
-        ],
-    );
+    fails(&dir, "score room.json sonar.json --vehicle knot.json")
+        .says("knot.json: mounts[1].polygon[3]: the side from corner 3 to corner 0")
+        .says("must not cross or touch itself");
     write(&dir, "sonar.dat", "nonsense");
     changed(dir.path(), "vendor.json", |vehicle| {
         vehicle["sensors"][1]["lidar"] = json!({ "file": "sonar.dat", "range": 8 });
     });
-    says(
-        &["score", "room.json", "sonar.json", "--vehicle", "vendor.json"],
-        &[
-            "vendor.json: sensors[1].lidar.file: ",
-            "sonar.dat: the content is not that of a sensor file",
-        ],
-    );
+    fails(&dir, "score room.json sonar.json --vehicle vendor.json")
+        .says("vendor.json: sensors[1].lidar.file: ")
+        .says("sonar.dat: the content is not that of a sensor file");
     changed(dir.path(), "far.json", |vehicle| {
         vehicle["require"] = json!([{ "name": "behind the wall", "min": [90, 90, 0], "max": [91, 91, 1], "share": 0.5 }]);
     });
-    fs::write(dir.path().join("fits.json"), other.to_string().replace("sonar", "spinning"))
-        .unwrap();
-    says(
-        &["score", "room.json", "fits.json", "--vehicle", "far.json", "--backend", "cpu"],
-        &[
-            "far.json: require[0]: `behind the wall` holds no voxel of the scene's roi",
-            "; move it into",
-        ],
-    );
+    write(&dir, "fits.json", &read_text(&dir, "sonar.json").replace("sonar", "spinning"));
+    fails(&dir, "score room.json fits.json --vehicle far.json --backend cpu")
+        .says("far.json: require[0]: `behind the wall` holds no voxel of the scene's roi")
+        .says("; move it into");
     changed(dir.path(), "mm.json", |vehicle| {
         let area = json!({ "name": "near", "min": [500, -500, 0], "max": [1500, 500, 1000], "share": 0.5 });
         vehicle["require"] = json!([area]);
     });
-    says(
-        &["score", "room.json", "fits.json", "--vehicle", "mm.json", "--backend", "cpu"],
-        &["`near` holds no voxel", "is it in millimetres? lengths are in metres, 1500 mm are 1.5"],
-    );
+    fails(&dir, "score room.json fits.json --vehicle mm.json --backend cpu")
+        .says("`near` holds no voxel")
+        .says("is it in millimetres? lengths are in metres, 1500 mm are 1.5");
 }

@@ -20,22 +20,22 @@ fn yard(dir: &Path) {
 fn a_page_of_a_placement_compares_it_with_those_given() {
     let dir = TempDir::new().unwrap();
     yard(dir.path());
-    let args =
-        ["view", "yard.json", "two.json:high", "--baselines", "two.json:low", "--out", "v.html"];
-    printed(&dir, &[&args[..], &["--backend", "cpu"]].concat());
-    let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
+    let args = "view yard.json two.json:high --baselines two.json:low --out v.html";
+    printed(&dir, &(args, "--backend cpu"));
+    let page = read_text(&dir, "v.html");
     // Twelve channels lose a car far away: that is said first.
-    assert!(page.contains("<h1>BLIND: all round "), "{page}");
+    page.says("<h1>BLIND: all round ");
     assert!(page.contains(" high is ") && page.contains(" than low, the only baseline"));
     let warnings = |page: &str| {
         let from = page.split_once("id=\"guards\"").unwrap().1;
         from.split_once("</section>").unwrap().0.to_owned()
     };
     // Warnings list the blind sectors of the head, with their meaning.
-    let told = warnings(&page);
-    assert!(told.contains("<b>high</b>: BLIND: all round "), "{told}");
-    assert!(told.contains("<b>low</b>: ") && told.contains("BLIND: "), "{told}");
-    assert!(told.contains("do not make its score doubtful: blind sectors."), "{told}");
+    warnings(&page)
+        .says("<b>high</b>: BLIND: all round ")
+        .says("<b>low</b>: ")
+        .says("BLIND: ")
+        .says("do not make its score doubtful: blind sectors.");
     let caption = "Percentage points that high gains more than each baseline";
     assert!(page.contains(caption), "the rig that was given is named");
     let command = page.split("sightline view ").nth(1).unwrap().split('<').next().unwrap();
@@ -46,10 +46,9 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     fs::copy(dir.path().join("yard.json"), dir.path().join("my yard.json")).unwrap();
     let args = ["view", "my yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
     let wet = ["--condition", "wet:water=1"];
-    let told = stderr(&dir, &[&args[..], &wet].concat());
-    let shown = "two.json: shows `low` of 2 placements; two.json:NAME shows another";
-    assert!(told.contains(shown), "{told}");
-    let page = fs::read_to_string(dir.path().join("w.html")).unwrap();
+    stderr(&dir, &(&args, &wet))
+        .says("two.json: shows `low` of 2 placements; two.json:NAME shows another");
+    let page = read_text(&dir, "w.html");
     assert!(page.contains("sightline · yard, under wet:water=1<"));
     let command = page.split("sightline view ").nth(1).unwrap().split('<').next().unwrap();
     let quoted =
@@ -64,12 +63,10 @@ fn what_cannot_be_shown_is_told_before_work_begins() {
     let dir = TempDir::new().unwrap();
     yard(dir.path());
     let view = |placement: &str, out: &str| {
-        fails(&dir, &["view", "yard.json", placement, "--out", out, "--backend", "cpu"])
+        fails(&dir, &format!("view yard.json {placement} --out {out} --backend cpu"))
     };
-    let told = view("two.json:roof", "v.html");
-    assert!(told.contains("two.json: has no placement `roof`; it has low, high"), "{told}");
-    let told = view("two.json:low", "two.json");
-    assert!(told.contains("two.json"), "{told}");
+    view("two.json:roof", "v.html").says("two.json: has no placement `roof`; it has low, high");
+    view("two.json:low", "two.json").says("two.json");
     assert!(!dir.path().join("v.html").exists());
 }
 
@@ -91,13 +88,12 @@ fn a_page_has_the_numbers_of_the_studies_on_several_lidars() {
     let dir = TempDir::new().unwrap();
     yard(dir.path());
     let lidar = |x: f64, pitch: f64| json!({ "x": x, "y": 0.0, "z": 2.0, "pitch": pitch });
-    let pair = json!({ "placements": [{ "name": "pair", "lidars": [lidar(1.2, 0.1), lidar(-1.2, 0.0)] }] });
-    write(&dir, "pair.json", &pair);
-    let done = |args: &[&str]| stdout(&dir, &[args, &["--backend", "cpu"]].concat());
-    done(&["view", "yard.json", "pair.json", "--out", "v.html", "--figures", "figures"]);
-    let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
+    write_rig(&dir, "pair.json", "pair", [lidar(1.2, 0.1), lidar(-1.2, 0.0)]);
+    let done = |args: &str| stdout(&dir, &(args, "--backend cpu"));
+    done("view yard.json pair.json --out v.html --figures figures");
+    let page = read_text(&dir, "v.html");
     let told = section(&page, "redundancy");
-    let study = done(&["study", "redundancy", "yard.json", "pair.json"]);
+    let study = done("study redundancy yard.json pair.json");
     let rows = study.lines().skip_while(|line| !line.starts_with("% seen by")).skip(1);
     let rows = rows.filter(|line| !line.is_empty());
     let cells = |line: &str| {
@@ -107,20 +103,18 @@ fn a_page_has_the_numbers_of_the_studies_on_several_lidars() {
     assert!(rows.len() >= 7, "{study}");
     rows.iter().for_each(|row| assert!(told.contains(row), "{row} of {told}"));
     let told = section(&page, "lost");
-    let csv =
-        done(&["study", "loss", "yard.json", "pair.json", "--format", "csv", "--out", "loss"]);
+    let csv = done("study loss yard.json pair.json --format csv --out loss");
     let values: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
     for (lidar, value) in values[3..5].iter().enumerate() {
         let row = format!("|LiDAR {lidar}|{:.2}|", value.parse::<f64>().unwrap());
         assert!(told.contains(&row), "{row} of {told}");
     }
     assert!(told.contains("without LiDAR 0: all round") || told.contains("|360"), "{told}");
-    let map = fs::read_to_string(dir.path().join("figures/lidars-yard.svg")).unwrap();
-    assert!(map.contains("LiDARs that see a column, mean of 3 frames"), "{map}");
+    read_text(&dir, "figures/lidars-yard.svg").says("LiDARs that see a column, mean of 3 frames");
     assert!(page.contains("Columns by the number of LiDARs that see them"));
     // One LiDAR has no other to be compared with.
-    done(&["view", "yard.json", "two.json:high", "--out", "one.html"]);
-    let one = fs::read_to_string(dir.path().join("one.html")).unwrap();
+    done("view yard.json two.json:high --out one.html");
+    let one = read_text(&dir, "one.html");
     assert!(!one.contains("id=\"lost\"") && !one.contains("id=\"redundancy\""));
 }
 
@@ -135,17 +129,16 @@ fn a_page_has_the_table_of_technologies_and_the_command_for_tolerances() {
     // A placement that misses a requirement ends with 1, as in `score`; its page is written.
     let far = json!({ "target": "tyre", "from": 40, "within": 40, "beams": 100, "share": 1 });
     set_rules(dir, json!([far]));
-    let args = "view yard.json each.json:l0 --backend cpu --out missed.html";
-    let run = sightline(dir, args);
+    let run = sightline(dir, "view yard.json each.json:l0 --backend cpu --out missed.html");
     let told = String::from_utf8_lossy(&run.stderr);
     assert_eq!(run.status.code(), Some(1), "{told}");
-    assert!(told.contains("NOT MET: l0 misses a requirement; exit code 1"), "{told}");
-    assert!(fs::read_to_string(dir.join("missed.html")).unwrap().contains("NOT MET"));
+    told.says("NOT MET: l0 misses a requirement; exit code 1");
+    read_text(dir, "missed.html").says("NOT MET");
     let near = json!({ "target": "car", "within": 10, "share": 0.1 });
     set_rules(dir, json!([near]));
     // One LiDAR: its vehicle has cameras and radars, one of them within the body.
     done("view yard.json each.json:l0 --out v.html");
-    let page = fs::read_to_string(dir.join("v.html")).unwrap();
+    let page = read_text(dir, "v.html");
     let told = section(&page, "redundancy");
     let study = done("study redundancy yard.json each.json:l0");
     let table = study.split_once("% by technologies").unwrap().1;
@@ -156,8 +149,7 @@ fn a_page_has_the_table_of_technologies_and_the_command_for_tolerances() {
     let rows: Vec<String> = rows.map(cells).collect();
     assert!(rows.len() >= 7, "{study}");
     rows.iter().for_each(|row| assert!(told.contains(row), "{row} of {told}"));
-    assert!(told.contains("|blind to all|by 1|2|3+|1 lidar|7 camera|5 radar"), "{told}");
-    assert!(told.contains("% of the view of `radar 4`"), "{told}");
-    let told = section(&page, "required");
-    assert!(told.contains("sightline study tolerance yard.json each.json:l0"), "{told}");
+    told.says("|blind to all|by 1|2|3+|1 lidar|7 camera|5 radar");
+    told.says("% of the view of `radar 4`");
+    section(&page, "required").says("sightline study tolerance yard.json each.json:l0");
 }

@@ -268,26 +268,25 @@ fn a_front_that_stops_again_and_again_has_the_points_of_one_that_never_did() {
 fn the_program_writes_a_front_whose_placements_score_alike() {
     let dir = TempDir::new().unwrap();
     street(dir.path(), [30, 11], car_ahead(0.95));
-    let line =
-        "optimize street.json --front price,near_gain --backend cpu --evaluations 10 --out run";
-    let args: Vec<&str> = line.split(' ').collect();
-    let text = stdout(&dir, &args);
+    let search =
+        "optimize street.json --front price,near_gain --backend cpu --evaluations 10 --out";
+    let text = stdout(&dir, &(search, "run"));
     for words in [
         "cheapest that meets all requirements",
         "best near_gain",
         "The cheapest that meets all requirements costs 11",
     ] {
-        assert!(text.contains(words), "{words}: {text}");
+        text.says(words);
     }
     let read = |name: &str| fs::read_to_string(dir.path().join("run").join(name)).unwrap();
     let listed: Value = serde_json::from_str(&read("placements.json")).unwrap();
-    let listed = listed["placements"].as_array().unwrap();
-    let prices: Vec<f64> = listed.iter().map(|one| one["price"].as_f64().unwrap()).collect();
+    let listed = listed["placements"].list();
+    let prices: Vec<f64> = listed.iter().map(|one| one["price"].number()).collect();
     assert!(prices.len() > 2 && prices.is_sorted(), "{prices:?}");
     let result: Value = serde_json::from_str(&read("result.json")).unwrap();
-    let points = result["front"].as_array().unwrap();
+    let points = result["front"].list();
     let scored = ok(&dir, "score street.json run/placements.json --backend cpu");
-    let scored = scored["scores"].as_array().unwrap();
+    let scored = scored["scores"].list();
     assert_eq!((points.len(), scored.len()), (prices.len(), prices.len()));
     for ((point, scores), price) in points.iter().zip(scored).zip(&prices) {
         let mut plain = scores.clone();
@@ -303,11 +302,11 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
         let held = if is_met { &scores["requirements"][0]["holds_in"] } else { &Value::Null };
         assert_eq!(point["copies_that_meet_all"], *held);
         let blind = blind_degrees(scores);
-        assert!((point["car_blind_deg"].as_f64().unwrap() - blind).abs() < 1e-9, "{point}");
+        assert!((point["car_blind_deg"].number() - blind).abs() < 1e-9, "{point}");
     }
     let met: Vec<&Value> =
         points.iter().filter(|point| point["requirements_met"] == true).collect();
-    let of_cheapest = 100.0 * met[0]["copies_that_meet_all"].as_f64().unwrap();
+    let of_cheapest = 100.0 * met[0]["copies_that_meet_all"].number();
     for words in [
         format!(", in {of_cheapest:.0} % of copies mounted within the tolerance"),
         "cheapest that meets all requirements".to_owned(),
@@ -315,7 +314,7 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     ] {
         assert!(text.contains(&words), "{words}: {text}");
     }
-    let picks = result["picks"].as_array().unwrap();
+    let picks = result["picks"].list();
     // A decision begins with no point that misses a requirement where others meet all.
     let names: Vec<&Value> = met.iter().map(|point| &point["name"]).collect();
     assert!(picks.len() > 2, "{picks:?}");
@@ -325,47 +324,37 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
             || points.iter().all(|p| p["requirements_met"] == true)
     );
     let page = read("report.html");
-    assert!(
-        page.contains("<svg")
-            && page.contains("The front")
-            && page.contains("--front price,near_gain")
-    );
+    page.says("<svg").says("The front").says("--front price,near_gain");
     // The command of the page gives the same points.
-    printed(&dir, &[&args[..9], &["again"]].concat());
-    let other = fs::read_to_string(dir.path().join("again/placements.json")).unwrap();
+    printed(&dir, &(search, "again"));
+    let other = read_text(&dir, "again/placements.json");
     assert_eq!(other, read("placements.json"));
     // One of the points is handed over, and which ones there are is said.
     let told = fails(&dir, "rig handover run --out rig");
-    let first = met[0]["name"].as_str().unwrap();
+    let first = met[0]["name"].text();
     for words in [
         format!("holds a front of {} placements", points.len()),
         format!("as run:{first} (it has front-1, "),
     ] {
         assert!(told.contains(&words), "{words}: {told}");
     }
-    let made =
-        ok(&dir, &["rig", "handover", &format!("run:{first}"), "--backend", "cpu", "--out", "rig"]);
+    let made = ok(&dir, &format!("rig handover run:{first} --backend cpu --out rig"));
     assert_eq!((&made["placement"], &made["price"]), (&json!(first), &met[0]["price"]));
-    let readme = fs::read_to_string(dir.path().join("rig/README.txt")).unwrap();
-    assert!(readme.contains("Found with seed 1 in the run run"), "{readme}");
+    let readme = read_text(&dir, "rig/README.txt");
+    readme.says("Found with seed 1 in the run run");
     let words = format!("Result: {first}: meets its requirement (car");
     let copies = format!(", {of_cheapest:.0} % of copies mounted within the tolerance meet all");
-    assert!(readme.contains(&words) && readme.contains(&copies), "{readme}");
+    readme.says(&words).says(&copies);
     let kept = read("checkpoint.json");
     // Gone on with at its end, it says where it is; drawings of one placement are refused.
-    let told = fails(&dir, "optimize --resume run --gltf a.glb");
-    assert!(told.contains("run: holds a front, of which --gltf"), "{told}");
-    let text = stdout(&dir, "optimize --resume run --backend cpu");
-    assert!(text.contains("run: the run is finished (stopped: complete"), "{text}");
+    fails(&dir, "optimize --resume run --gltf a.glb").says("run: holds a front, of which --gltf");
+    stdout(&dir, "optimize --resume run --backend cpu")
+        .says("run: the run is finished (stopped: complete");
     assert_eq!((read("placements.json"), read("checkpoint.json")), (other, kept));
     fs::remove_file(dir.path().join("run/checkpoint.json")).unwrap();
-    let told = fails(&dir, "optimize --resume run");
-    assert!(
-        told.contains("run: holds a front without a checkpoint, which does not go on"),
-        "{told}"
-    );
-    let told = fails(&dir, &args);
-    assert!(told.contains("--force"), "{told}");
+    fails(&dir, "optimize --resume run")
+        .says("run: holds a front without a checkpoint, which does not go on");
+    fails(&dir, &(search, "run")).says("--force");
 }
 
 #[test]
@@ -380,12 +369,9 @@ fn no_point_that_meets_all_is_exit_code_1_and_time_is_said() {
     assert_eq!(code, Some(1));
     assert_eq!(result["front"][0]["requirements_met"], false);
     let (_, result, told) = answer(&dir, &format!("{line} late --max-seconds 0.3"));
-    assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");
-    assert!(
-        told.contains("; go on with --resume late")
-            && !result["front"].as_array().unwrap().is_empty(),
-        "{told}"
-    );
+    assert!(result["stopped"].text().starts_with("time"), "{result}");
+    told.says("; go on with --resume late");
+    assert!(!result["front"].list().is_empty(), "{result}");
     let (code, [_, told]) = ran(&dir, "optimize --resume late --backend cpu");
     assert_eq!(code, Some(1), "{told}");
     assert_same(dir.path(), "run", "late");
@@ -395,10 +381,8 @@ fn no_point_that_meets_all_is_exit_code_1_and_time_is_said() {
 fn a_front_of_nothing_is_refused_in_a_sentence() {
     let dir = TempDir::new().unwrap();
     street(dir.path(), [0, 0], json!([]));
-    let refused = |front: &str, more: &[&str]| {
-        let args =
-            [&["optimize", "street.json", "--out", "never", "--front", front], more].concat();
-        let told = fails(&dir, &args);
+    let refused = |front: &str| {
+        let told = fails(&dir, &("optimize street.json --out never --front", front));
         assert!(!dir.path().join("never").exists(), "{front} left a folder");
         told
     };
@@ -412,20 +396,17 @@ fn a_front_of_nothing_is_refused_in_a_sentence() {
         ("sensors", "has 1 objective; name two or three"),
         ("sensors,near_gain,sensors", "`sensors` is named twice"),
     ] {
-        let told = refused(front, &[]);
-        assert!(told.contains(words), "{front}: {told}");
+        refused(front).says(words);
     }
-    refused("sensors,near_gain", &["--fewest"]);
-    let scene = fs::read_to_string(dir.path().join("street.json")).unwrap();
+    refused("sensors,near_gain --fewest");
+    let scene = read_text(&dir, "street.json");
     let plain = scene.replace(r#""vehicle":"cart.json""#,
         r#""lidar":{"channels":4,"fov":[-20,4],"azimuth_steps":90,"range":20},"mount":{"min":[0,0,1],"max":[0,0,1],"lidars":1}"#);
     assert_ne!(plain, scene);
     fs::write(dir.path().join("street.json"), plain).unwrap();
-    let told = refused("sensors,near_gain", &[]);
-    let words = "are of one model, with nothing to choose from; give a vehicle with sensors and mounts with --vehicle";
-    assert!(told.contains(words), "{told}");
-    let told = fails(&dir, "optimize street.json --evaluations 0");
-    assert!(told.contains("--evaluations"), "{told}");
+    refused("sensors,near_gain")
+        .says("are of one model, with nothing to choose from; give a vehicle with sensors and mounts with --vehicle");
+    fails(&dir, "optimize street.json --evaluations 0").says("--evaluations");
 }
 
 #[cfg(unix)]
@@ -436,8 +417,7 @@ fn ctrl_c_writes_the_points_found_so_far_and_exits_with_130() {
     let dir = TempDir::new().unwrap();
     street(dir.path(), [30, 11], json!([]));
     let line = "optimize street.json --front price,near_gain --backend cpu --evaluations 1000000 --out run";
-    let args: Vec<&str> = line.split(' ').collect();
-    let mut child = crate::cli_interrupted::spawn(dir.path(), &args);
+    let mut child = crate::cli_interrupted::spawn(dir.path(), line);
     let mut told = BufReader::new(child.stderr.take().unwrap()).lines();
     // The engine is named when the sensors are chosen.
     assert!(told.by_ref().any(|line| line.unwrap().contains("computing on cpu")));
@@ -453,10 +433,7 @@ fn ctrl_c_writes_the_points_found_so_far_and_exits_with_130() {
     let read = |name: &str| fs::read_to_string(dir.path().join("run").join(name)).unwrap();
     let result: Value = serde_json::from_str(&read("result.json")).unwrap();
     assert_eq!(result["stopped"], "interrupted");
-    assert!(!result["front"].as_array().unwrap().is_empty());
+    assert!(!result["front"].list().is_empty());
     let listed: Value = serde_json::from_str(&read("placements.json")).unwrap();
-    assert_eq!(
-        listed["placements"].as_array().unwrap().len(),
-        result["front"].as_array().unwrap().len()
-    );
+    assert_eq!(listed["placements"].list().len(), result["front"].list().len());
 }

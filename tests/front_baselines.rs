@@ -1,12 +1,6 @@
 //! Baselines beside a front: marked in picture, tables and record, and no part of the search.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-use tempfile::TempDir;
-
-use crate::cli::{fails, ok, sightline};
+use crate::cli::*;
 use crate::front::{car_ahead, street};
 
 /// Two rigs beside the cart's front: one that looks behind, and one above its mount.
@@ -16,7 +10,7 @@ fn write_rigs(dir: &Path) {
         rig("behind", json!({ "sensor": "narrow", "x": -0.8, "y": 0, "z": 1, "yaw": 3.1 })),
         rig("above", json!({ "sensor": "half", "x": 0.8, "y": 0, "z": 3 })),
     ];
-    fs::write(dir.join("rigs.json"), json!({ "placements": rigs }).to_string()).unwrap();
+    write(dir, "rigs.json", &json!({ "placements": rigs }));
 }
 
 #[test]
@@ -24,19 +18,17 @@ fn baselines_stand_beside_the_front_and_change_none_of_it() {
     let dir = TempDir::new().unwrap();
     street(dir.path(), [30, 11], car_ahead(0.95));
     write_rigs(dir.path());
-    let line =
-        "optimize street.json --front price,near_gain --backend cpu --evaluations 0 --out plain";
-    let plain = ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let search = "optimize street.json --front price,near_gain --backend cpu --evaluations 0";
+    let plain = ok(&dir, &(search, "--out plain"));
     assert!(plain.get("baselines").is_none());
-    let line = line.replace("--out plain", "--out run --baselines rigs.json");
-    let result = ok(dir.path(), &line.split(' ').collect::<Vec<_>>());
+    let result = ok(&dir, &(search, "--out run --baselines rigs.json"));
     for key in ["front", "picks", "scored", "stopped"] {
         assert_eq!(result[key], plain[key], "{key}");
     }
-    let scored = ok(dir.path(), &["score", "street.json", "rigs.json", "--backend", "cpu"]);
-    let baselines = result["baselines"].as_array().unwrap();
+    let scored = ok(&dir, "score street.json rigs.json --backend cpu");
+    let baselines = result["baselines"].list();
     for ((baseline, scores), price) in
-        baselines.iter().zip(scored["scores"].as_array().unwrap()).zip([11.0, 30.0])
+        baselines.iter().zip(scored["scores"].list()).zip([11.0, 30.0])
     {
         let mut plain = scores.clone();
         assert_eq!(plain.as_object_mut().unwrap().remove("price"), Some(json!(price)));
@@ -54,7 +46,7 @@ fn baselines_stand_beside_the_front_and_change_none_of_it() {
     let equipment = [&baselines[0]["equipment"], &baselines[1]["equipment"]];
     assert_eq!(equipment, ["1 × narrow on rear", "rules of the mounts are broken, LiDARs: 1"]);
     assert_eq!(baselines[1]["scores"]["broken_rules"].as_array().map(Vec::len), Some(1));
-    let read = |name: &str| fs::read_to_string(dir.path().join(name)).unwrap();
+    let read = |name: &str| read_text(&dir, name);
     assert_eq!(read("run/placements.json"), read("plain/placements.json"));
     for (words, picture) in [
         ("baseline (hollow: misses a", "front.svg"),
@@ -67,14 +59,8 @@ fn baselines_stand_beside_the_front_and_change_none_of_it() {
         assert!(!read(&format!("plain/{picture}")).contains(words), "{words}");
     }
     // A front that goes on keeps them.
-    let again = sightline(
-        dir.path(),
-        &[
-            "optimize", "--resume", "run", "--backend", "cpu", "--format", "csv", "--figures",
-            "again",
-        ],
-    );
-    let csv = String::from_utf8(again.stdout).unwrap();
+    let resume = "optimize --resume run --backend cpu --format csv --figures again";
+    let (_, [csv, _]) = ran(&dir, resume);
     assert_eq!(csv.matches(",baseline,").count(), 2, "{csv}");
     assert_eq!(read("again/front.svg"), read("run/front.svg"));
 }
@@ -83,10 +69,8 @@ fn baselines_stand_beside_the_front_and_change_none_of_it() {
 fn baselines_of_a_front_are_checked_before_the_search() {
     let dir = TempDir::new().unwrap();
     street(dir.path(), [30, 11], json!([]));
-    let rig = json!({ "placements": [{ "name": "a", "lidars": [{ "sensor": "wide", "x": 0, "y": 0, "z": 1 }] }] });
-    fs::write(dir.path().join("rigs.json"), rig.to_string()).unwrap();
+    write_rig(&dir, "rigs.json", "a", json!([{ "sensor": "wide", "x": 0, "y": 0, "z": 1 }]));
     let line = "optimize street.json --front price,near_gain --backend cpu --baselines rigs.json --out run";
-    let told = fails(dir.path(), &line.split(' ').collect::<Vec<_>>());
-    assert!(told.contains("rigs.json") && told.contains("wide"), "{told}");
+    fails(&dir, line).says("rigs.json").says("wide");
     assert!(!dir.path().join("run").exists());
 }

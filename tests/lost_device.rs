@@ -107,8 +107,9 @@ fn a_placement_too_large_for_a_device_goes_to_the_cpu_if_allowed() {
 }
 
 /// The program on a device that is lost after so many batches: JSON answer and stderr.
-fn losing(dir: &Path, args: &[&str], batches: &str) -> (Value, String) {
-    let mut command = crate::cli::program(dir, &[args, &["--format", "json"]].concat());
+fn losing(dir: &Path, args: &impl Words, batches: u32) -> (Value, String) {
+    let mut command = crate::cli::program(dir, &(args, "--format json"));
+    let batches = batches.to_string();
     let output = command.env("SIGHTLINE_LOSE_DEVICE_AFTER", batches).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && !stderr.contains("panicked"), "{stderr}");
@@ -126,51 +127,52 @@ fn a_stream_of_scores_outlives_its_device() {
         })
         .collect();
     fs::write(dir.path().join("many.jsonl"), lines).unwrap();
-    let args = ["score", "room.json", "many.jsonl", "--frames", "1", "--backend"];
-    let want = ok(&dir, &[&args[..], &["cpu"]].concat());
+    let args = "score room.json many.jsonl --frames 1 --backend";
+    let want = ok(&dir, &(args, "cpu"));
     assert!(want.get("backend_changes").is_none());
     // The reference layouts and the first block of 1024 are scored, and then it is gone.
-    let (got, stderr) = losing(dir.path(), &[&args[..], &["gpu"]].concat(), "6");
+    let (got, stderr) = losing(dir.path(), &(args, "gpu"), 6);
     assert_eq!(got["scores"], want["scores"]);
-    assert_eq!(got["backend_changes"].as_array().unwrap().len(), 1);
+    assert_eq!(got["backend_changes"].list().len(), 1);
     assert!(stderr.contains("opened again, scores so far are kept"), "{stderr}");
 }
 
 #[test]
 fn a_search_outlives_its_device() {
     let dir = in_room();
-    let args = |out: &'static str, backend: &'static str| {
-        let fixed = ["optimize", "room.json", "--evaluations", "30", "--seed", "5", "--frames"];
-        [&fixed[..], &["2", "--out", out, "--backend", backend]].concat()
+    let args = |out: &str, backend: &str| {
+        format!(
+            "optimize room.json --evaluations 30 --seed 5 --frames 2 --out {out} --backend {backend}"
+        )
     };
     let want = ok(&dir, &args("whole", "cpu"));
-    let (got, stderr) = losing(dir.path(), &args("broken", "gpu"), "4");
+    let (got, stderr) = losing(dir.path(), &args("broken", "gpu"), 4);
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
     assert_eq!(read("whole", "history.jsonl"), read("broken", "history.jsonl"));
     assert_eq!(got["best"], want["best"]);
     assert!(stderr.contains("scores so far are kept"), "{stderr}");
     let result: Value = serde_json::from_slice(&read("broken", "result.json")).unwrap();
-    let changes = result["backend_changes"].as_array().unwrap();
-    assert!(changes[0].as_str().unwrap().contains("was lost"), "{changes:?}");
+    let changes = result["backend_changes"].list();
+    assert!(changes[0].text().contains("was lost"), "{changes:?}");
     assert!(want.get("backend_changes").is_none());
 }
 
 #[test]
 fn a_bound_outlives_its_device() {
     let dir = in_room();
-    let run = |out: &str, backend: &str, batches: &str| {
-        let fixed = ["optimize", "room.json", "--evaluations", "16", "--seed", "5", "--frames"];
-        let args = [&fixed[..], &["1", "--out", out, "--backend", backend]].concat();
+    let run = |out: &str, backend: &str, batches: u32| {
+        let fixed = "optimize room.json --evaluations 16 --seed 5 --frames 1";
+        let args = format!("{fixed} --out {out} --backend {backend}");
         let (_, told) = losing(dir.path(), &args, batches);
         let result = fs::read(dir.path().join(out).join("result.json")).unwrap();
         (serde_json::from_slice::<Value>(&result).unwrap(), told)
     };
-    let (want, _) = run("whole", "cpu", "1");
+    let (want, _) = run("whole", "cpu", 1);
     // The batch at which the bound is under way is found by halving.
     let (mut low, mut high) = (1, 256);
     while low < high {
         let batches = (low + high) / 2;
-        let (got, told) = run(&format!("lost-{batches}"), "gpu", &batches.to_string());
+        let (got, told) = run(&format!("lost-{batches}"), "gpu", batches);
         assert_eq!((&got["best"], &got["certificate"]), (&want["best"], &want["certificate"]));
         match (told.find("failed at "), told.find("bounding the gain")) {
             (Some(lost), Some(bounding)) if lost > bounding => return,

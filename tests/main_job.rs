@@ -36,24 +36,21 @@ pub(crate) fn shortened(dir: &Path, scene: &Path, frames: u32, voxel: Option<f64
 fn optimize(scene: &Path, objective: &str) -> Value {
     let dir = TempDir::new().unwrap();
     let scene = scene.to_string_lossy();
-    let args = [
-        "optimize", &scene, "--out", "run", "--evaluations", "12", "--frames", "1", "--seed", "3",
-        "--objective", objective,
-    ];
-    let result = ok(&dir, &args);
+    let args = format!("optimize {scene} --out run --evaluations 12 --frames 1 --seed 3");
+    let result = ok(&dir, &(args, ["--objective", objective]));
     let best = &result["best"];
     assert_eq!(best["violations"], json!([]), "{scene}");
-    assert!(best["scores"]["covered"].as_f64().unwrap() > 1000.0, "{scene}: {best}");
-    assert!(best["scores"]["information_gain_share"].as_f64().unwrap() > 0.02, "{scene}: {best}");
+    assert!(best["scores"]["covered"].number() > 1000.0, "{scene}: {best}");
+    assert!(best["scores"]["information_gain_share"].number() > 0.02, "{scene}: {best}");
     assert!(best["objective"].is_f64());
-    assert_eq!(result["baselines"].as_array().unwrap().len(), 11);
+    assert_eq!(result["baselines"].list().len(), 11);
     assert!(dir.path().join("run/report.html").exists());
     result
 }
 
 /// Guards that speak against the scores; blind sectors are facts about the rig.
 fn doubts(scores: &Value) -> Vec<&str> {
-    let guards = scores["guards"].as_array().unwrap().iter().map(|guard| guard.as_str().unwrap());
+    let guards = scores["guards"].list().iter().map(|guard| guard.text());
     guards.filter(|guard| !guard.starts_with("blind_sector")).collect()
 }
 
@@ -69,7 +66,7 @@ fn own_scenes_are_optimized() {
         let result = optimize(scene, if is_last { both } else { "m_sog_scaled" });
         let best = &result["best"];
         assert_eq!(doubts(&best["scores"]), [""; 0], "{}", scene.display());
-        assert!(best["scores"]["hit_share"].as_f64().unwrap() > 0.3, "{best}");
+        assert!(best["scores"]["hit_share"].number() > 0.3, "{best}");
     }
 }
 
@@ -99,7 +96,7 @@ fn a_real_town_is_optimized() {
     fs::write(&path, scene.to_string()).unwrap();
     let result = optimize(&path, "m_sog_scaled");
     let classes = &result["best"]["scores"]["covered_by_class"];
-    assert!(classes["road"].as_f64().unwrap() > 100.0, "{classes}");
+    assert!(classes["road"].number() > 100.0, "{classes}");
 }
 
 #[test]
@@ -107,29 +104,11 @@ fn a_real_town_is_optimized() {
 fn real_labelled_frames_are_optimized() {
     let sequence = data("nc/semantickitti/sequences/00");
     let dir = TempDir::new().unwrap();
-    let build = [
-        "psog",
-        "build",
-        "--kitti",
-        &sequence.to_string_lossy(),
-        "--roi-min",
-        "-40",
-        "-40",
-        "-0.5",
-        "--roi-max",
-        "40",
-        "40",
-        "5.5",
-        "--voxel",
-        "0.4",
-        "0.4",
-        "0.4",
-        "--out",
-        "kitti.psog.npz",
-    ];
-    let info = ok(&dir, &build);
+    let kitti = ["psog", "build", "--kitti", sequence.to_str().unwrap()];
+    let region = "--roi-min -40 -40 -0.5 --roi-max 40 40 5.5 --voxel 0.4 0.4 0.4";
+    let info = ok(&dir, &(kitti, region, "--out kitti.psog.npz"));
     assert_eq!(info["frames"], 4);
-    assert!(info["tie_share"].as_f64().unwrap() < 0.1, "{info}");
+    assert!(info["tie_share"].number() < 0.1, "{info}");
     let scene = json!({
         "sightline": 1, "name": "kitti-00",
         "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.4, 0.4, 0.4] },
@@ -141,7 +120,7 @@ fn real_labelled_frames_are_optimized() {
     });
     write(&dir, "kitti.json", &scene);
     let result = optimize(&dir.path().join("kitti.json"), "information_gain");
-    assert!(result["best"]["scores"]["covered_by_class"]["car"].as_f64().unwrap() > 20.0);
+    assert!(result["best"]["scores"]["covered_by_class"]["car"].number() > 20.0);
 }
 
 /// Every own scene and Table 7 placement, three to each scene: hits of one frame, coverage and scores of two frames, on the
@@ -151,7 +130,7 @@ fn own_scenes_have_the_same_bits_on_both_backends() {
     let dir = TempDir::new().unwrap();
     let listed = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/placements.json");
     let listed = read_json(listed);
-    let listed = listed["placements"].as_array().unwrap();
+    let listed = listed["placements"].list();
     let (scenes, mut compared) = (own_scenes(), 0);
     for (index, scene) in scenes.iter().enumerate() {
         let scene = shortened(dir.path(), scene, 6, None);
@@ -160,27 +139,17 @@ fn own_scenes_have_the_same_bits_on_both_backends() {
         let placements = "placements.json";
         fs::write(dir.path().join(placements), json!({ "placements": some }).to_string()).unwrap();
         let on = |backend: &str| {
-            let hits = format!("{backend}.npz");
-            ok(
-                &dir,
-                &["cast", &scene, placements, "--out", &hits, "--backend", backend, "--force"],
-            );
-            let mut answer = ok(
-                &dir,
-                &[
-                    "score", &scene, placements, "--frames", "2", "--coverage-out", backend,
-                    "--force", "--backend", backend,
-                ],
-            );
-            answer["scores"].take()
+            let files = format!("{scene} {placements} --force --backend {backend}");
+            ok(&dir, &format!("cast {files} --out {backend}.npz"));
+            ok(&dir, &format!("score {files} --frames 2 --coverage-out {backend}"))["scores"].take()
         };
         let (cpu, gpu) = (on("cpu"), on("gpu"));
         assert_eq!(cpu, gpu, "{scene}");
-        compared += cpu.as_array().unwrap().len();
+        compared += cpu.list().len();
         let read = |file: &str| fs::read(dir.path().join(file)).unwrap();
         assert!(read("cpu.npz") == read("gpu.npz"), "{scene}: hits differ");
-        for score in cpu.as_array().unwrap() {
-            let name = score["name"].as_str().unwrap();
+        for score in cpu.list() {
+            let name = score["name"].text();
             let file = |backend: &str| read(&format!("{backend}/{name}.npy"));
             assert!(file("cpu") == file("gpu"), "{scene}, {name}: coverage differs");
             assert_eq!(doubts(score), [""; 0], "{scene}, {name}");

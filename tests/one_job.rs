@@ -124,7 +124,7 @@ fn same(dir: &Path, files: &JobFiles, placements: &str) {
         one.as_object_mut().unwrap().remove("price");
     }
     assert_eq!(told, json!(scores), "{scenes:?}");
-    assert!(scores.iter().any(|score| score["covered"].as_f64().unwrap() > 0.0));
+    assert!(scores.iter().any(|score| score["covered"].number() > 0.0));
 
     if let Some(budget) = files.budget {
         options.extend(["--budget".to_owned(), budget.to_string()]);
@@ -267,7 +267,7 @@ fn an_atlas_that_lacks_a_model_is_left_out_with_a_sentence() {
     let found = chart(job.scene().clone(), psog, &settings, 0.01, &mut state, &()).unwrap();
     assert!(found.rated.iter().all(|rated| rated.measured.setting.engine != Engine::Atlas));
     let told = found.left_out.join("\n");
-    assert!(told.contains("placement `both` has a `sector`, which no mount"), "{told}");
+    told.says("placement `both` has a `sector`, which no mount");
 }
 
 #[test]
@@ -304,7 +304,7 @@ fn a_vehicle_without_prices_takes_no_budget() {
     let dir = rooms();
     let job = files(dir.path(), &["room.json"], None).read().unwrap().budget(Some(5.0));
     let error = job.optimize(&mut |_: &Event| true).unwrap_err().to_string();
-    assert!(error.contains("budget: the LiDARs of the scene have no prices"), "{error}");
+    error.says("budget: the LiDARs of the scene have no prices");
     let unknown = Placement { name: "p".into(), lidars: vec![SensorPose::at(0.0, 0.0, 1.5)] };
     let job = files(dir.path(), &["room.json", "other.json"], None).read().unwrap();
     assert_eq!(job.score(&[unknown]).unwrap()[0].by_scene.len(), 2);

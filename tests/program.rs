@@ -7,6 +7,7 @@ pub(crate) use std::path::{Path, PathBuf};
 pub(crate) use std::process::{Child, Command, ExitStatus, Output, Stdio};
 pub(crate) use std::time::{Duration, Instant};
 
+use serde::Serialize;
 pub(crate) use serde_json::{Value, json};
 pub(crate) use tempfile::TempDir;
 
@@ -51,6 +52,19 @@ impl<T: Words + ?Sized> Words for &T {
     }
 }
 
+/// Words of one list behind those of another.
+impl<A: Words, B: Words> Words for (A, B) {
+    fn words(&self) -> Vec<&str> {
+        [self.0.words(), self.1.words()].concat()
+    }
+}
+
+impl<A: Words, B: Words, C: Words> Words for (A, B, C) {
+    fn words(&self) -> Vec<&str> {
+        [self.0.words(), self.1.words(), self.2.words()].concat()
+    }
+}
+
 /// The program in a folder, with nothing on its standard input.
 pub(crate) fn program(dir: impl AsRef<Path>, args: &(impl Words + ?Sized)) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
@@ -72,6 +86,12 @@ pub(crate) fn piped(dir: impl AsRef<Path>, args: &(impl Words + ?Sized), input: 
     // A program that ends early does not read all of it.
     let _ = child.stdin.take().unwrap().write_all(input);
     child.wait_with_output().unwrap()
+}
+
+/// Runs the program in a shell, behind limits or with redirections.
+pub(crate) fn shell(dir: impl AsRef<Path>, before: &str, args: &str) -> Output {
+    let line = format!("{before} exec '{}' {args}", env!("CARGO_BIN_EXE_sightline"));
+    Command::new("sh").args(["-c", &line]).current_dir(dir).output().unwrap()
 }
 
 /// An array of an archive that NumPy would read.
@@ -146,6 +166,50 @@ pub(crate) fn fails(dir: impl AsRef<Path>, args: &(impl Words + ?Sized)) -> Stri
     stderr
 }
 
+/// Values that must be of a type.
+pub(crate) trait Typed {
+    fn list(&self) -> &Vec<Value>;
+    fn number(&self) -> f64;
+    fn text(&self) -> &str;
+}
+
+impl Typed for Value {
+    #[track_caller]
+    fn list(&self) -> &Vec<Value> {
+        self.as_array().unwrap()
+    }
+
+    #[track_caller]
+    fn number(&self) -> f64 {
+        self.as_f64().unwrap()
+    }
+
+    #[track_caller]
+    fn text(&self) -> &str {
+        self.as_str().unwrap()
+    }
+}
+
+/// Text that must hold some words and must not hold others; checks can be chained.
+pub(crate) trait Says {
+    fn says(&self, words: &str) -> &Self;
+    fn lacks(&self, words: &str) -> &Self;
+}
+
+impl Says for str {
+    #[track_caller]
+    fn says(&self, words: &str) -> &Self {
+        assert!(self.contains(words), "`{self}` lacks `{words}`");
+        self
+    }
+
+    #[track_caller]
+    fn lacks(&self, words: &str) -> &Self {
+        assert!(!self.contains(words), "`{self}` has `{words}`");
+        self
+    }
+}
+
 /// The program, running, with nobody who reads what it prints.
 pub(crate) fn begun(dir: impl AsRef<Path>, args: &(impl Words + ?Sized)) -> Child {
     let mut command = program(dir, args);
@@ -186,6 +250,15 @@ pub(crate) fn interrupt(child: &Child, signal: &str) {
 /// Writes a document or a text into a file of a folder.
 pub(crate) fn write(dir: impl AsRef<Path>, name: &str, text: &(impl Display + ?Sized)) {
     fs::write(dir.as_ref().join(name), text.to_string()).unwrap();
+}
+
+/// Writes a file of one placement.
+pub(crate) fn write_rig(dir: impl AsRef<Path>, file: &str, name: &str, lidars: impl Serialize) {
+    write(dir, file, &json!({ "placements": [{ "name": name, "lidars": lidars }] }));
+}
+
+pub(crate) fn read_text(dir: impl AsRef<Path>, name: impl AsRef<Path>) -> String {
+    fs::read_to_string(dir.as_ref().join(name)).unwrap()
 }
 
 pub(crate) fn read_json(path: impl AsRef<Path>) -> Value {

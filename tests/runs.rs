@@ -92,7 +92,7 @@ fn scores_go_to_any_writer_and_the_engine_is_named_to_the_watcher() {
     assert!(watcher.told().contains("2 placements × 3 frames"), "{}", watcher.told());
     let wrong = ScoreRequest { draw: 1, files: [files.clone(), files].concat(), ..request };
     let error = score(&wrong, &on_cpu(&watcher), &mut written).unwrap_err().to_string();
-    assert!(error.contains("--draw: takes one scene"), "{error}");
+    error.says("--draw: takes one scene");
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn a_rig_that_is_written_and_read_again_is_the_same() {
     assert_eq!(export_file(&request, &Silent).unwrap(), None);
     let read = ImportSettings::default();
     let text = import_files(std::slice::from_ref(&urdf), &read, None, &Silent).unwrap().unwrap();
-    assert!(text.contains("0.5") && text.contains("lidars"), "{text}");
+    text.says("0.5").says("lidars");
     let found = compare_files(&placement, &urdf.display().to_string(), &read, &Silent).unwrap();
     assert_eq!(found.lidars.len(), 2);
     assert!(found.lidars.iter().all(|lidar| lidar.moved < 1e-9 && lidar.turned < 1e-9));

@@ -64,7 +64,7 @@ impl JobFiles {
     ///
     /// # Errors
     /// See [`Scene::read_with`] and [`Scene::with_rules`].
-    pub fn read_scene(&self, path: &Path) -> Result<Scene, JobError> {
+    pub(crate) fn read_scene(&self, path: &Path) -> Result<Scene, JobError> {
         let scene = Scene::read_with(path, self.vehicle.as_deref())?;
         if self.rules != MountRules::default() && !scene.vehicle().is_nameless() {
             let file = self.vehicle.as_deref().unwrap_or(path);
@@ -77,7 +77,10 @@ impl JobFiles {
     ///
     /// # Errors
     /// Conditions that cannot be read, no scene.
-    pub fn job_over(&self, scenes: impl IntoIterator<Item = JobScene>) -> Result<Job, JobError> {
+    pub(crate) fn job_over(
+        &self,
+        scenes: impl IntoIterator<Item = JobScene>,
+    ) -> Result<Job, JobError> {
         let conditions = self.conditions.iter().map(|text| text.parse());
         let conditions = conditions.collect::<Result<Vec<Condition>, _>>()?;
         let mut job = Job::join(scenes.into_iter().map(Job::new))?;

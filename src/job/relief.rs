@@ -9,7 +9,7 @@ impl Job {
     ///
     /// # Errors
     /// See [`Self::problem`].
-    pub fn relief_in_words(&self) -> Result<Option<String>, JobError> {
+    pub(crate) fn relief_in_words(&self) -> Result<Option<String>, JobError> {
         if self.target_site()?.is_none() {
             return Ok(None);
         }

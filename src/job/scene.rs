@@ -111,7 +111,7 @@ impl JobScene {
     }
 
     /// Numbers of the frames that beams are cast into, rising.
-    pub fn frame_numbers(&self) -> Vec<usize> {
+    pub(crate) fn frame_numbers(&self) -> Vec<usize> {
         match self.frames {
             Frames::Spread(wanted) => spread(self.scene.frame_count(), wanted),
             Frames::One(frame) => vec![frame],

@@ -432,7 +432,7 @@ impl JobRun<'_> {
     }
 
     /// Wall time that choosing sensors has taken in this process.
-    pub fn equipped_in(&self) -> Duration {
+    pub(crate) fn equipped_in(&self) -> Duration {
         self.equipped_in
     }
 
@@ -443,7 +443,7 @@ impl JobRun<'_> {
 
     /// Sensors chosen, by mount, and their price, in words; `None` before they are chosen, or where there is nothing
     /// to choose.
-    pub fn equipment_in_words(&self) -> Option<String> {
+    pub(crate) fn equipment_in_words(&self) -> Option<String> {
         Some(self.equipped()?.words_with_price(self.vehicle))
     }
 

@@ -166,7 +166,7 @@ impl SweptField {
     }
 
     /// Its value in a placement, metres or degrees.
-    pub fn value_in(self, placement: &Placement) -> f64 {
+    pub(crate) fn value_in(self, placement: &Placement) -> f64 {
         let value = placement.lidars[self.lidar].values()[self.field];
         if self.field < FIRST_ANGLE { value } else { value.to_degrees() }
     }

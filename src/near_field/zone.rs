@@ -173,19 +173,19 @@ impl BlindZone {
     }
 
     /// Ground that is lost again on a side, of which a depth is known.
-    pub fn lost_on(&self, side: &str) -> Option<&LostGround> {
+    pub(crate) fn lost_on(&self, side: &str) -> Option<&LostGround> {
         let has_depth = |(name, depth): (&str, Option<f64>)| name == side && depth.is_some();
         let ends = self.depths().into_iter().any(has_depth);
         self.lost.iter().find(|lost| ends && lost.side == side)
     }
 
     /// Like [`Self::lost_on`] in words that follow the depth of the side; empty where there is none.
-    pub fn but_lost(&self, side: &str) -> String {
+    pub(crate) fn but_lost(&self, side: &str) -> String {
         self.lost_on(side).map_or(String::new(), |lost| format!(", but {}", lost.in_words()))
     }
 
     /// The frame that the lanes of a side are of, where bodies move, in words that follow its depth: ` in frame 3`.
-    pub fn in_frame(&self, side: &str) -> String {
+    pub(crate) fn in_frame(&self, side: &str) -> String {
         self.worst_frames.get(side).map_or(String::new(), |frame| in_frame(*frame))
     }
 

@@ -58,9 +58,9 @@ pub(crate) use page::{Figures, Looks, Subject, front_html, report_html, view_htm
 pub(crate) use plot::{Axis, Plot, Series};
 pub(crate) use record::convergence_svg;
 pub use record::{NearRecord, RunContext, RunRecord, RunTimes, SceneRecord};
-pub use rigs::rigs_text;
+pub(crate) use rigs::rigs_text;
 pub(crate) use tables::{ScoreColumn, optional};
-pub use text::scores_text;
+pub(crate) use text::scores_text;
 pub(crate) use words::{
     certificate_in_words, judged, methods_in_words, run_verdict, spread_in_words,
 };

@@ -17,7 +17,7 @@ use sightline_files::json::counted;
 
 /// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
 /// placements: rules first, then requirements, then the default objective. Empty where nothing is known.
-pub fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) -> String {
+pub(crate) fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) -> String {
     let mut text = String::new();
     for (placement, scores) in placements.iter().zip(all) {
         let price = vehicle.price_of_rig(placement).map(|price| format!("price {price}"));

@@ -43,7 +43,7 @@ pub(super) const COUNTED_FROM: &str =
     "Metres of targets count from the origin, of ground and blind zones from the body.";
 
 /// A table of placements, below each its requirements (+ met, ! not), doubts (!) and blind sectors (*).
-pub fn scores_text(all: &[Scores]) -> String {
+pub(crate) fn scores_text(all: &[Scores]) -> String {
     scores_text_by(all, "")
 }
 

@@ -152,7 +152,7 @@ impl RedundancySite {
     }
 
     /// True if the vehicle has sensors of other technologies.
-    pub fn has_cones(&self) -> bool {
+    pub(crate) fn has_cones(&self) -> bool {
         self.cones.is_some()
     }
 

@@ -88,7 +88,7 @@ impl Row {
     }
 
     /// A line for each requirement that is not met, for the warning, or for the reason why there is no answer.
-    pub fn remarks(&self) -> impl Iterator<Item = String> {
+    pub(crate) fn remarks(&self) -> impl Iterator<Item = String> {
         self.not_met
             .iter()
             .chain(&self.warning)
@@ -191,7 +191,7 @@ impl Table {
     }
 
     /// True if rows say whether requirements are met.
-    pub fn has_requirements(&self) -> bool {
+    pub(crate) fn has_requirements(&self) -> bool {
         self.rows.iter().any(|row| row.requirements_met.is_some())
     }
 

@@ -160,7 +160,7 @@ impl TargetSite {
     ///
     /// # Errors
     /// A model without beams.
-    pub fn of_vehicle(scene: &Scene) -> Result<Self, SensorError> {
+    pub(crate) fn of_vehicle(scene: &Scene) -> Result<Self, SensorError> {
         let sensors = scene.sensors()?;
         let body = own_bodies(scene, sensors.longest_range());
         Ok(Self::new(sensors, body))
@@ -168,7 +168,7 @@ impl TargetSite {
 
     /// A copy that counts a beam only if enough light comes back.
     #[must_use]
-    pub fn receiving(self, receiving: Option<Receiving>) -> Self {
+    pub(crate) fn receiving(self, receiving: Option<Receiving>) -> Self {
         Self { receiving, ..self }
     }
 
@@ -250,7 +250,7 @@ impl TargetSite {
     ///
     /// # Errors
     /// A model that the vehicle does not have.
-    pub fn beams_in_scene(
+    pub(crate) fn beams_in_scene(
         &self,
         lidars: &[SensorPose],
         poses: &[Pose],
@@ -335,7 +335,7 @@ impl TargetSite {
     }
 
     /// True if a target at a position stands beside the own body or above it.
-    pub fn has_room(&self, target: &Target, at: [f64; 3]) -> bool {
+    pub(crate) fn has_room(&self, target: &Target, at: [f64; 3]) -> bool {
         !self.plan.holds(target, at)
     }
 }

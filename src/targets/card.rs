@@ -64,7 +64,7 @@ pub struct TargetRanges {
 
 impl TargetRanges {
     /// First and last of neighbouring distances at which the target is met at every bearing, metres.
-    pub fn in_all_directions(&self) -> Vec<[f64; 2]> {
+    pub(crate) fn in_all_directions(&self) -> Vec<[f64; 2]> {
         let mut each = self.bearings.iter().map(|of| &of.met[..]);
         let first = each.next().unwrap_or_default().to_vec();
         each.fold(first, |common, met| {
@@ -109,7 +109,7 @@ impl BlindSector {
     }
 
     /// True if another sector has all its bearings and loses a car at all its distances.
-    pub fn is_within(&self, other: &Self) -> bool {
+    pub(crate) fn is_within(&self, other: &Self) -> bool {
         let ([near, far], [nearest, farthest]) = (self.distances, other.distances);
         let offset = (self.bearings[0] - other.bearings[0]).rem_euclid(360.0);
         let is_no_wider = other.degrees() >= 360.0 || offset + self.degrees() <= other.degrees();

@@ -268,29 +268,45 @@ mod tests {
     use crate::targets::tests::posed;
     use crate::vehicle::SensorPose;
 
-    /// The sight of a vehicle that must meet a tyre at one distance, ahead and to the left, with `beams` beams at half of
-    /// the places.
-    fn sight(beams: u64) -> Sight {
+    /// The sight of a vehicle with up to `most` LiDARs that must meet a tyre at one distance, ahead and to the left, with
+    /// `beams` beams at a share of the places.
+    fn sight(most: u32, beams: u64, share: &str) -> Sight {
         posed(&format!(
             r#"{{
               "sensors": [{{ "name": "a", "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }} }}],
-              "mounts": [{{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [0, 2] }}],
+              "mounts": [{{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [0, {most}] }}],
               "require": [{{ "target": "tyre", "from": 20, "within": 20, "bearing": [0, 15], "beams": {beams},
-                            "share": 0.5 }}] }}"#
+                            "share": {share} }}] }}"#
         ))
+    }
+
+    /// The sight of a vehicle with a body and up to two LiDARs on its roof.
+    fn on_roof(require: &str) -> Sight {
+        posed(&format!(
+            r#"{{
+              "body": [{{ "class": "vehicle", "box": {{ "foot": [0, 0, 0.2], "size": [4, 1.8, 1.2] }} }}],
+              "sensors": [{{ "name": "a", "lidar": {{ "channels": 16, "fov": [-60, 0], "azimuth_steps": 72, "range": 30 }} }}],
+              "mounts": [{{ "name": "top", "min": [-1, -0.5, 1.6], "max": [1, 0.5, 1.8], "count": [0, 2] }}],
+              "require": [{require}] }}"#
+        ))
+    }
+
+    fn pose(x: f64, y: f64) -> SensorPose {
+        SensorPose { x, y, z: 1.7, ..SensorPose::default() }
+    }
+
+    /// Poses on a mount for up to two LiDARs, and on another one for one.
+    fn two_mounts<'a>(first: &'a [SightBeams], second: &'a [SightBeams]) -> [MountPoses<'a>; 2] {
+        [(first, 2), (second, 1)]
+            .map(|(of, most)| MountPoses { count: [0, most], poses: of.iter().collect() })
     }
 
     #[test]
     fn no_rig_on_the_poses_sees_ground_beyond_the_bound() {
-        let sight = posed(
-            r#"{
-              "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 1.8, 1.2] } }],
-              "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-60, 0], "azimuth_steps": 72, "range": 30 } }],
-              "mounts": [{ "name": "top", "min": [-1, -0.5, 1.6], "max": [1, 0.5, 1.8], "count": [0, 2] }],
-              "require": [{ "ground": 3, "share": 1 }, { "blind_zone": "left", "depth": 1 },
-                          { "ground": 10, "share": 0.05 }] }"#,
+        let sight = on_roof(
+            r#"{ "ground": 3, "share": 1 }, { "blind_zone": "left", "depth": 1 },
+               { "ground": 10, "share": 0.05 }"#,
         );
-        let pose = |x: f64, y: f64| SensorPose { x, y, z: 1.7, ..SensorPose::default() };
         let poses = [pose(-0.8, -0.4), pose(0.8, -0.4), pose(-0.8, 0.4), pose(0.8, 0.4)];
         let seen = poses.map(|pose| sight.beams(&pose).unwrap());
         let mount = |most: usize| MountPoses { count: [0, most], poses: seen.iter().collect() };
@@ -321,14 +337,9 @@ mod tests {
 
     #[test]
     fn no_rig_keeps_more_ground_after_a_loss_than_the_other_mounts_see() {
-        let sight = posed(
-            r#"{
-              "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 1.8, 1.2] } }],
-              "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-60, 0], "azimuth_steps": 72, "range": 30 } }],
-              "mounts": [{ "name": "top", "min": [-1, -0.5, 1.6], "max": [1, 0.5, 1.8], "count": [0, 2] }],
-              "require": [{ "ground": 3, "share": 1, "without_any_one": true }, { "ground": 3, "share": 1 }] }"#,
+        let sight = on_roof(
+            r#"{ "ground": 3, "share": 1, "without_any_one": true }, { "ground": 3, "share": 1 }"#,
         );
-        let pose = |x: f64, y: f64| SensorPose { x, y, z: 1.7, ..SensorPose::default() };
         let seen = |poses: [SensorPose; 2]| poses.map(|pose| sight.beams(&pose).unwrap());
         let front = seen([pose(0.9, -0.4), pose(0.9, 0.4)]);
         let rear = seen([pose(-0.9, 0.2), pose(-0.5, 0.4)]);
@@ -357,23 +368,14 @@ mod tests {
         let (mut in_reach, mut beyond, mut tight) = (0, 0, 0);
         for round in 0..300_u16 {
             let wanted = 2 + (round % 3) as u8;
-            let sight = posed(&format!(
-                r#"{{
-                  "sensors": [{{ "name": "a", "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }} }}],
-                  "mounts": [{{ "name": "top", "min": [-2, -1, 2], "max": [2, 1, 2.5], "count": [0, 3] }}],
-                  "require": [{{ "target": "tyre", "from": 20, "within": 20, "bearing": [0, 15], "beams": {wanted},
-                                "share": 0.99, "without_any_one": true }}] }}"#
-            ));
+            let sight = sight(3, wanted.into(), r#"0.99, "without_any_one": true"#);
             let mut pose = || {
                 let beams = (0..3).map(|_| rng.random_range(0..=wanted)).collect();
                 SightBeams { beams, ..SightBeams::default() }
             };
             let (first, second): (Vec<_>, Vec<_>) =
                 ((0..3).map(|_| pose()).collect(), (0..2).map(|_| pose()).collect());
-            let mounts = [
-                MountPoses { count: [0, 2], poses: first.iter().collect() },
-                MountPoses { count: [0, 1], poses: second.iter().collect() },
-            ];
+            let mounts = two_mounts(&first, &second);
             let share = |k: usize| {
                 let rig = [&first[k % 3], &first[k / 3 % 3], &second[k / 9]];
                 sight.rules_met(&rig)[0].share
@@ -404,7 +406,7 @@ mod tests {
         let mut found = [0; 3];
         for round in 0..300 {
             let wanted = 4 + round % 4;
-            let sight = sight(wanted);
+            let sight = sight(2, wanted, "0.5");
             assert_eq!(sight.places.len(), 3, "every 7.5 degrees");
             let mut pose = || {
                 let beams = (0..3).map(|_| rng.random_range(0..=2_u8)).collect();
@@ -413,24 +415,15 @@ mod tests {
             // Three poses on one mount for two sensors, two on another for one.
             let (first, second): (Vec<_>, Vec<_>) =
                 ((0..3).map(|_| pose()).collect(), (0..2).map(|_| pose()).collect());
-            let mounts = [
-                MountPoses { count: [0, 2], poses: first.iter().collect() },
-                MountPoses { count: [0, 1], poses: second.iter().collect() },
-            ];
+            let mounts = two_mounts(&first, &second);
             let bound = sight.out_of_reach(&mounts);
             // Every rig: any two poses of the first mount, one of the second.
             let mut best = 0;
             for (a, b, c) in (0..18).map(|k| (&first[k % 3], &first[k / 3 % 3], &second[k / 9])) {
-                let beams =
-                    |place: usize| [a, b, c].map(|p| u64::from(p.beams[place])).iter().sum();
-                best = best.max(
-                    (0..3)
-                        .filter(|&place| {
-                            let sum: u64 = beams(place);
-                            sum >= wanted
-                        })
-                        .count(),
-                );
+                let beams = |place: usize| -> u64 {
+                    [a, b, c].map(|pose| u64::from(pose.beams[place])).iter().sum()
+                };
+                best = best.max((0..3).filter(|&place| beams(place) >= wanted).count());
             }
             match &bound[..] {
                 [] => found[0] += 1,

@@ -272,7 +272,7 @@ impl Sight {
     }
 
     /// For each place of a target the LiDARs, those with most beams on it first, and of equal ones the first.
-    pub fn most_beams_first(&self, each: &[&SightBeams]) -> Vec<Vec<usize>> {
+    pub(crate) fn most_beams_first(&self, each: &[&SightBeams]) -> Vec<Vec<usize>> {
         let of_place = |place: usize| {
             let beams = |lidar: &usize| each[*lidar].beams.get(place).copied().unwrap_or(0);
             let mut lidars: Vec<usize> = (0..each.len()).collect();
@@ -287,7 +287,7 @@ impl Sight {
     ///
     /// # Errors
     /// A model that the vehicle does not have.
-    pub fn shares_on_targets(
+    pub(crate) fn shares_on_targets(
         &self,
         lidars: &[SensorPose],
         order: &[Vec<usize>],
@@ -341,7 +341,7 @@ impl Sight {
     }
 
     /// True for each rule that is on targets.
-    pub fn on_targets(&self) -> Vec<bool> {
+    pub(crate) fn on_targets(&self) -> Vec<bool> {
         self.rules.iter().map(|rule| matches!(rule, Rule::Target(..))).collect()
     }
 
@@ -351,7 +351,7 @@ impl Sight {
     /// or on the surface of scenes a mean. Other rules: the share of the ground that is seen, or the largest overlap at which
     /// pairs connect all LiDARs, each a mean over scenes. For a rule that must hold without any one LiDAR it is the least
     /// share over the LiDARs left out.
-    pub fn rules_met(&self, each: &[&SightBeams]) -> Vec<Seen> {
+    pub(crate) fn rules_met(&self, each: &[&SightBeams]) -> Vec<Seen> {
         let looked = self.looked(each);
         let mut all = Vec::new();
         for rule in &self.rules {
@@ -375,7 +375,11 @@ impl Sight {
 
     /// Missing part of each rule without a LiDAR, in words by the name of the rule; rules that are met are left out. The
     /// other LiDARs keep their numbers.
-    pub fn missing_without(&self, each: &[&SightBeams], lost: usize) -> Vec<(String, String)> {
+    pub(crate) fn missing_without(
+        &self,
+        each: &[&SightBeams],
+        lost: usize,
+    ) -> Vec<(String, String)> {
         let looked = self.looked(each);
         let missing = |rule: &Rule| {
             let share = self.met_share(&looked, Some(lost), rule);
@@ -436,13 +440,13 @@ impl Sight {
     }
 
     /// True if there are rules.
-    pub fn has_rules(&self) -> bool {
+    pub(crate) fn has_rules(&self) -> bool {
         !self.rules.is_empty()
     }
 
     /// Missing share of the rules, summed, for a search that goes step by step: each beam lowers it a little for a rule
     /// that is not met. `roomy` also wants a little more places of targets than the rules ask for.
-    pub fn rules_missing(&self, each: &[&SightBeams], roomy: bool) -> f64 {
+    pub(crate) fn rules_missing(&self, each: &[&SightBeams], roomy: bool) -> f64 {
         let (all, looked) = (Self::sum_without(each, None), self.looked(each));
         let lacks = |rule: &Rule| {
             let least = rule.least();

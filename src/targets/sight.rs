@@ -143,7 +143,7 @@ impl Sight {
     ///
     /// # Errors
     /// A model that the vehicle does not have.
-    pub fn beams_for(
+    pub(crate) fn beams_for(
         &self,
         lidar: &SensorPose,
         wanted: &[bool],
@@ -216,7 +216,7 @@ impl Sight {
     ///
     /// # Errors
     /// See [`Self::beams`].
-    pub fn sampled_beams(&self, lidar: &SensorPose) -> Result<SightBeams, UnknownSensor> {
+    pub(crate) fn sampled_beams(&self, lidar: &SensorPose) -> Result<SightBeams, UnknownSensor> {
         let beams = self.beams(lidar)?;
         let every = self.overlap.first().map_or(1, RequiredOverlap::sample);
         Ok(SightBeams { surfaces: beams.surfaces.sampled(every), ..beams })
@@ -225,7 +225,7 @@ impl Sight {
     /// Missing share of beams on a car all round: 0 where five meet it at every place, 1 where none meets it anywhere,
     /// `None` where a search does not look. Each LiDAR lowers it, by less the more there are: 1 less the share is
     /// submodular.
-    pub fn car_missing(&self, all: &SightBeams) -> Option<f64> {
+    pub(crate) fn car_missing(&self, all: &SightBeams) -> Option<f64> {
         let places = self.car.clone();
         (!places.is_empty()).then(|| 1.0 - self.soft(all, places))
     }

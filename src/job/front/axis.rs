@@ -76,7 +76,7 @@ pub enum FrontError {
 
 impl FrontObjective {
     /// True where less is better.
-    pub fn is_cost(&self) -> bool {
+    pub(crate) fn is_cost(&self) -> bool {
         !matches!(self, Self::Score(_))
     }
 

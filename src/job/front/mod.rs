@@ -215,7 +215,7 @@ impl Job {
     ///
     /// # Errors
     /// [`FrontError`]: nothing to choose from, no prices, no requirements.
-    pub fn check_front(&self, objectives: &FrontObjectives) -> Result<(), JobError> {
+    pub(crate) fn check_front(&self, objectives: &FrontObjectives) -> Result<(), JobError> {
         let vehicle = self.scene().vehicle();
         let name = || vehicle.name.clone();
         let is_free = vehicle.sensors.iter().all(|sensor| sensor.price <= 0.0);

@@ -48,7 +48,7 @@ impl Equipped {
     }
 
     /// Sensors by mount and their price, in words: `2 × spinning-16 on roof, …, 14000 in all`.
-    pub fn words_with_price(&self, vehicle: &Vehicle) -> String {
+    pub(crate) fn words_with_price(&self, vehicle: &Vehicle) -> String {
         format!("{}, {} in all", Self::words(&self.equipment, vehicle), self.cost)
     }
 

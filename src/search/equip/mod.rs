@@ -223,7 +223,7 @@ impl Equipping {
     /// Begins choices by another gain among the same poses, for which the objective of [`Self::open`] must hold all that is
     /// summed. `required` weighs a missing share of 1 of the requirements, in largest gains of a single sensor: 0 does not
     /// look at them, 1000 puts them first, as at the beginning.
-    pub fn aim(&mut self, objective: &Objective, required: f64) {
+    pub(crate) fn aim(&mut self, objective: &Objective, required: f64) {
         self.begin_anew();
         self.spare.objective = objective.clone();
         if let Search::Open(search) = &mut self.search {
