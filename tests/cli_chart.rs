@@ -58,8 +58,8 @@ fn a_chart_measures_the_settings_of_a_scene() {
 /// Text that a chart of the room prints, its CSV by line, and all of its JSON.
 fn printed(dir: &TempDir, more: &str, out: &str) -> (String, Vec<String>, Value) {
     let text = stdout(dir, &("chart room.json --placements 30 --backend cpu --out", out, more));
-    let csv = read_text(dir, &format!("{out}/chart.csv"));
-    let answer = serde_json::from_str(&read_text(dir, &format!("{out}/chart.json"))).unwrap();
+    let csv = read_text(dir, format!("{out}/chart.csv"));
+    let answer = serde_json::from_str(&read_text(dir, format!("{out}/chart.json"))).unwrap();
     (text, csv.lines().map(str::to_owned).collect(), answer)
 }
 
