@@ -258,8 +258,9 @@ def _checked(
 ) -> tuple[F64, F64 | None]:
     """Poses ``[N, L, 6]`` and phases ``[N, L]``; raises of them what :meth:`sightline.Scene.score` would."""
     try:
-        array, turned = np.asarray(poses), None if phases is None else np.asarray(phases)
-        are_many = array.ndim == 3 and (turned is None or turned.shape in (array.shape[1:2], array.shape[:2]))
+        array, turned = np.asanyarray(poses), None if phases is None else np.asanyarray(phases)
+        are_masked = np.ma.is_masked(array) or np.ma.is_masked(turned)
+        are_many = not are_masked and array.ndim == 3 and (turned is None or turned.shape in (array.shape[1:2], array.shape[:2]))
         if are_many:
             # Types and the number of LiDARs, checked by a placement with nothing else to be refused for.
             locked = None if turned is None else np.zeros(array.shape[1:2], turned.dtype)
