@@ -130,7 +130,7 @@ def test_wrong_atlases(small) -> None:
         (lambda: small.atlas(np.zeros((0, 6))), "poses: give an array"),
         (lambda: small.atlas(np.zeros(6)), "poses: give an array"),
         (lambda: small.atlas(5), "poses: give an array"),
-        (lambda: small.atlas(np.zeros((2, 6)), sensors=["a", "b", "c"]), "sensors: are 3 names for 2 poses"),
+        (lambda: small.atlas(np.zeros((2, 6)), sensors=["a", "b", "c"]), "sensors: has the length 3; give one name, or one for each pose, 2 in all"),
         (lambda: small.atlas(np.full((2, 6), np.nan)), "x = NaN"),
     ):
         with pytest.raises(ValueError, match=sentence):

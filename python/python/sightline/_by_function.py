@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ._native import DoubtWarning, Placement, Scene, Search, Suite
 from ._progress import Wanted, shown
 from ._records import Result
-from ._scores import Scores
+from ._scores import Scores, missed_by_first
 
 Numbers = npt.NDArray[np.float64]
 
@@ -73,11 +73,7 @@ def search(
         "certificate": None,
     }
     compared = given.score([*found, *baselines] or space.random(0), progress=False)
-    missed = [] if best[2] is None else [
-        f"NOT MET: {name}: {100 * rule['found'][0]:.1f} % of {100 * rule['required']:g} %"
-        for name, rule in compared.requirements.items()
-        if not rule["met"][0]
-    ]
+    missed = [] if best[2] is None else missed_by_first(compared)
     result = Result(best[2], list(baselines), compared, history, record, _verdict(best, compared, missed))
     try:
         for words in missed:

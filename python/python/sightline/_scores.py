@@ -306,6 +306,17 @@ class Scores(Mapping[str, Column]):
         )
 
 
+def missed_by_first(scores: Scores) -> list[str]:
+    """A sentence on each requirement that the first placement misses."""
+    asked = scores.requirements.items()
+    return [
+        # Tenths are rounded down: a share that is too small never reads as enough.
+        f"NOT MET: {name}: {np.floor(1000 * rule['found'][0] + 1e-9) / 10:.1f} % of {100 * rule['required']:g} %"
+        for name, rule in asked
+        if not rule["met"][0]
+    ]
+
+
 def _cell(value: Any) -> str:
     shown = f"{value:.4g}" if isinstance(value, (float, np.floating)) else str(value)
     return f"<td>{html.escape(textwrap.shorten(shown, 60))}</td>"
