@@ -76,7 +76,7 @@ def test_what_is_told_must_fit_what_was_asked(scene) -> None:
     with pytest.raises(ValueError, match="values: nothing was asked; call ask first"):
         search.tell([1.0])
     poses = search.ask()
-    with pytest.raises(ValueError, match=rf"values: are {len(poses) + 1} for {len(poses)} placements"):
+    with pytest.raises(ValueError, match=rf"values: has the length {len(poses) + 1}; give one for each placement, {len(poses)} in all"):
         search.tell(np.zeros(len(poses) + 1))
     values = np.full(len(poses), np.nan)
     search.tell(values)
