@@ -309,17 +309,13 @@ pub(crate) fn search<'py>(
         evaluations,
         population,
         seed,
-        frames: frames_of(frames)?,
+        frames: frames_of(frames, &scenes)?,
         starts: layouts(&scenes[0].scene, starts)?,
         gap: bound.map(|percent| percent / 100.0),
         target,
         engine: scenes[0].options.engine.clone(),
         ..Settings::default()
     };
-    if let FrameChoice::Count(wanted) = settings.frames {
-        let count = scenes.iter().map(|built| built.scored_frames().len()).max().unwrap_or(0);
-        warn_of_frames(py, wanted as usize, count)?;
-    }
     let job = job_of(&scenes)?.mirrored(mirror).budget(budget).fewest(fewest);
     let mut job = job.tolerance(tolerance).search(settings);
     if baselines.is_some() {
@@ -473,8 +469,8 @@ fn word<T: Copy>(what: &str, given: &str, known: &[(&str, T)]) -> PyResult<T> {
     })
 }
 
-/// A number of frames, `all`, or those that the search asks for.
-fn frames_of(given: Option<&Bound<'_, PyAny>>) -> PyResult<FrameChoice> {
+/// A number of frames, `all`, or those that the search asks for; warns of more than any scene has.
+fn frames_of(given: Option<&Bound<'_, PyAny>>, scenes: &[Arc<Built>]) -> PyResult<FrameChoice> {
     let Some(given) = given else { return Ok(FrameChoice::OnDemand) };
     match given.extract::<String>().as_deref() {
         Ok("on-demand") => Ok(FrameChoice::OnDemand),
@@ -483,6 +479,11 @@ fn frames_of(given: Option<&Bound<'_, PyAny>>) -> PyResult<FrameChoice> {
             let found = arguments::shown(given);
             Err(bad(format!("frames: is {found}; give a whole number, \"all\" or \"on-demand\"")))
         }
-        Err(_) => Ok(FrameChoice::Count(arguments::whole("frames", given, 1..=u32::MAX as i128)?)),
+        Err(_) => {
+            let wanted: u32 = arguments::whole("frames", given, 1..=u32::MAX as i128)?;
+            let count = scenes.iter().map(|built| built.scored_frames().len()).max().unwrap_or(0);
+            warn_of_frames(given.py(), wanted as usize, count)?;
+            Ok(FrameChoice::Count(wanted))
+        }
     }
 }
