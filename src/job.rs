@@ -352,7 +352,10 @@ impl Job {
 
     /// Like [`Self::look_closely`]; false where `go_on`, which is asked often, said no before it was known how all
     /// requirements hold.
-    pub(crate) fn look_closely_while<'a>(
+    ///
+    /// # Errors
+    /// See [`Self::look_closely`].
+    pub fn look_closely_while<'a>(
         &self,
         engine: &mut dyn Backend,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,

@@ -3,6 +3,7 @@
 //! Sizes are known before memory is taken for them: [`room_for`] raises `MemoryError` where they do not fit.
 
 use std::ops::RangeInclusive;
+use std::path::PathBuf;
 
 use lidar_cast::memory;
 use pyo3::PyClass;
@@ -11,11 +12,13 @@ use pyo3::exceptions::{
     PyNotImplementedError, PyTypeError, PyValueError,
 };
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyString};
+use pyo3::types::{PyBool, PyDict, PyString};
+use sightline::job::Tolerance;
 use sightline::problem::spread;
 
 use crate::arrays::{MOST_BYTES, wholes};
-use crate::errors::bad;
+use crate::errors::{bad, warn_of_frames};
+use crate::sensors::PyVehicle;
 
 /// Longest value in a message, in characters.
 const LONGEST: usize = 60;
@@ -52,6 +55,86 @@ macro_rules! maybe_reals {
             maybe(given, |given| real(stringify!($name), given, $wanted, $is_allowed))
         }
     )*};
+}
+
+/// Converters of paths: texts, bytes and what has `__fspath__`.
+macro_rules! paths {
+    ($($name:ident = $what:literal;)*) => {$(
+        pub(crate) fn $name(given: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+            path_of($what, given)
+        }
+    )*};
+}
+
+paths! {
+    path = "path";
+    folder_path = "folder";
+}
+
+/// The argument `folder`, which may be `None`.
+pub(crate) fn folder(given: &Bound<'_, PyAny>) -> PyResult<Option<PathBuf>> {
+    maybe(given, folder_path)
+}
+
+/// The argument `vehicle` of a scene: a file, or a `Vehicle`, which is read again.
+pub(crate) fn vehicle(given: &Bound<'_, PyAny>) -> PyResult<Option<PathBuf>> {
+    if let Ok(vehicle) = given.cast::<PyVehicle>() {
+        return Ok(Some(vehicle.get().file()));
+    }
+    if given.is_instance_of::<PyDict>() {
+        let how = "write it to a file, or put it under `vehicle` of the dict of Scene.from_dict";
+        return Err(bad(format!("vehicle: is a dict; {how}")));
+    }
+    maybe(given, |given| path_of("vehicle", given))
+}
+
+/// The argument `sensor_files`, which may be `None`.
+pub(crate) fn sensor_files(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<PathBuf>>> {
+    maybe(given, |given| {
+        let files = entries("sensor_files", given, "a list of paths")?.into_iter().enumerate();
+        files.map(|(k, file)| path_of(&format!("sensor_files[{k}]"), &file)).collect()
+    })
+}
+
+fn path_of(what: &str, given: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+    match given.py().import("os")?.call_method1("fsdecode", (given,)) {
+        Ok(text) => text.extract(),
+        Err(error) => {
+            or_raised(given.py(), error)?;
+            Err(bad(format!("{what}: is {}; give a path as text or Path", shown(given))))
+        }
+    }
+}
+
+/// The argument `callback`: a function or `None`.
+pub(crate) fn callback(given: &Bound<'_, PyAny>) -> PyResult<Option<Py<PyAny>>> {
+    if !given.is_none() && !given.is_callable() {
+        return Err(bad(format!("callback: is {}; give a function or None", shown(given))));
+    }
+    maybe(given, |given| Ok(given.clone().unbind()))
+}
+
+/// The argument `objectives` of a front.
+pub(crate) fn objectives(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    texts("objectives", given)
+}
+
+/// Presets and files of targets, as texts or paths.
+pub(crate) fn targets(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let is_text = |one: &Bound<'_, PyAny>| one.is_instance_of::<PyString>();
+    if is_text(given) {
+        return texts("targets", given);
+    }
+    let all = entries("targets", given, "a list of presets and paths")?.into_iter().enumerate();
+    let named = all.map(|(k, one)| match is_text(&one) {
+        true => one.extract(),
+        false => {
+            let path = path_of(&format!("targets[{k}]"), &one)?;
+            let path = path.into_os_string().into_string();
+            path.map_err(|_| bad(format!("targets[{k}]: the path is not UTF-8; rename the file")))
+        }
+    });
+    named.collect()
 }
 
 /// Converters of lists of texts that may be `None`: converter and argument.
@@ -131,6 +214,16 @@ pub(crate) fn objective_in_words<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'
     text.to_str()
 }
 
+/// The argument `tolerance`: a length and an angle as text, or `None`.
+pub(crate) fn tolerance(given: &Bound<'_, PyAny>) -> PyResult<Option<Tolerance>> {
+    maybe(given, |given| {
+        let text = given.cast::<PyString>().ok().map(|text| text.to_str()).transpose()?;
+        let wanted = "a length and an angle as text, such as \"5mm,0.5deg\", or None";
+        let wrong = || bad(format!("tolerance: is {}; give {wanted}", shown(given)));
+        text.ok_or_else(wrong)?.parse().map_err(|why| bad(format!("tolerance: {why}")))
+    })
+}
+
 /// Objective of a search.
 pub(crate) enum Aim {
     /// The name of a score, or a weighted sum of scores.
@@ -174,7 +267,9 @@ pub(crate) fn which_frames(given: Option<&Bound<'_, PyAny>>, count: usize) -> Py
     if given.len().is_ok() {
         return Ok(wholes("frames", given, "numbers of frames", 0..=count as i128 - 1)?.0);
     }
-    Ok(spread(count, Some(whole("frames", given, 1..=u32::MAX as i128)?)))
+    let wanted = whole("frames", given, 1..=u32::MAX as i128)?;
+    warn_of_frames(given.py(), wanted as usize, count)?;
+    Ok(spread(count, Some(wanted)))
 }
 
 pub(crate) fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {

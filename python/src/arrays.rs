@@ -9,11 +9,11 @@ use numpy::{
     PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 use serde::Serialize;
 use sightline::geom::Pose;
 
-use crate::arguments::{or_raised, room_for, whole_in_words, whole_of_float};
+use crate::arguments::{or_raised, room_for, shown, whole_in_words, whole_of_float};
 use crate::errors::bad;
 
 /// Bytes that an element of a Python list takes, at least: a pointer, a number, and its copy in an array.
@@ -110,6 +110,10 @@ fn real_numbers<'py, T: Element>(
             return Err(bad(format!("{what}: is no array of numbers; give {wanted}")));
         }
     };
+    if py.import("numpy.ma")?.call_method1("is_masked", (given,))?.is_truthy()? {
+        let how = "fill them, or leave their rows out";
+        return Err(bad(format!("{what}: has masked values, which have no number; {how}")));
+    }
     let dtype = array.dtype();
     let kind = dtype.getattr("kind")?.extract::<char>()?;
     // `long double` holds numbers that no type of ours does.
@@ -216,21 +220,21 @@ pub(crate) fn to_python<'py>(
     py.import("json")?.call_method1("loads", (text,))
 }
 
-/// A Python object as JSON text; `what` names it in errors.
+/// A Python object as JSON text, arrays and numbers of NumPy as lists and numbers; `what` names it in errors.
 pub(crate) fn to_text(what: &str, given: &Bound<'_, PyAny>) -> PyResult<String> {
     let options = PyDict::new(given.py());
     options.set_item("allow_nan", false)?;
+    options.set_item("default", given.py().import("sightline._extra")?.getattr("plain")?)?;
     let dumps = given.py().import("json")?.getattr("dumps")?;
     let text = dumps.call((given,), Some(&options));
-    let fault = |error| match not_finite(given, what.to_owned(), 0) {
-        Some((place, number)) => bad(format!("{place}: is {number}; give a finite number")),
-        None => bad(format!("{what}: is not JSON: {error}")),
+    let fault = |error| {
+        bad(no_json(given, what, 0).unwrap_or_else(|| format!("{what}: is not JSON: {error}")))
     };
     text.map_err(fault)?.extract()
 }
 
-/// The first number in dicts and lists that JSON does not have, with its place, as `scene.roi.min[0]`.
-fn not_finite(given: &Bound<'_, PyAny>, at: String, depth: usize) -> Option<(String, f64)> {
+/// Sentence on the first value in dicts and lists that JSON does not have, with its place, as `scene.roi.min[0]`.
+fn no_json(given: &Bound<'_, PyAny>, at: &str, depth: usize) -> Option<String> {
     /// Deepest list or dict: one that holds itself has no end.
     const DEEPEST: usize = 64;
     if depth > DEEPEST {
@@ -238,12 +242,29 @@ fn not_finite(given: &Bound<'_, PyAny>, at: String, depth: usize) -> Option<(Str
     }
     if let Ok(dict) = given.cast::<PyDict>() {
         let mut items = dict.iter();
-        return items.find_map(|(key, value)| not_finite(&value, format!("{at}.{key}"), depth + 1));
+        return items.find_map(|(key, value)| {
+            if !key.is_instance_of::<PyString>() {
+                return Some(format!("{at}: has the key {}; give texts as keys", shown(&key)));
+            }
+            no_json(&value, &format!("{at}.{key}"), depth + 1)
+        });
+    }
+    if given.hasattr("tolist").unwrap_or(false) {
+        return no_json(&given.call_method0("tolist").ok()?, at, depth + 1);
     }
     if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
         let mut items = given.try_iter().ok()?.flatten().enumerate();
-        return items.find_map(|(k, value)| not_finite(&value, format!("{at}[{k}]"), depth + 1));
+        return items.find_map(|(k, value)| no_json(&value, &format!("{at}[{k}]"), depth + 1));
     }
-    let number: f64 = given.extract().ok()?;
-    (!number.is_finite()).then_some((at, number))
+    if given.is_none() || given.is_instance_of::<PyString>() {
+        return None;
+    }
+    match given.extract::<f64>() {
+        Ok(number) if number.is_finite() => None,
+        Ok(number) => Some(format!("{at}: is {number}; give a finite number")),
+        Err(_) => {
+            let wanted = "a number, a text, a list or a dict, as JSON has them";
+            Some(format!("{at}: is {}; give {wanted}", shown(given)))
+        }
+    }
 }

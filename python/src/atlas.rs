@@ -167,7 +167,7 @@ impl PyScene {
     ) -> PyResult<PyAtlas> {
         let built = self.built.clone();
         let single = poses.call_method1("__len__", ()).and_then(|count| count.extract::<usize>());
-        let array = py.import("numpy")?.call_method1("asarray", (poses,))?;
+        let array = py.import("numpy")?.call_method1("asanyarray", (poses,))?;
         let count = single.map_err(|_| bad("poses: give an array [M, 6] of sensor poses"))?;
         if count == 0 || count > MOST_POSES || array.getattr("ndim")?.extract::<usize>()? != 2 {
             return Err(bad(format!(
@@ -182,7 +182,7 @@ impl PyScene {
                 if names.len() != count {
                     let found = names.len();
                     return Err(bad(format!(
-                        "sensors: are {found} names for {count} poses; give one, or one each"
+                        "sensors: has the length {found}; give one name, or one for each pose, {count} in all"
                     )));
                 }
                 for (k, name) in names.into_iter().enumerate() {

@@ -136,7 +136,7 @@ impl PySearch {
             state.asked = Some(asked);
             let found = values.len();
             return Err(bad(format!(
-                "values: are {found} for {count} placements; give one for each"
+                "values: has the length {found}; give one for each placement, {count} in all"
             )));
         }
         state.rank(&asked, &values)

@@ -90,7 +90,14 @@ pub(crate) fn scores_object<'a, 'py>(
         let share = maybe(&|s| s.required.get(k).map(|seen| seen.share));
         columns.set_item(format!("seen.{}", area.name), share)?;
     }
+    if scores.first().is_some_and(|s| !s.required.is_empty()) {
+        columns.set_item("requirements_hold_in", maybe(&|s| s.requirements_hold_in))?;
+    }
+    if let Some(prices) = prices_of(vehicle, &placements) {
+        columns.set_item("price", column(py, prices))?;
+    }
     let rules = vehicle.rules();
+    let broken: Vec<_> = placements.iter().map(|one| vehicle.broken_rules(&rules, one)).collect();
     let scored = placements.iter().copied().zip(scores.iter().copied());
     let feasible = scored.map(|one| is_feasible(vehicle, &rules, one));
     columns.set_item("feasible", column(py, feasible.collect()))?;
@@ -104,7 +111,13 @@ pub(crate) fn scores_object<'a, 'py>(
     let few = if scores.len() <= FEW_PLACEMENTS { &scores[..] } else { &[] };
     let rules: Vec<&[Seen]> = few.iter().map(|s| &s.required[..]).collect();
     let class = py.import("sightline._scores")?.getattr("Scores")?;
-    class.call1((names, columns, guards, classes, least, to_python(py, &rules)?))
+    class.call1((names, columns, guards, classes, least, to_python(py, &rules)?, broken))
+}
+
+/// Price of each placement; `None` where no sensor of the vehicle has one.
+fn prices_of(vehicle: &Vehicle, placements: &[&Placement]) -> Option<Vec<f64>> {
+    let prices = placements.iter().map(|placement| vehicle.price_of_rig(placement));
+    prices.collect::<Option<Vec<f64>>>().filter(|all| !all.is_empty())
 }
 
 /// The `Scores` object of placements that `work` scores beside the interpreter. No placements have the columns of one.

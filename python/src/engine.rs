@@ -2,7 +2,7 @@
 //! casts into frames are done.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
 use lidar_cast::cover::BitOrder;
@@ -12,15 +12,16 @@ use pyo3::types::PyDict;
 use sightline::engine::{Backend, BackendError, EngineChoice, EngineKind, Hit, TakeBitmap};
 use sightline::near_field::{FEW_PLACEMENTS, NearSite};
 use sightline::problem::{StageTimes, Tally, spread};
+use sightline::runs::notes_on;
 use sightline::scan::conditions::Condition;
 use sightline::scan::{ScanError, Stage};
-use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores, SensorPose};
+use sightline::{Evaluator, Job, Note, Placement, Problem, Psog, Scene, Scores, SensorPose};
 
 use crate::arguments::room_for;
-use crate::errors::{bad, raised};
+use crate::errors::{bad, raised, warn_of};
 use crate::psogs::PyPsog;
 use crate::rays::RayTarget;
-use crate::wait::{WorkMessages, is_forked, log, pooled};
+use crate::wait::{WorkMessages, interruptible, is_forked, log, pooled};
 
 /// Engines by their names in Python.
 const BACKENDS: [(&str, EngineKind); 3] =
@@ -54,6 +55,13 @@ impl Options {
         let kind = BACKENDS.iter().find(|(name, _)| *name == backend).map(|(_, kind)| *kind);
         let kind = kind
             .ok_or_else(|| bad(format!("backend: `{backend}` is none; give auto, cpu or gpu")))?;
+        if kind == EngineKind::Cpu
+            && let Some(adapter) = &adapter
+        {
+            return Err(bad(format!(
+                "adapter: is {adapter:?}, a Vulkan device, which backend=\"cpu\" does not use; leave one of them out"
+            )));
+        }
         let conditions = conditions.iter().flatten().map(|text| text.parse().map_err(raised));
         let conditions = conditions.collect::<PyResult<_>>()?;
         let psog = psog.map(|psog| psog.get().0.clone());
@@ -159,6 +167,8 @@ pub(crate) struct Built {
     pub scene: Arc<Scene>,
     pub options: Options,
     pub job: Job,
+    /// Notes on the job, which scores and searches warn of.
+    pub told: NotesOnce,
     stage: OnceLock<Arc<Stage>>,
     evaluator: Kept,
     /// The frames that were cast into last.
@@ -176,7 +186,7 @@ impl Built {
         let job = job.frames(options.frames).conditions(&options.conditions);
         let job = job.engine(options.engine.clone());
         let (stage, evaluator, frames) = (OnceLock::new(), Kept::default(), Alone::default());
-        Self { scene, options, job, stage, evaluator, frames }
+        Self { scene, options, job, told: NotesOnce::default(), stage, evaluator, frames }
     }
 
     /// Numbers of the frames that scores are means over.
@@ -287,20 +297,44 @@ pub(crate) fn score(
     Ok(scores)
 }
 
-/// Adds the guard `self_hit` to the scores of placements of a job: if `asked` says so, else for up to
-/// [`FEW_PLACEMENTS`].
+/// Looks closely at placements of a job and adds what is found to their scores: if `asked` says so, else for up to
+/// [`FEW_PLACEMENTS`]. More than these are not looked at in copies within the job's mounting tolerance.
 pub(crate) fn guard(
     job: &Job,
     evaluator: &mut Evaluator,
     placements: &[Placement],
     scores: &mut [Scores],
     asked: Option<bool>,
+    watch: &WorkMessages,
 ) -> PyResult<()> {
-    if !asked.unwrap_or(placements.len() <= FEW_PLACEMENTS) {
+    let are_few = placements.len() <= FEW_PLACEMENTS;
+    if !asked.unwrap_or(are_few) {
         return Ok(());
     }
+    let without = (!are_few).then(|| job.clone().tolerance(None));
     let all = placements.iter().zip(scores);
-    job.look_closely(evaluator.backend_mut(), all).map_err(raised)
+    let go_on = &mut || watch.goes_on();
+    let looked =
+        without.as_ref().unwrap_or(job).look_closely_while(evaluator.backend_mut(), all, go_on);
+    looked.map(drop).map_err(raised)
+}
+
+/// Whether the notes on a job were told already.
+#[derive(Default)]
+pub(crate) struct NotesOnce(AtomicBool);
+
+impl NotesOnce {
+    /// Warns, the first time, of each sentence that the program tells of a job before it scores or searches. The job's
+    /// problems are made if they were not.
+    pub(crate) fn warn_once(&self, py: Python<'_>, job: &Job) -> PyResult<()> {
+        if self.0.swap(true, Ordering::SeqCst) {
+            return Ok(());
+        }
+        let job = job.clone();
+        let notes = interruptible(py, move |_| notes_on(&job))?;
+        let notes = notes.map_err(|error| bad(error.to_string()))?;
+        warn_of(py, &notes.into_iter().map(Note::fact).collect::<Vec<_>>())
+    }
 }
 
 /// Adds the near field to the scores of placements in a scene.

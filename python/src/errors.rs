@@ -18,14 +18,14 @@ use sightline::{Error, Note};
 /// The exception for an error of the library, with the library's sentence.
 pub(crate) fn raised(error: impl Into<Error>) -> PyErr {
     let error = error.into();
-    let sentence = error.to_string();
+    let sentence = in_python(&error.to_string());
     if lacks_memory(&error) {
         PyMemoryError::new_err(sentence)
     } else if let Some((number, file)) = of_system(&error) {
-        // Python makes a FileNotFoundError or PermissionError of the number.
-        let prefix = format!("{file}: ");
-        let sentence = sentence.strip_prefix(&prefix).unwrap_or(&sentence).to_owned();
-        PyOSError::new_err((number, sentence, file))
+        // Python makes a FileNotFoundError or PermissionError of the number, and tells number and file itself.
+        let sentence = sentence.replacen(&format!("{file}: "), "", 1);
+        let sentence = sentence.replace(&format!(" (os error {number})"), "");
+        PyOSError::new_err((number, sentence.replacen("cannot be read: ", "", 1), file))
     } else if lacks_file_or_device(&error) {
         PyOSError::new_err(sentence)
     } else {
@@ -33,9 +33,94 @@ pub(crate) fn raised(error: impl Into<Error>) -> PyErr {
     }
 }
 
-/// A `ValueError` with a sentence of the module's own.
+/// Like [`raised`], for what a dict named `what` holds: it has no lines and columns. Faults of files that it names have.
+pub(crate) fn raised_of_dict(py: Python<'_>, what: &str, error: impl Into<Error>) -> PyErr {
+    let error = raised(error);
+    let sentence = error.value(py).to_string();
+    match sentence.rsplit_once(" (line 1, column ") {
+        Some((told, _)) if sentence.starts_with(&format!("{what}: ")) => bad(told),
+        _ => error,
+    }
+}
+
+/// A `ValueError` with a sentence of the module, or of the library.
 pub(crate) fn bad(sentence: impl Into<String>) -> PyErr {
-    PyValueError::new_err(sentence.into())
+    PyValueError::new_err(in_python(&sentence.into()))
+}
+
+/// Phrases on the program, and on Python in their place; those that begin like others come first.
+const PHRASES: [(&str, &str); 14] = [
+    ("`study targets` with this scene looks", "`detections` looks"),
+    ("give it by --vehicle", "give it as vehicle="),
+    ("--backend cpu", "backend=\"cpu\""),
+    ("--front: ", "objectives: "),
+    ("--condition blur: takes", "conditions: blur takes"),
+    (
+        "the scores of --objective, as in `price,near_gain`",
+        "scores, as in [\"price\", \"near_gain\"]",
+    ),
+    ("--method swaps", "method=\"swaps\""),
+    ("--method both", "method=\"both\""),
+    ("give it as SCENE", "load it by Scene.load"),
+    ("behind the scenes, or by --placement, --baselines or --inject", "to read_placements"),
+    ("by --target", "as one of targets="),
+    (" (in Python load the scene with one)", " when the scene is loaded"),
+    ("give a vehicle with --vehicle", "give vehicle="),
+    (
+        "(in Python sensors=[…])",
+        "(in Python sensors=[…]; random_poses() has the models of space().sensors)",
+    ),
+];
+/// Options of the program that are arguments in Python.
+const OPTIONS: [(&str, &str); 16] = [
+    ("baselines", "baselines"),
+    ("bound", "bound"),
+    ("budget", "budget"),
+    ("condition", "conditions"),
+    ("evaluations", "evaluations"),
+    ("fewest", "fewest"),
+    ("format", "format"),
+    ("frames", "frames"),
+    ("inject", "starts"),
+    ("max-seconds", "seconds"),
+    ("memory", "memory"),
+    ("objective", "objective"),
+    ("sensor-file", "sensor_files"),
+    ("tolerance", "tolerance"),
+    ("vehicle", "vehicle"),
+    ("base-link", "base_link"),
+];
+
+/// A sentence of the library with Python's arguments in place of the program's options.
+pub(crate) fn in_python(sentence: &str) -> String {
+    let mut told = sentence.to_owned();
+    PHRASES.iter().for_each(|(old, new)| told = told.replace(old, new));
+    for (option, argument) in OPTIONS {
+        let written = format!("--{option}");
+        let mut parts = told.split(&written).map(str::to_owned);
+        let mut all = parts.next().unwrap_or_default();
+        for part in parts {
+            all += &match part.chars().next() {
+                Some('-' | 'a'..='z') => format!("--{option}{part}"),
+                Some(':') => format!("{argument}{part}"),
+                Some(' ') if part[1..].starts_with(|c: char| c.is_ascii_digit()) => {
+                    format!("{argument}={}", &part[1..])
+                }
+                _ => format!("{argument}={part}"),
+            };
+        }
+        told = all;
+    }
+    told
+}
+
+/// Warns that a call asks for more frames than there are.
+pub(crate) fn warn_of_frames(py: Python<'_>, wanted: usize, count: usize) -> PyResult<()> {
+    let is_more = wanted > count;
+    let note = || {
+        Note::fact(format!("frames: is {wanted}, and the scene has {count}; all of them are used."))
+    };
+    warn_of(py, is_more.then(note).as_slice())
 }
 
 create_exception!(
@@ -67,7 +152,7 @@ fn warn(py: Python<'_>, note: &Note) -> PyResult<()> {
     } else {
         py.get_type::<PyUserWarning>()
     };
-    PyErr::warn(py, &category, &CString::new(note.text().replace('\0', ""))?, 1)
+    PyErr::warn(py, &category, &CString::new(in_python(note.text()).replace('\0', ""))?, 1)
 }
 
 /// The engine's error, where it is one.

@@ -59,14 +59,18 @@ fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| wait::pooled(|| sightline::cli::run(arguments).code()))
 }
 
-/// Lets the CPU engine use `count` threads, up to 4 for each core, and 16 on any machine; to be called before anything is computed. Raises
-/// `ValueError` for another number and for a later call.
+/// Lets the CPU engine use `count` threads, at most 4 for each core, or 16 where that is more. To be called before anything
+/// is computed. Raises `ValueError` for another number and for a later call.
 #[pyfunction]
 fn set_threads(#[pyo3(from_py_with = arguments::threads)] count: usize) -> PyResult<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
     pool.build_global().map_err(|error| match error.source() {
-        Some(system) => PyOSError::new_err(format!("threads: {count} cannot be started: {system}")),
-        None => bad("threads: are at work already; call set_threads before anything is computed"),
+        Some(system) => {
+            PyOSError::new_err(format!("count: {count} threads cannot be started: {system}"))
+        }
+        None => {
+            bad("count: threads are at work already; call set_threads before anything is computed")
+        }
     })
 }
 
@@ -79,7 +83,7 @@ mod _native {
         atlas::PyAtlas,
         by_hand::PySearch,
         main,
-        placements::{PyPlacement, published, read},
+        placements::{PyPlacement, published, read, write},
         psogs::PyPsog,
         rays::PyRaycaster,
         rigs::PyRig,

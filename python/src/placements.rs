@@ -1,10 +1,14 @@
 //! Placements: sensor poses by name, from objects, files and arrays.
 
+use std::collections::HashSet;
+use std::io::Write;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use serde_json::json;
+use sightline::internals::{FileError, write_whole};
 use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
 use sightline::{Placement, Scene, SensorPose, read_placements};
 
@@ -171,7 +175,7 @@ fn phases_of(given: &Bound<'_, PyAny>, count: usize, lidars: usize) -> PyResult<
         [own] if own == lidars => Ok(values.repeat(count)),
         [own, each] if (own, each) == (count, lidars) => Ok(values),
         ref shape => Err(bad(format!(
-            "phases: have the shape {shape:?} for {count} placements of {lidars} LiDARs; give {wanted}"
+            "phases: have the shape {shape:?}, where N is {count} and L is {lidars}; give {wanted}"
         ))),
     }
 }
@@ -195,7 +199,7 @@ fn from_array(
     }
     if !sensors.is_empty() && sensors.len() != lidars {
         return Err(bad(format!(
-            "sensors: are {} names for {lidars} LiDARs; give one for each",
+            "sensors: has the length {}; give a name for each LiDAR, {lidars} in all",
             sensors.len()
         )));
     }
@@ -218,8 +222,32 @@ fn from_array(
 ///
 /// Raises `OSError` for a file that cannot be read, `ValueError` that names a wrong placement.
 #[pyfunction(name = "read_placements")]
-pub(crate) fn read(path: PathBuf) -> PyResult<Vec<PyPlacement>> {
+pub(crate) fn read(
+    #[pyo3(from_py_with = arguments::path)] path: PathBuf,
+) -> PyResult<Vec<PyPlacement>> {
     Ok(read_placements(&path).map_err(raised)?.into_iter().map(PyPlacement).collect())
+}
+
+/// Writes placements to a `.json` file, whole at any time; `read_placements` and the commands of the program read it.
+///
+/// `placements` is a `Placement` or a list of them. Raises `ValueError` for equal names, `OSError` for a file that cannot be
+/// written.
+#[pyfunction(name = "write_placements")]
+pub(crate) fn write(
+    placements: &Bound<'_, PyAny>,
+    #[pyo3(from_py_with = arguments::path)] path: PathBuf,
+) -> PyResult<()> {
+    let all = parsed(placements, None, None)?;
+    let mut names = HashSet::new();
+    if let Some(twice) = all.iter().find(|one| !names.insert(&one.name)) {
+        let name = &twice.name;
+        return Err(bad(format!(
+            "placements: `{name}` is there twice; give each a name of its own"
+        )));
+    }
+    let text = format!("{:#}\n", json!({ "placements": all }));
+    let write = |file: &mut dyn Write| file.write_all(text.as_bytes());
+    write_whole(&path, |file| write(file).map_err(FileError::io(&path))).map_err(raised)
 }
 
 /// The eleven placements of Table 7 of Place3D, four LiDARs each.

@@ -76,12 +76,19 @@ impl PyPsog {
     /// Reads a `.npz` file. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be read, `ValueError` that
     /// names the fault.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn load(
+        py: Python<'_>,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
+    ) -> PyResult<Self> {
         py.detach(|| Ok(Self(Arc::new(read_psog(&path).map_err(raised)?))))
     }
 
     /// Writes a `.npz` file, whole at any time. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be written.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    fn save(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
+    ) -> PyResult<()> {
         let write =
             || write_whole(&path, |file| write_psog(file, &self.0).map_err(FileError::io(&path)));
         py.detach(write).map_err(raised)

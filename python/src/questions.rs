@@ -44,17 +44,20 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
-        answer(py, None, move |_| {
+        let card = answer(py, None, move |_| {
             let site = built.job.target_site().map_err(raised)?;
             let card = site.map(|site| RangeCard::new(site, &placement.lidars)).transpose();
             card.map_err(|unknown| bad(unknown.to_string()))
-        })
+        })?;
+        self.built.told.warn_once(py, &self.built.job)?;
+        Ok(card)
     }
 
     /// u32 `[targets, bearings, distances, lidars]`: beams of one placement that end at each target, alone on level ground
     /// with the own body in the way. `targets` are presets (`"car"`, `"child"`, …) or target files, `distances` metres from
     /// the ego origin to the middle of the target, `bearings` degrees counter-clockwise from straight ahead. Raises
-    /// `ValueError` for an unknown target and with coverage `through`. Distances beyond the range of all LiDARs are warned of.
+    /// `ValueError` for an unknown target and with coverage `through`. Distances beyond the range of all LiDARs, and places in
+    /// the own body, are warned of.
     #[pyo3(signature = (poses, targets, distances, bearings, *, sensors = None, phases = None))]
     fn beams_on<'py>(
         &self,
@@ -86,6 +89,16 @@ impl PyScene {
             placement.lidars.len(),
         ];
         let table = interruptible(py, move |_| on_level_ground(&built, &question, &placement))??;
+        let within: Vec<&TargetRow> = table.rows.iter().filter(|row| row.overlaps).collect();
+        if let [first, ..] = within[..] {
+            let place = format!("{} at {} m and {}°", first.target, first.distance, first.bearing);
+            let note = format!(
+                "beams on targets that stand in the own body mean nothing: {} of {} places do, the first is {place}",
+                within.len(),
+                table.rows.len()
+            );
+            warn_of(py, &[Note::doubt(note)])?;
+        }
         shaped(py, table.rows.into_iter().flat_map(|row| row.by_lidar).collect(), &shape)
     }
 
@@ -267,7 +280,7 @@ impl PyScene {
     /// Scores of one placement with one pose field of one LiDAR at each of some values, as a `dict` with the sweep that
     /// `sightline study sweep` prints: `rows` with `value`, `as_given`, `broken_rules` and `scores`, the placement as it is
     /// first. On a symmetric vehicle its mirror image moves, too (`mirrored_lidar`). Field `of` is `"LIDAR.FIELD"` (`"0.pitch"`, `"roof.z"`: a number from 0, a mount or a model); `values` `[N]` are metres, or
-    /// degrees of an angle (positive pitch looks down). Raises `ValueError` for an unknown LiDAR or field and for values
+    /// degrees of an angle, not radians as all poses are (positive pitch looks down). Raises `ValueError` for an unknown LiDAR or field and for values
     /// that a placement may not have. `progress` as for `optimize`.
     #[pyo3(signature = (poses, of, values, *, sensors = None, phases = None, progress = None))]
     fn sweep<'py>(
@@ -289,6 +302,9 @@ impl PyScene {
             return Err(bad(format!("values: has {count} values; give 1 to {MOST_VALUES}")));
         }
         field.check(&placement, &values).map_err(|error| bad(format!("values: {error}")))?;
+        let ends = [f64::min, f64::max].map(|of| values.iter().copied().fold(values[0], of));
+        let doubt = field.doubt(ends).map(|doubt| Note::doubt(format!("values: {doubt}")));
+        warn_of(py, doubt.as_slice())?;
         answer(py, progress, move |watch| {
             let values = values.into_iter().map(Some);
             let values: Vec<Option<f64>> = std::iter::once(None).chain(values).collect();
@@ -370,7 +386,7 @@ fn target_question(
     distances: &Bound<'_, PyAny>,
     bearings: &Bound<'_, PyAny>,
 ) -> PyResult<TargetQuestion> {
-    let targets = named(&arguments::texts("targets", targets)?)?;
+    let targets = named(&arguments::targets(targets)?)?;
     let above_0 = "metres above 0 and up to 1000";
     let distances = row("distances", distances, above_0, is_distance)?;
     let bearings = row("bearings", bearings, "degrees from -360 to 360", is_bearing)?;
@@ -389,7 +405,7 @@ fn named(names: &[String]) -> PyResult<Vec<Target>> {
 /// Targets whose redundancy is counted; the usual presets for `None`.
 fn redundancy_targets(targets: Option<&Bound<'_, PyAny>>) -> PyResult<TargetQuestion> {
     let names = match targets {
-        Some(targets) => arguments::texts("targets", targets)?,
+        Some(targets) => arguments::targets(targets)?,
         None => REDUNDANCY_TARGETS.map(str::to_owned).to_vec(),
     };
     Ok(redundancy_question(named(&names)?))

@@ -258,7 +258,7 @@ impl PyRaycaster {
         if class_ids.is_some() && classes.len() != faces.len() {
             let (found, wanted) = (classes.len(), faces.len());
             return Err(bad(format!(
-                "class_ids: are {found} for {wanted} faces; give one for each"
+                "class_ids: has the length {found}; give one for each face, {wanted} in all"
             )));
         }
         let largest = vertices.iter().flatten().fold(0.0, |most: f32, v| most.max(v.abs()));

@@ -71,7 +71,7 @@ impl PyRig {
     #[pyo3(signature = (path, *, format = None, name = None, frames = None, models = None, base_link = None))]
     fn load(
         py: Python<'_>,
-        path: PathBuf,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
         format: Option<&str>,
         name: Option<String>,
         #[pyo3(from_py_with = arguments::frame_names)] frames: Option<Vec<String>>,
@@ -135,7 +135,11 @@ impl PyRig {
 
     /// Writes a file of placements with this one, whole at any time; `read_placements` and `Rig.load` read it. Raises
     /// `OSError` for a file that cannot be written.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    fn save(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
+    ) -> PyResult<()> {
         let text = format!("{:#}\n", rig_json(&[&self.named(None)?]));
         let write = || {
             write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::io(&path)))

@@ -163,7 +163,7 @@ impl PyScene {
     fn to_rerun(
         slf: &Bound<'_, Self>,
         placements: &Bound<'_, PyAny>,
-        path: PathBuf,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
         record(slf, "to_rerun", placements, path, options)
@@ -180,7 +180,7 @@ impl PyScene {
     fn to_mcap(
         slf: &Bound<'_, Self>,
         placements: &Bound<'_, PyAny>,
-        path: PathBuf,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
         record(slf, "to_mcap", placements, path, options)

@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::NO_HIT;
 use sightline::internals::{Input, usual_placements};
+use sightline::job::Tolerance;
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
 use sightline::vehicle::SensorPose;
@@ -19,7 +20,7 @@ use crate::arguments::{self, room_for};
 use crate::arrays::{column, homogeneous, matrix, to_python, to_text};
 use crate::columns::scored_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
-use crate::errors::{bad, raised, warn_of};
+use crate::errors::{bad, raised, raised_of_dict, warn_of, warn_of_frames};
 use crate::placements::{placement_bytes, placements_in};
 use crate::psogs::PyPsog;
 use crate::rays::signed;
@@ -61,6 +62,8 @@ impl PyScene {
     /// Warns of every note on the scene's files.
     fn new(py: Python<'_>, scene: Scene, source: Source, options: Options) -> PyResult<Self> {
         warn_of(py, scene.notes())?;
+        let wanted = options.frames.unwrap_or_default() as usize;
+        warn_of_frames(py, wanted, scene.frame_count())?;
         let root = std::env::current_dir().unwrap_or_default();
         Ok(Self { built: Arc::new(Built::new(scene, options)), source, root })
     }
@@ -86,7 +89,7 @@ impl PyScene {
 impl PyScene {
     /// Reads a scene file.
     ///
-    /// `vehicle` is a vehicle file in place of the scene's LiDAR and mount, `psog` a P-SOG in place of its own. Scores are
+    /// `vehicle` is a vehicle file, or a `Vehicle`, in place of the scene's LiDAR and mount, `psog` a P-SOG in place of its own. Scores are
     /// means over all frames, or over `frames` of them, spread evenly. `conditions` are weather and faults, as `"fog:mor=50"`.
     /// `backend` is `auto` (the best hardware Vulkan device, else the CPU), `gpu` (any device, `adapter` a part of its name)
     /// or `cpu`; all give the same bits. `memory` bounds work buffers, in bytes. Raises `FileNotFoundError` and other kinds of
@@ -96,8 +99,8 @@ impl PyScene {
         backend = "auto", adapter = None, memory = None))]
     fn load(
         py: Python<'_>,
-        path: PathBuf,
-        vehicle: Option<PathBuf>,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
+        #[pyo3(from_py_with = arguments::vehicle)] vehicle: Option<PathBuf>,
         psog: Option<&Bound<'_, PyPsog>>,
         #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
         #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
@@ -118,7 +121,7 @@ impl PyScene {
         conditions = None, backend = "auto", adapter = None, memory = None))]
     fn from_dict(
         scene: &Bound<'_, PyAny>,
-        folder: Option<PathBuf>,
+        #[pyo3(from_py_with = arguments::folder)] folder: Option<PathBuf>,
         psog: Option<&Bound<'_, PyPsog>>,
         #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
         #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
@@ -129,7 +132,8 @@ impl PyScene {
         let options = Options::new(psog, frames, conditions, backend, adapter, memory)?;
         let text = to_text("scene", scene)?;
         let folder = folder.unwrap_or_else(|| PathBuf::from("."));
-        let read = pooled(|| Scene::from_json(&text, &folder, "scene")).map_err(raised)?;
+        let read = pooled(|| Scene::from_json(&text, &folder, "scene"));
+        let read = read.map_err(|error| raised_of_dict(scene.py(), "scene", error))?;
         Self::new(scene.py(), read, Source::Text { text, folder }, options)
     }
 
@@ -228,13 +232,18 @@ impl PyScene {
     /// The bits are those of `sightline score`. Raises `ValueError` for poses of another shape, that are not finite, or of models
     /// that the vehicle does not have, `MemoryError` where memory does not suffice, `OSError` where a device fails.
     ///
-    /// The guards `self_hit` and `blind_sector` take casts of their own. They are looked for with up to 64 placements,
-    /// as in the program, with any number if `self_hits` is true, and not at all if it is false. With `near_field`,
-    /// which casts likewise, there are the columns `near_field` and `near_ring`: shares of the ground within 10 m and 3
-    /// m of the own body with a hit close by.
+    /// Up to 64 placements are looked at closely, as in the program, which takes casts of its own. They are looked at for the
+    /// guards `self_hit` and `blind_sector`, and each requirement in 200 copies mounted within `tolerance` (a length and an
+    /// angle as text; `None`: no copies). Any number is looked at, without copies, if `self_hits` is true, and none if it is false. With
+    /// `near_field`, which casts likewise, there are the columns `near_field` and `near_ring`: shares of the ground within
+    /// 10 m and 3 m of the own body with a hit close by.
     ///
-    /// `progress` as for `optimize`.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false, progress = None))]
+    /// The first call warns of what the program notes of the scene, such as ground that is not level. `progress` as for
+    /// `optimize`.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false,
+        tolerance = Some(Tolerance::default()), progress = None),
+        text_signature = "($self, poses, *, sensors=None, phases=None, self_hits=None, near_field=False, \
+        tolerance='5mm,0.5deg', progress=None)")]
     fn score<'py>(
         &self,
         py: Python<'py>,
@@ -243,22 +252,26 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
         self_hits: Option<bool>,
         near_field: bool,
+        #[pyo3(from_py_with = arguments::tolerance)] tolerance: Option<Tolerance>,
         progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placements = placements_in(&self.built.scene, poses, sensors, phases)?;
         let vehicle = self.built.scene.vehicle();
         let built = self.built.clone();
+        let job = built.job.clone().tolerance(tolerance);
         let progress = progress.unwrap_or_default();
-        scored_object(py, vehicle, placements, progress, move |placements, watch| {
+        let scores = scored_object(py, vehicle, placements, progress, move |placements, watch| {
             built.evaluate(watch, |evaluator| {
                 let mut scores = score(evaluator, placements, watch)?;
-                guard(&built.job, evaluator, placements, &mut scores, self_hits)?;
+                guard(&job, evaluator, placements, &mut scores, self_hits, watch)?;
                 if near_field {
                     add_near_fields(&built.scene, evaluator, placements, &mut scores)?;
                 }
                 Ok(scores)
             })
-        })
+        })?;
+        self.built.told.warn_once(py, &self.built.job)?;
+        Ok(scores)
     }
 
     /// `[K]` u64, rising linear indices of the voxels that one placement covers in any frame. Raises `ValueError` as `score`, and for
@@ -354,6 +367,7 @@ impl PyScene {
             .transpose()?;
         let lidars = self.built.scene.constraints().lidars().max(2);
         room_for("placements", random.saturating_add(hostile), placement_bytes(lidars))?;
+        warn_of_frames(py, frames as usize, self.built.scene.frame_count())?;
         room_for("beams of the sample", sample as usize, SAMPLE_BYTES)?;
         let built = self.built.clone();
         answer(py, progress, move |watch| {

@@ -11,15 +11,15 @@ use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
 use sightline::job::{Found, Tolerance};
 use sightline::report::{NearRecord, RunContext, RunRecord, RunTimes, near_record};
-use sightline::search::{Event, FrameChoice, Method, Scored, Settings, TimeLimit};
+use sightline::search::{Event, FrameChoice, LeftOut, Method, Scored, Settings, TimeLimit};
 use sightline::vehicle::Vehicle;
 use sightline::{Job, Note, Objective, Placement, Scene};
 
 use crate::arguments::{self, Aim, listed};
 use crate::arrays::to_python;
 use crate::columns::{scored_object, scores_object};
-use crate::engine::{Built, Kept, guard, job_of, opened, score};
-use crate::errors::{bad, raised, warn_of};
+use crate::engine::{Built, Kept, NotesOnce, guard, job_of, opened, score};
+use crate::errors::{bad, in_python, raised, warn_of, warn_of_frames};
 use crate::placements::{PyPlacement, placements_in};
 use crate::scenes::{PyScene, frames_in_words};
 use crate::wait::{Progress, Shown, WorkMessages, log, start, wait};
@@ -30,6 +30,7 @@ pub(crate) struct PySuite {
     given: Vec<Py<PyScene>>,
     scenes: Vec<Arc<Built>>,
     evaluator: Arc<Kept>,
+    told: NotesOnce,
 }
 
 #[pymethods]
@@ -39,7 +40,7 @@ impl PySuite {
         let given = given_scenes(scenes)?;
         let scenes = given.iter().map(|scene| scene.get().built.clone()).collect();
         let given = given.into_iter().map(Bound::unbind).collect();
-        Ok(Self { given, scenes, evaluator: Arc::default() })
+        Ok(Self { given, scenes, evaluator: Arc::default(), told: NotesOnce::default() })
     }
 
     /// Names of the scenes.
@@ -48,32 +49,39 @@ impl PySuite {
         self.scenes.iter().map(|built| built.scene.name()).collect()
     }
 
-    /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as for `Scene`. Up to 64
-    /// placements are looked at for the guard `self_hit`, as in the program. Raises `ValueError` as `Scene.score`.
+    /// Scores over all scenes: the mean of the scenes' shares of information. `poses` and `tolerance` as for `Scene.score`:
+    /// up to 64 placements are looked at closely, as in the program. Raises `ValueError` and warns as `Scene.score`.
     /// `progress` as for `optimize`.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None, progress = None))]
+    #[pyo3(signature = (poses, *, sensors = None, phases = None,
+        tolerance = Some(Tolerance::default()), progress = None),
+        text_signature = "($self, poses, *, sensors=None, phases=None, tolerance='5mm,0.5deg', progress=None)")]
     fn score<'py>(
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
+        #[pyo3(from_py_with = arguments::tolerance)] tolerance: Option<Tolerance>,
         progress: Option<Progress>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let scene = &self.scenes[0].scene;
         let placements = placements_in(scene, poses, sensors, phases)?;
-        let (job, kept) = (job_of(&self.scenes)?, self.evaluator.clone());
+        let all = job_of(&self.scenes)?;
+        let (job, kept) = (all.clone().tolerance(tolerance), self.evaluator.clone());
         let progress = progress.unwrap_or_default();
-        scored_object(py, scene.vehicle(), placements, progress, move |placements, watch| {
+        let work = move |placements: &[Placement], watch: &WorkMessages| {
             kept.with(
                 || opened(&job),
                 |evaluator| {
                     let mut scores = score(evaluator, placements, watch)?;
-                    guard(&job, evaluator, placements, &mut scores, None)?;
+                    guard(&job, evaluator, placements, &mut scores, None, watch)?;
                     Ok(scores)
                 },
             )
-        })
+        };
+        let scores = scored_object(py, scene.vehicle(), placements, progress, work)?;
+        self.told.warn_once(py, &all)?;
+        Ok(scores)
     }
 
     fn __len__(&self) -> usize {
@@ -105,11 +113,12 @@ struct EndedSearch {
 /// [`beside`].
 fn optimized<'py>(
     py: Python<'py>,
-    (job, seconds): (Job, Option<f64>),
+    (job, seconds, budget): (Job, Option<f64>, Option<f64>),
     vehicle: &Vehicle,
     callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let asked = job.clone();
     let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Option<EndedSearch>> {
         let length = seconds.map(Duration::from_secs_f64);
         let job = job.within(length.map(TimeLimit::from_now));
@@ -120,24 +129,50 @@ fn optimized<'py>(
         let near = near.map_err(raised)?.flatten();
         Ok(Some(EndedSearch { found, near, conditions: job.conditions_in_words() }))
     };
+    NotesOnce::default().warn_once(py, &asked)?;
     let (ended, signal) = beside(py, search, callback, progress)?;
-    let result = match ended {
-        Some(ended) => {
-            let equipped = ended.found.equipped.iter();
-            let beyond = equipped.flat_map(|equipped| &equipped.out_of_reach);
-            let beyond = beyond.map(|words| Note::doubt(format!("OUT OF REACH: {words}")));
-            warn_of(py, &beyond.collect::<Vec<_>>())?;
-            result_object(py, vehicle, &ended)?
-        }
-        None => py.None().into_bound(py),
+    let Some(ended) = ended else {
+        let early = || PyRuntimeError::new_err(ENDED_EARLY);
+        return signalled(py, Some(signal.unwrap_or_else(early)), py.None().into_bound(py));
     };
+    let result = result_object(py, vehicle, &ended)?;
+    // A warning that is an exception has the result, too.
+    let notes = [left_out(&ended.found, vehicle, budget), doubts_about(&ended.found)].concat();
+    let signal = signal.or(warn_of(py, &notes).err());
     signalled(py, signal, result)
+}
+
+/// Why a search that its callback ended has no result.
+const ENDED_EARLY: &str = "callback: ended the search while its sensors were being chosen, so that there is no placement; \
+    raise StopIteration at an event `generation` or later, or name the time with seconds=";
+
+/// Notes on placements to start from that the search left out.
+fn left_out(found: &Found, vehicle: &Vehicle, budget: Option<f64>) -> Vec<Note> {
+    let told = |one: &LeftOut| {
+        let start = found.settings.starts.iter().find(|start| start.name == one.name);
+        let price = start.and_then(|start| vehicle.price_of_rig(start)).zip(budget);
+        let dear = price.filter(|(price, budget)| price > budget);
+        let dear =
+            dear.map(|(price, budget)| format!("it costs {price}, and the budget is {budget}"));
+        let why: Vec<String> = dear.into_iter().chain(one.why.iter().cloned()).collect();
+        Note::fact(format!("starts: `{}` is not started from: {}.", one.name, why.join("; ")))
+    };
+    found.outcome.left_out.iter().map(told).collect()
+}
+
+/// Doubts about the end of a search: requirements that no equipment reaches, and requirements that the result misses.
+fn doubts_about(found: &Found) -> Vec<Note> {
+    let beyond = found.equipped.iter().flat_map(|equipped| &equipped.out_of_reach);
+    let beyond = beyond.map(|words| format!("OUT OF REACH: {words}"));
+    let required = found.outcome.best.iter().flat_map(|best| &best.scores.required);
+    let missed = required.filter(|seen| seen.share < seen.least).map(ToString::to_string);
+    beyond.chain(missed).map(Note::doubt).collect()
 }
 
 /// Tells a callback of an event; `Ok(false)` where it asks for the end by `StopIteration`, as SciPy has it.
 fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
     let told = match event {
-        Event::Note(text) => json!({ "event": "note", "text": text }),
+        Event::Note(text) => json!({ "event": "note", "text": in_python(text) }),
         Event::Generation(record) => {
             let mut told = json!(record);
             told["event"] = "generation".into();
@@ -154,9 +189,6 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
         Err(error) => Err(error),
     }
 }
-
-/// The tolerance unless it is given.
-const TOLERANCE: &str = "5mm,0.5deg";
 
 /// Refuses the first option that is given and has no meaning where the objective is a function.
 fn refuse_beside_function(options: &[(&str, bool)]) -> PyResult<()> {
@@ -210,7 +242,11 @@ fn own_placements(
 /// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
 /// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. If it raises `StopIteration`,
 /// the search ends, confirms what it has, over few frames where a scene has more than 32, and returns it. Ctrl-C and
-/// any other exception end it likewise, but go on to the caller, with the `Result` as their `result`.
+/// any other exception end it likewise, but go on to the caller, with the `Result` as their `result`. While sensors are
+/// still being chosen there is no placement: then `StopIteration` becomes a `RuntimeError`, and `result` is `None`.
+///
+/// A requirement that the result misses is a `DoubtWarning`, one that no equipment reaches, too; `Result.verdict` says it
+/// in words, as the program does.
 ///
 /// `progress` says how a call shows how far it is. `True` shows a bar, `False` nothing. `None` waits two seconds, then
 /// shows a bar where tqdm is installed and stderr is a terminal or a notebook. Elsewhere it writes `INFO` records of
@@ -221,7 +257,7 @@ fn own_placements(
 #[pyo3(signature = (scenes, *, objective = Aim::Text("near_gain".into()), evaluations = 180, seed = 1,
     method = "both", frames = None, population = None, baselines = None, starts = None,
     target = None, seconds = None, mirror = false, budget = None, fewest = false,
-    tolerance = Some(TOLERANCE), bound = None, callback = None, progress = None),
+    tolerance = Some(Tolerance::default()), bound = None, callback = None, progress = None),
     text_signature = "(scenes, *, objective='near_gain', evaluations=180, seed=1, method='both', frames=None, \
     population=None, baselines=None, starts=None, target=None, seconds=None, mirror=False, budget=None, fewest=False, \
     tolerance='5mm,0.5deg', bound=None, callback=None, progress=None)")]
@@ -241,9 +277,9 @@ pub(crate) fn search<'py>(
     mirror: bool,
     #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
     fewest: bool,
-    tolerance: Option<&str>,
+    #[pyo3(from_py_with = arguments::tolerance)] tolerance: Option<Tolerance>,
     #[pyo3(from_py_with = arguments::bound)] bound: Option<f64>,
-    callback: Option<Py<PyAny>>,
+    #[pyo3(from_py_with = arguments::callback)] callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let given = given_scenes(scenes)?;
@@ -258,7 +294,7 @@ pub(crate) fn search<'py>(
                 ("budget", budget.is_some()),
                 ("fewest", fewest),
                 ("bound", bound.is_some()),
-                ("tolerance", tolerance.is_none_or(|text| text != TOLERANCE)),
+                ("tolerance", tolerance != Some(Tolerance::default())),
             ])?;
             let baselines = own_placements(&given[0], baselines)?;
             let settings = (evaluations, seed, population, baselines, target, seconds);
@@ -273,7 +309,7 @@ pub(crate) fn search<'py>(
         evaluations,
         population,
         seed,
-        frames: frames_of(frames)?,
+        frames: frames_of(frames, &scenes)?,
         starts: layouts(&scenes[0].scene, starts)?,
         gap: bound.map(|percent| percent / 100.0),
         target,
@@ -281,16 +317,11 @@ pub(crate) fn search<'py>(
         ..Settings::default()
     };
     let job = job_of(&scenes)?.mirrored(mirror).budget(budget).fewest(fewest);
-    let mut job = job.tolerance(tolerance_of(tolerance)?).search(settings);
+    let mut job = job.tolerance(tolerance).search(settings);
     if baselines.is_some() {
         job = job.baselines(layouts(&scenes[0].scene, baselines)?);
     }
-    optimized(py, (job, seconds), scenes[0].scene.vehicle(), callback, progress)
-}
-
-/// A mounting tolerance as `optimize` has it, `5mm,0.5deg` for example.
-pub(crate) fn tolerance_of(text: Option<&str>) -> PyResult<Option<Tolerance>> {
-    text.map(|text| text.parse().map_err(bad)).transpose()
+    optimized(py, (job, seconds, budget), scenes[0].scene.vehicle(), callback, progress)
 }
 
 /// A result, or the signal that ended its search, with the result as its attribute.
@@ -425,6 +456,7 @@ fn result_object<'py>(
     fields.set_item("scores", scores_object(py, vehicle, all)?)?;
     fields.set_item("history", to_python(py, &outcome.history)?)?;
     fields.set_item("record", to_python(py, &record)?)?;
+    fields.set_item("verdict", record.json()["verdict"].as_str())?;
     py.import("sightline._records")?.getattr("Result")?.call((), Some(&fields))
 }
 
@@ -437,8 +469,8 @@ fn word<T: Copy>(what: &str, given: &str, known: &[(&str, T)]) -> PyResult<T> {
     })
 }
 
-/// A number of frames, `all`, or those that the search asks for.
-fn frames_of(given: Option<&Bound<'_, PyAny>>) -> PyResult<FrameChoice> {
+/// A number of frames, `all`, or those that the search asks for; warns of more than any scene has.
+fn frames_of(given: Option<&Bound<'_, PyAny>>, scenes: &[Arc<Built>]) -> PyResult<FrameChoice> {
     let Some(given) = given else { return Ok(FrameChoice::OnDemand) };
     match given.extract::<String>().as_deref() {
         Ok("on-demand") => Ok(FrameChoice::OnDemand),
@@ -447,6 +479,11 @@ fn frames_of(given: Option<&Bound<'_, PyAny>>) -> PyResult<FrameChoice> {
             let found = arguments::shown(given);
             Err(bad(format!("frames: is {found}; give a whole number, \"all\" or \"on-demand\"")))
         }
-        Err(_) => Ok(FrameChoice::Count(arguments::whole("frames", given, 1..=u32::MAX as i128)?)),
+        Err(_) => {
+            let wanted: u32 = arguments::whole("frames", given, 1..=u32::MAX as i128)?;
+            let count = scenes.iter().map(|built| built.scored_frames().len()).max().unwrap_or(0);
+            warn_of_frames(given.py(), wanted as usize, count)?;
+            Ok(FrameChoice::Count(wanted))
+        }
     }
 }

@@ -11,7 +11,7 @@ use sightline::vehicle::{Lidar, Vehicle};
 
 use crate::arguments;
 use crate::arrays::{matrix, to_python, to_text};
-use crate::errors::{bad, raised, warn_of};
+use crate::errors::{bad, raised, raised_of_dict, warn_of};
 
 /// A LiDAR model: its beams in its own frame.
 #[pyclass(name = "Sensor", module = "sightline", frozen)]
@@ -27,7 +27,8 @@ impl PySensor {
 
     /// Reads a sensor; warns of every note.
     fn from_text(py: Python<'_>, text: &str, folder: &Path, name: &str) -> PyResult<Self> {
-        let (lidar, notes) = Lidar::from_json(text, folder, name).map_err(raised)?;
+        let read = Lidar::from_json(text, folder, name);
+        let (lidar, notes) = read.map_err(|error| raised_of_dict(py, name, error))?;
         warn_of(py, &notes)?;
         Self::of(&lidar)
     }
@@ -43,7 +44,7 @@ impl PySensor {
     #[pyo3(signature = (path, *, range = None, azimuth_steps = None))]
     fn load(
         py: Python<'_>,
-        path: PathBuf,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
         #[pyo3(from_py_with = arguments::range)] range: Option<f64>,
         #[pyo3(from_py_with = arguments::azimuth_steps)] azimuth_steps: Option<u32>,
     ) -> PyResult<Self> {
@@ -67,7 +68,10 @@ impl PySensor {
     /// "range": 100}`; files that it names are relative to `folder`. Raises `ValueError` that names the fault.
     #[staticmethod]
     #[pyo3(signature = (lidar, *, folder = None))]
-    fn from_dict(lidar: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {
+    fn from_dict(
+        lidar: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arguments::folder)] folder: Option<PathBuf>,
+    ) -> PyResult<Self> {
         let text = to_text("lidar", lidar)?;
         Self::from_text(lidar.py(), &text, &folder.unwrap_or_default(), "lidar")
     }
@@ -142,10 +146,17 @@ pub(crate) fn sensors_object<'py>(
 /// A vehicle file: the models that it may carry, its mounts and rules.
 #[pyclass(name = "Vehicle", module = "sightline", frozen)]
 pub(crate) struct PyVehicle {
-    pub path: PathBuf,
+    path: PathBuf,
     /// Current folder when it was read: that of a relative path.
     root: PathBuf,
     vehicle: Vehicle,
+}
+
+impl PyVehicle {
+    /// The file, wherever the process has gone since.
+    pub(crate) fn file(&self) -> PathBuf {
+        self.root.join(&self.path)
+    }
 }
 
 #[pymethods]
@@ -153,7 +164,10 @@ impl PyVehicle {
     /// Reads a vehicle file; warns of every note. Raises `OSError`, such as `FileNotFoundError`, for a file that cannot be read, `ValueError`
     /// that names the fault.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn load(
+        py: Python<'_>,
+        #[pyo3(from_py_with = arguments::path)] path: PathBuf,
+    ) -> PyResult<Self> {
         let vehicle = Vehicle::read(&path).map_err(raised)?;
         warn_of(py, &vehicle.notes)?;
         let root = std::env::current_dir().unwrap_or_default();

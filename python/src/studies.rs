@@ -12,12 +12,13 @@ use serde_json::json;
 use crate::arguments;
 use crate::arrays::{few_numbers, to_python};
 use crate::columns::scores_object;
-use crate::engine::{Built, job_of};
-use crate::errors::{bad, raised};
+use crate::engine::{Built, NotesOnce, job_of};
+use crate::errors::{bad, raised, warn_of};
 use crate::placements::{PyPlacement, placements_in};
-use crate::search::{beside, scenes_of, signalled, tolerance_of};
+use crate::search::{beside, scenes_of, signalled};
 use crate::wait::{Progress, WorkMessages, answer};
-use sightline::job::{Front, FrontObjectives};
+use sightline::Note;
+use sightline::job::{Front, FrontObjectives, Tolerance};
 use sightline::report::{FrontContext, FrontRecord};
 use sightline::scan::conditions::Condition;
 use sightline::search::{Event, Settings, TimeLimit};
@@ -83,7 +84,7 @@ pub(crate) fn study_table<'py>(
     #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
     #[pyo3(from_py_with = arguments::conditions)] conditions: Option<Vec<String>>,
     regions: Option<&Bound<'py, PyDict>>,
-    sensor_files: Option<Vec<PathBuf>>,
+    #[pyo3(from_py_with = arguments::sensor_files)] sensor_files: Option<Vec<PathBuf>>,
     voxel: f64,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -210,23 +211,24 @@ fn conditions_of(
 /// as in `optimize`; `StopIteration` and Ctrl-C keep the points found so far. Raises `ValueError` for objectives and settings that are not usable.
 #[pyfunction(name = "front")]
 #[pyo3(signature = (scenes, objectives, *, evaluations = 40, seed = 1, seconds = None, mirror = false, budget = None,
-    tolerance = "5mm,0.5deg", callback = None, progress = None))]
+    tolerance = Some(Tolerance::default()), callback = None, progress = None),
+    text_signature = "(scenes, objectives, *, evaluations=40, seed=1, seconds=None, mirror=False, budget=None, \
+    tolerance='5mm,0.5deg', callback=None, progress=None)")]
 pub(crate) fn front<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
-    objectives: Vec<String>,
+    #[pyo3(from_py_with = arguments::objectives)] objectives: Vec<String>,
     #[pyo3(from_py_with = arguments::evaluations_around)] evaluations: u64,
     #[pyo3(from_py_with = arguments::seed)] seed: u64,
     #[pyo3(from_py_with = arguments::seconds)] seconds: Option<f64>,
     mirror: bool,
     #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
-    tolerance: Option<&str>,
-    callback: Option<Py<PyAny>>,
+    #[pyo3(from_py_with = arguments::tolerance)] tolerance: Option<Tolerance>,
+    #[pyo3(from_py_with = arguments::callback)] callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let scenes = scenes_of(scenes)?;
     let objectives = FrontObjectives::named(&objectives).map_err(raised)?;
-    let tolerance = tolerance_of(tolerance)?;
     let engine = scenes[0].options.engine.clone();
     let settings = Settings { evaluations, seed, engine, ..Settings::default() };
     let job =
@@ -238,15 +240,20 @@ pub(crate) fn front<'py>(
         conditions: job.conditions_in_words(),
         ..FrontContext::default()
     };
+    let asked = job.clone();
     let search = move |observe: &mut dyn FnMut(&Event) -> bool| {
         let length = seconds.map(Duration::from_secs_f64);
         let job = job.within(length.map(TimeLimit::from_now));
         job.front(&objectives, &mut |event: &Event| observe(event)).map_err(raised)
     };
+    NotesOnce::default().warn_once(py, &asked)?;
     let start = std::time::Instant::now();
     let (found, signal) = beside(py, search, callback, progress)?;
     context.seconds = start.elapsed().as_secs_f64();
     let result = front_object(py, scenes[0].scene.vehicle(), &found, context)?;
+    let is_missed = !found.points.is_empty() && !found.points.iter().any(|point| point.meets);
+    let missed = is_missed.then(|| Note::doubt("NOT MET: no point meets all requirements."));
+    let signal = signal.or(warn_of(py, missed.as_slice()).err());
     signalled(py, signal, result)
 }
 

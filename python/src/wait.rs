@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::arguments::shown;
 use crate::arrays::to_python;
-use crate::errors::bad;
+use crate::errors::{bad, in_python};
 
 /// The process that imported the module. Threads of the shared pool may live in it, and in no copy of it.
 static HOME: OnceLock<u32> = OnceLock::new();
@@ -252,6 +252,6 @@ pub(crate) fn log(level: &str, sentence: &str) {
     // A thread that outlives the interpreter has nobody to tell.
     let _ = Python::try_attach(|py| -> PyResult<()> {
         let logger = py.import("sightline._progress")?.getattr("logger")?;
-        logger.call_method1(level, ("%s", sentence)).map(drop)
+        logger.call_method1(level, ("%s", in_python(sentence))).map(drop)
     });
 }

@@ -102,7 +102,7 @@ def test_options(small, scene) -> None:
         sightline.optimize(small, budget=10.0)
     with pytest.raises(ValueError, match="scenes: give a Scene or a list of them"):
         sightline.optimize("scenes/highway.json")
-    with pytest.raises(ValueError, match="sensors: are 1 names for 2 LiDARs"):
+    with pytest.raises(ValueError, match="sensors: has the length 1; give a name for each LiDAR, 2 in all"):
         scene.score(np.zeros((1, 2, 6)), sensors=["a"])
     with pytest.raises(ValueError, match=r"frames\[1\]: is 9; give a whole number, 0 to 1"):
         small.scan([[0, 0, 2, 0, 0, 0]], frames=[0, 9])

@@ -92,7 +92,7 @@ def test_a_frame_is_the_mesh_of_it(scene) -> None:
         (lambda: sightline.Raycaster([[0, 0]], [[0, 0, 0]]), r"vertices: has the shape \[1, 2\]"),
         (lambda: sightline.Raycaster(CUBE, [[0, 1, 8]]), r"faces\[0, 2\]: is 8; give a whole number, 0 to 7"),
         (lambda: sightline.Raycaster(CUBE, [0, 1, 2]), r"faces: has the shape \[3\]"),
-        (lambda: sightline.Raycaster(CUBE, FACES, class_ids=[1]), "class_ids: are 1 for 12 faces"),
+        (lambda: sightline.Raycaster(CUBE, FACES, class_ids=[1]), "class_ids: has the length 1; give one for each face, 12 in all"),
         (lambda: sightline.Raycaster(np.full((3, 3), np.nan), [[0, 1, 2]]), r"vertices\[0\]: is not finite"),
         (lambda: sightline.Raycaster(CUBE, FACES, reach=-1), "reach: is -1"),
         (lambda: sightline.Raycaster(CUBE, FACES).cast_rays(np.ones((2, 6)), t_max=0), "t_max: is 0"),

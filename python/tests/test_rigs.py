@@ -112,7 +112,7 @@ def test_files_of_other_programs_are_rigs(tmp_path: Path) -> None:
         ([lidar(), 3], r"sensors\[1\]: is 3; give a dict"),
         ([{1: 2}], r"sensors\[0\]: has the key 1; give texts as keys"),
         ([lidar(x=float("nan"))], r"sensors\[0\]\.x: is NaN; give a finite number"),
-        ([lidar(x=object())], r"sensors\[0\]\.x: is not JSON: .*object"),
+        ([lidar(x=object())], r"sensors\[0\]\.x: is <object object .*; give a number, a text"),
         ([lidar(x="\ud800")], r"sensors\[0\]\.x: "),
         ([lidar(x="a")], r"sensors\[0\]\.x: `a` stands where a finite number belongs"),
         ([lidar(z="inf")], r"sensors\[0\]\.z: `inf` stands where a finite number belongs"),

@@ -170,7 +170,7 @@ def test_phases_lock_lidars_as_a_placement_file_does(scene) -> None:
     assert (one["information_gain"] == expected["information_gain"][1]).all()
     suite = sightline.Suite([scene])
     assert suite.score(poses[:1], phases=[np.nan, 0.4 * step])["information_gain"][0] == one["information_gain"][0]
-    with pytest.raises(ValueError, match=r"phases: have the shape \[3\] for 2 placements of 2 LiDARs"):
+    with pytest.raises(ValueError, match=r"phases: have the shape \[3\], where N is 2 and L is 2"):
         scene.score(poses, phases=[0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="phase = inf is not usable"):
         scene.score(poses, phases=[0.0, np.inf])

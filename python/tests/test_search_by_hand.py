@@ -76,7 +76,7 @@ def test_what_is_told_must_fit_what_was_asked(scene) -> None:
     with pytest.raises(ValueError, match="values: nothing was asked; call ask first"):
         search.tell([1.0])
     poses = search.ask()
-    with pytest.raises(ValueError, match=rf"values: are {len(poses) + 1} for {len(poses)} placements"):
+    with pytest.raises(ValueError, match=rf"values: has the length {len(poses) + 1}; give one for each placement, {len(poses)} in all"):
         search.tell(np.zeros(len(poses) + 1))
     values = np.full(len(poses), np.nan)
     search.tell(values)
@@ -130,7 +130,7 @@ def test_wrong_atlases(small) -> None:
         (lambda: small.atlas(np.zeros((0, 6))), "poses: give an array"),
         (lambda: small.atlas(np.zeros(6)), "poses: give an array"),
         (lambda: small.atlas(5), "poses: give an array"),
-        (lambda: small.atlas(np.zeros((2, 6)), sensors=["a", "b", "c"]), "sensors: are 3 names for 2 poses"),
+        (lambda: small.atlas(np.zeros((2, 6)), sensors=["a", "b", "c"]), "sensors: has the length 3; give one name, or one for each pose, 2 in all"),
         (lambda: small.atlas(np.full((2, 6), np.nan)), "x = NaN"),
     ):
         with pytest.raises(ValueError, match=sentence):

@@ -138,7 +138,7 @@ impl SweptField {
     }
 
     /// A doubt about values that are most likely millimetres or radians, in words.
-    pub(crate) fn doubt(self, [from, to]: [f64; 2]) -> Option<String> {
+    pub fn doubt(self, [from, to]: [f64; 2]) -> Option<String> {
         let most = from.abs().max(to.abs());
         let name = self.name();
         if self.field < FIRST_ANGLE {

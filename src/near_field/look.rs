@@ -476,6 +476,5 @@ pub(crate) fn outline(scene: &Scene, frame: usize) -> Result<Footprint, NearFiel
 
 /// File of a scene, or its name where it was read from none.
 pub(crate) fn place(scene: &Scene) -> String {
-    let file = scene.files().first();
-    file.map_or_else(|| scene.name().to_owned(), |file| file.display().to_string())
+    scene.file().map_or_else(|| scene.name().to_owned(), |file| file.display().to_string())
 }

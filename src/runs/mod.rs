@@ -43,3 +43,4 @@ pub use computing::{
     Bar, Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, Silent, TableFormat,
     Watcher,
 };
+pub use opening::notes_on;

@@ -1,7 +1,7 @@
 //! Jobs and evaluators from files, with notes on the way.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use serde_json::{Value, json};
@@ -19,7 +19,7 @@ use crate::search::{Evaluator, FRAMES_AT_ONCE, Member, Suite, TimeLimit};
 use crate::targets::places_of;
 use crate::vehicle::TargetRule;
 
-use super::inputs::no_run_folder;
+use super::inputs::{no_run_folder, note_unpriced};
 use super::{Computing, RunError, Watcher};
 use sightline_files::json::counted;
 
@@ -324,6 +324,32 @@ pub(crate) fn note_mounts(scene: &JobScene, watcher: &dyn Watcher) -> Result<(),
         told.iter().for_each(|words| watcher.note(words));
     }
     Ok(())
+}
+
+/// Notes on a job for a caller without a watcher: the sentences that the program tells of it before it scores or searches.
+///
+/// # Errors
+/// A P-SOG, sensors or weather that do not fit a scene.
+pub fn notes_on(job: &Job) -> Result<Vec<String>, RunError> {
+    #[derive(Default)]
+    struct Heard(Mutex<Vec<String>>);
+
+    impl Watcher for Heard {
+        fn note(&self, sentence: &str) {
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).push(sentence.to_owned());
+        }
+    }
+
+    let heard = Heard::default();
+    for scene in job.scenes() {
+        note_psog(&*psog(scene, None, &heard)?, scene.scene(), &heard);
+    }
+    note_conditions(&job.conditions_in_words(), &heard);
+    note_classes(&job.suite()?, &heard);
+    note_bodies(job, &heard);
+    note_unpriced(job.scene().vehicle(), false, &heard);
+    note_before_search(job, &heard)?;
+    Ok(heard.0.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
 /// Notes on mounts, and on ground that is not level, of a job that is about to search.

@@ -18,7 +18,7 @@ mod solid;
 pub mod street;
 pub(crate) mod target;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use glam::DVec3;
@@ -76,6 +76,8 @@ pub struct Scene {
     origins: Vec<DVec3>,
     reflectances: Reflectances,
     files: Vec<PathBuf>,
+    /// True if the first file is the scene's own; a text has only parts in files.
+    is_of_file: bool,
     notes: Vec<Note>,
     /// True for [`Scene::level_ground`]: names do not tell it from scenes of users.
     pub(crate) is_level_ground: bool,
@@ -289,6 +291,11 @@ impl Scene {
     /// Every input file: scene, sensor, meshes with their buffers, P-SOG.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
+    }
+
+    /// The file that the scene was read from; `None` for a scene of a text, whatever files its parts have.
+    pub fn file(&self) -> Option<&Path> {
+        self.files.first().filter(|_| self.is_of_file).map(PathBuf::as_path)
     }
 
     /// Reflectances that the scene file states, by class and by actor.

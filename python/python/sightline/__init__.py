@@ -15,7 +15,9 @@ used, ``MemoryError`` for work that does not fit. Sentences on files are a ``Use
 logger ``sightline``.
 """
 
+import importlib as _importlib
 import os as _os
+from typing import TYPE_CHECKING, Any as _Any
 
 # Mesa's device selection layer looks for a display and complains where there is none.
 _os.environ.setdefault("NODEVICE_SELECT", "1")
@@ -41,11 +43,23 @@ from ._native import (  # noqa: E402
     read_placements,
     set_threads,
     study,
+    write_placements,
 )
 from . import examples  # noqa: E402
 from ._progress import Progress  # noqa: E402
 from ._records import Boxes, Front, Result, Scan, Status  # noqa: E402
 from ._scores import Scores  # noqa: E402
+
+if TYPE_CHECKING:
+    from . import plot
+else:
+
+    def __getattr__(name: str) -> _Any:
+        """Parts that need further packages, imported when they are first used."""
+        if name in ("distributed", "plot", "torch"):
+            return _importlib.import_module(f".{name}", __name__)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "Atlas",
@@ -76,4 +90,5 @@ __all__ = [
     "read_placements",
     "set_threads",
     "study",
+    "write_placements",
 ]

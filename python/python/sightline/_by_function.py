@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ._native import Placement, Scene, Search, Suite
+from ._native import DoubtWarning, Placement, Scene, Search, Suite
 from ._progress import Wanted, shown
 from ._records import Result
-from ._scores import Scores
+from ._scores import Scores, missed_by_first
 
 Numbers = npt.NDArray[np.float64]
 
@@ -36,7 +37,7 @@ def search(
         while scored < evaluations and ended == "evaluations":
             try:
                 placements = asking.ask_placements()
-                scores = given.score(placements, progress=False)
+                scores = given.score(placements, tolerance=None, progress=False)
                 values = _values(objective, scores)
                 asking.tell(_below_feasible(values, scores))
                 scored += len(placements)
@@ -68,13 +69,31 @@ def search(
         "methods": [{"method": "cma-es", "evaluations": scored}],
         "seconds": time.monotonic() - begun,
         "ended": ended,
+        # No bound is known on a function.
+        "certificate": None,
     }
     compared = given.score([*found, *baselines] or space.random(0), progress=False)
-    result = Result(best[2], list(baselines), compared, history, record)
+    missed = [] if best[2] is None else missed_by_first(compared)
+    result = Result(best[2], list(baselines), compared, history, record, _verdict(best, compared, missed))
+    try:
+        for words in missed:
+            warnings.warn(words, DoubtWarning, stacklevel=2)
+    except DoubtWarning as doubt:
+        signal = signal or doubt
     if signal is not None:
         signal.result = result  # type: ignore[attr-defined]
         raise signal
     return result
+
+
+def _verdict(best: tuple[bool, float, Placement | None], scores: Scores, missed: list[str]) -> str:
+    """Sentences on a result: its value, and each rule, requirement and guard that it does not keep."""
+    if best[2] is None:
+        return "No placement kept the rules of the mount and had a value."
+    broken, guards = scores.broken_rules[0], scores.guards[0]
+    faults = [*missed, *(f"RULE BROKEN: {rule}" for rule in broken), *(f"Warning: {guard}" for guard in guards)]
+    met = " It meets all requirements." if scores.requirements and not missed else ""
+    return f"The placement found has the value {best[1]:.6g}.{met}" + "".join(f" {fault}." for fault in faults)
 
 
 def _values(objective: Callable[[Scores], Any], scores: Scores) -> Numbers:

@@ -87,7 +87,7 @@ class Checkpoint:
 def pack_scores(scores: Scores) -> Packed:
     """Scores as words and columns."""
     words = {"names": scores.names, "columns": list(scores), "guards": scores.guards, "classes": scores.classes,
-             "least": scores.least, "required": scores.required}
+             "least": scores.least, "required": scores.required, "broken_rules": scores.broken_rules}
     return words, {f"column:{name}": scores[name] for name in scores}
 
 
@@ -95,7 +95,8 @@ def unpack_scores(packed: Packed) -> Scores:
     """Scores of words and columns."""
     words, arrays = packed
     columns = {name: arrays[f"column:{name}"] for name in words["columns"]}
-    return Scores(words["names"], columns, words["guards"], words["classes"], words["least"], words.get("required"))
+    told = (words.get("required"), words.get("broken_rules"))
+    return Scores(words["names"], columns, words["guards"], words["classes"], words["least"], *told)
 
 
 def pack_result(result: Result) -> Packed:
@@ -103,7 +104,7 @@ def pack_result(result: Result) -> Packed:
     words, arrays = pack_scores(result.scores)
     words["best"] = None if result.best is None else _arguments(result.best)
     words["baselines"] = [_arguments(placement) for placement in result.baselines]
-    return {**words, "history": result.history, "record": result.record}, arrays
+    return {**words, "history": result.history, "record": result.record, "verdict": result.verdict}, arrays
 
 
 def unpack_result(packed: Packed) -> Result:
@@ -111,7 +112,8 @@ def unpack_result(packed: Packed) -> Result:
     words, _ = packed
     best = None if words["best"] is None else Placement(**words["best"])
     baselines = [Placement(**arguments) for arguments in words["baselines"]]
-    return Result(best, baselines, unpack_scores(packed), words["history"], words["record"])
+    told = (words["history"], words["record"], words.get("verdict", ""))
+    return Result(best, baselines, unpack_scores(packed), *told)
 
 
 def _arguments(placement: Placement) -> dict[str, Any]:

@@ -17,3 +17,11 @@ def load(package: str, extra: str) -> Any:
         return importlib.import_module(package)
     except ImportError as error:
         raise missing(package, extra) from error
+
+
+def plain(value: Any) -> Any:
+    """Arrays and numbers of NumPy as lists and numbers, for ``json.dumps``."""
+    try:
+        return value.tolist()
+    except AttributeError:
+        raise TypeError(f"Object of type {type(value).__name__} is not JSON serializable") from None

@@ -34,12 +34,13 @@ __all__ = [
     "read_placements",
     "set_threads",
     "study",
+    "write_placements",
 ]
 
 FEW_PLACEMENTS: int
 __version__: str
 
-_Path = str | PathLike[str]
+_Path = str | bytes | PathLike[str] | PathLike[bytes]
 _Poses = Placement | Sequence[Placement] | npt.ArrayLike
 _Progress = bool | Callable[[Progress], object] | None
 _Backend = Literal["auto", "cpu", "gpu"]
@@ -256,7 +257,7 @@ class Scene:
     def load(
         path: _Path,
         *,
-        vehicle: _Path | None = None,
+        vehicle: _Path | Vehicle | None = None,
         psog: Psog | None = None,
         frames: int | None = None,
         conditions: Sequence[str] | None = None,
@@ -306,6 +307,7 @@ class Scene:
         phases: npt.ArrayLike | None = None,
         self_hits: bool | None = None,
         near_field: bool = False,
+        tolerance: str | None = "5mm,0.5deg",
         progress: _Progress = None,
     ) -> Scores: ...
     def range_card(
@@ -318,7 +320,7 @@ class Scene:
     def beams_on(
         self,
         poses: _Poses,
-        targets: Sequence[str],
+        targets: Sequence[_Path],
         distances: npt.ArrayLike,
         bearings: npt.ArrayLike,
         *,
@@ -329,7 +331,7 @@ class Scene:
         self,
         poses: _Poses,
         *,
-        targets: Sequence[str] | None = None,
+        targets: Sequence[_Path] | None = None,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
     ) -> dict[str, Any]: ...
@@ -343,7 +345,7 @@ class Scene:
     def detections(
         self,
         poses: _Poses,
-        targets: Sequence[str],
+        targets: Sequence[_Path],
         distances: npt.ArrayLike,
         bearings: npt.ArrayLike,
         *,
@@ -486,6 +488,7 @@ class Suite:
         *,
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
+        tolerance: str | None = "5mm,0.5deg",
         progress: _Progress = None,
     ) -> Scores: ...
     def __len__(self) -> int: ...
@@ -495,6 +498,7 @@ def main(arguments: Sequence[_Path]) -> int: ...
 def set_threads(count: int) -> None: ...
 def published() -> list[Placement]: ...
 def read_placements(path: _Path) -> list[Placement]: ...
+def write_placements(placements: Placement | Sequence[Placement], path: _Path) -> None: ...
 def optimize(
     scenes: Scene | Sequence[Scene],
     *,

@@ -168,6 +168,8 @@ class Result:
     history: list[dict[str, Any]]
     #: All of ``result.json``: settings, findings, certificate, timings.
     record: dict[str, Any]
+    #: Sentences on the result: requirements met or missed, what stays blind, baselines, warnings.
+    verdict: str = ""
 
     def __repr__(self) -> str:
         by_method = (f"{method['method']} {method['evaluations']}" for method in self.record["methods"])

@@ -17,6 +17,9 @@ Column = npt.NDArray[Any]
 #: Rows that a notebook shows at most.
 _MOST_SHOWN = 20
 
+#: Keys of a table that have a list of texts for each placement.
+_LISTS = ("guards", "broken_rules")
+
 #: Unit, which way is better, and meaning of each column.
 _MEANING: dict[str, tuple[str, str, str]] = {
     "m_sog": ("nats", "higher", "mean of -H over the voxels covered"),
@@ -39,6 +42,9 @@ _MEANING: dict[str, tuple[str, str, str]] = {
     "hit_share": ("0 to 1", "neither", "share of the beams that hit a surface"),
     "covered_by_class": ("voxels", "higher", "[N, classes] voxels covered in which a class occurs in some frame"),
     "unique_share": ("0 to 1", "neither", "[N, L] share of the information that is lost with this LiDAR"),
+    "price": ("currency of the vehicle", "lower", "price of all sensors, where any has a price"),
+    "requirements_hold_in": ("0 to 1", "higher", "share of 200 copies mounted within the tolerance that meet all "
+                             "requirements; NaN where not looked at"),
     "feasible": ("bool", "true", "the placement keeps all rules of the mounts, meets all requirements, and no guard "
                  "doubts its scores"),
 }  # fmt: skip
@@ -79,12 +85,13 @@ class Rows:
             at = int(which)
             row: dict[str, Any] = {"name": scores.names[at]}
             row.update((name, values[at]) for name, values in scores.items())
-            return row | {"guards": list(scores.guards[at])}
+            return row | {"guards": list(scores.guards[at]), "broken_rules": list(scores.broken_rules[at])}
         kept = np.arange(len(self))[which]
         columns = {name: values[kept] for name, values in scores.items()}
         names = [scores.names[k] for k in kept]
         required = [scores.required[k] for k in kept] if scores.required else []
-        return Scores(names, columns, [scores.guards[k] for k in kept], scores.classes, scores.least, required)
+        guards, broken = ([words[k] for k in kept] for words in (scores.guards, scores.broken_rules))
+        return Scores(names, columns, guards, scores.classes, scores.least, required, broken)
 
 
 class Scores(Mapping[str, Column]):
@@ -98,6 +105,7 @@ class Scores(Mapping[str, Column]):
 
     # Texts for `help`.
     __slots__ = {
+        "broken_rules": "For each placement, rules of the mounts that it breaks, in words; mostly none.",
         "classes": "Names of the classes of ``covered_by_class``.",
         "guards": "For each placement, reasons why its scores should not be believed; mostly none.",
         "least": "Least share by requirement of the vehicle, as its file has it; the shares found are columns ``seen.NAME``.",
@@ -114,6 +122,7 @@ class Scores(Mapping[str, Column]):
         classes: list[str],
         least: dict[str, float] | None = None,
         required: list[list[dict[str, Any]]] | None = None,
+        broken_rules: list[list[str]] | None = None,
     ) -> None:
         self.names = names
         self._columns = columns
@@ -121,6 +130,7 @@ class Scores(Mapping[str, Column]):
         self.classes = classes
         self.least = least or {}
         self.required = required or []
+        self.broken_rules = broken_rules or [[] for _ in names]
 
     def __getitem__(self, column: str) -> Column:
         try:
@@ -148,21 +158,23 @@ class Scores(Mapping[str, Column]):
         return f"Scores({len(self.rows)} placements: {', '.join(self)})"
 
     def __eq__(self, other: object) -> bool:
-        """Whether names, guards and every bit of every column are the same."""
+        """Whether names, guards, broken rules and every bit of every column are the same."""
         if not isinstance(other, Scores) or list(self) != list(other):
             return False
         same = all(_same(self[name], other[name]) for name in self)
-        return same and (self.names, self.guards, self.classes, self.least) == (
+        return same and (self.names, self.guards, self.classes, self.least, self.broken_rules) == (
             other.names,
             other.guards,
             other.classes,
             other.least,
+            other.broken_rules,
         )
 
     __hash__ = None  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Scores, (self.names, self._columns, self.guards, self.classes, self.least, self.required)
+        words = (self.guards, self.classes, self.least, self.required, self.broken_rules)
+        return Scores, (self.names, self._columns, *words)
 
     @property
     def rows(self) -> Rows:
@@ -171,7 +183,10 @@ class Scores(Mapping[str, Column]):
 
     @property
     def feasible(self) -> npt.NDArray[np.bool_]:
-        """``[N]``, true where a placement keeps all rules of the mounts and meets all requirements, and no guard doubts it."""
+        """``[N]``, true where a placement keeps all rules of the mounts and meets all requirements, and no guard doubts it.
+
+        ``broken_rules``, ``requirements`` and ``guards`` say why one is not.
+        """
         return self["feasible"]
 
     @property
@@ -217,7 +232,7 @@ class Scores(Mapping[str, Column]):
         return f"[{unit}; better: {better}] {text}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Names, guards and all columns by name; ``covered_by_class`` a column a class."""
+        """Names, guards, broken rules and all columns by name; ``covered_by_class`` a column a class."""
         table: dict[str, Any] = {"name": list(self.names)}
         for name, values in self.items():
             if values.ndim == 1:
@@ -226,6 +241,7 @@ class Scores(Mapping[str, Column]):
                 parts = self.classes if name == "covered_by_class" else range(values.shape[1])
                 table.update({f"{name}.{part}": values[:, k] for k, part in enumerate(parts)})
         table["guards"] = [list(guards) for guards in self.guards]
+        table["broken_rules"] = [list(rules) for rules in self.broken_rules]
         return table
 
     def to_pandas(self) -> Any:
@@ -236,7 +252,7 @@ class Scores(Mapping[str, Column]):
     def to_polars(self) -> Any:
         """A ``polars.DataFrame`` with a row a placement. Raises ``ImportError`` without polars."""
         polars = load("polars", "polars")
-        texts: dict[str, Any] = {"name": polars.String, "guards": polars.List(polars.String)}
+        texts: dict[str, Any] = {"name": polars.String} | dict.fromkeys(_LISTS, polars.List(polars.String))
         return polars.DataFrame(self.to_dict(), schema_overrides=texts)
 
     def to_arrow(self) -> Any:
@@ -244,13 +260,14 @@ class Scores(Mapping[str, Column]):
         pyarrow = load("pyarrow", "arrow")
         table = self.to_dict()
         table["name"] = pyarrow.array(table["name"], pyarrow.string())
-        table["guards"] = pyarrow.array(table["guards"], pyarrow.list_(pyarrow.string()))
+        table |= {key: pyarrow.array(table[key], pyarrow.list_(pyarrow.string())) for key in _LISTS}
         return pyarrow.table(table)
 
     def _repr_html_(self) -> str:
         """Table of the first placements, for notebooks."""
         table = self.to_dict()
-        del table["guards"]
+        for key in _LISTS:
+            del table[key]
         count = min(len(self.rows), _MOST_SHOWN)
         head = "".join(f"<th>{html.escape(name)}</th>" for name in table)
         body = "".join(f"<tr>{''.join(_cell(values[k]) for values in table.values())}</tr>" for k in range(count))
@@ -285,7 +302,19 @@ class Scores(Mapping[str, Column]):
             first.classes,
             first.least,
             [rules for part in parts for rules in part.required] if all(part.required for part in parts) else [],
+            [rules for part in parts for rules in part.broken_rules],
         )
+
+
+def missed_by_first(scores: Scores) -> list[str]:
+    """A sentence on each requirement that the first placement misses."""
+    asked = scores.requirements.items()
+    return [
+        # Tenths are rounded down: a share that is too small never reads as enough.
+        f"NOT MET: {name}: {np.floor(1000 * rule['found'][0] + 1e-9) / 10:.1f} % of {100 * rule['required']:g} %"
+        for name, rule in asked
+        if not rule["met"][0]
+    ]
 
 
 def _cell(value: Any) -> str:

@@ -19,6 +19,7 @@ import pickle
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -36,9 +37,10 @@ except ImportError as _missing:
 
 from . import Placement, Result, Scene, Scores, optimize as _optimize, set_threads
 from ._checkpoint import Checkpoint, gaps, pack_result, pack_scores, unpack_result, unpack_scores
-from ._native import FEW_PLACEMENTS
+from ._native import FEW_PLACEMENTS, DoubtWarning
 from ._pool import Pool, Progress, Task
 from ._records import F64
+from ._scores import missed_by_first
 
 __all__ = ["Completed", "Progress", "optimize", "run", "score"]
 
@@ -194,7 +196,7 @@ def optimize(
     folder that finished searches are kept in; one that is cut off begins again.
 
     Raises ``ValueError`` for settings that are wrong, and for a checkpoint of other inputs; ``RuntimeError`` where a
-    search fails over and over.
+    search fails over and over. Requirements that a result misses are a ``DoubtWarning`` with scene and seed.
     """
     if "callback" in settings:
         raise ValueError("callback: cannot travel to other processes; give `progress`, which is told of each search")
@@ -211,6 +213,9 @@ def optimize(
         scene, k = task.index
         kept.write(scene, k, pack_result(value))
         results[scene][k] = value
+        # Nobody hears the warnings of a worker.
+        for words in missed_by_first(value.scores) if value.best is not None else ():
+            warnings.warn(f"{scenes[scene].name}, seed {seeds[k]}: {words}", DoubtWarning, stacklevel=2)
         return iter(())
 
     total = len(scenes) * len(seeds)
@@ -258,8 +263,9 @@ def _checked(
 ) -> tuple[F64, F64 | None]:
     """Poses ``[N, L, 6]`` and phases ``[N, L]``; raises of them what :meth:`sightline.Scene.score` would."""
     try:
-        array, turned = np.asarray(poses), None if phases is None else np.asarray(phases)
-        are_many = array.ndim == 3 and (turned is None or turned.shape in (array.shape[1:2], array.shape[:2]))
+        array, turned = np.asanyarray(poses), None if phases is None else np.asanyarray(phases)
+        are_masked = np.ma.is_masked(array) or np.ma.is_masked(turned)
+        are_many = not are_masked and array.ndim == 3 and (turned is None or turned.shape in (array.shape[1:2], array.shape[:2]))
         if are_many:
             # Types and the number of LiDARs, checked by a placement with nothing else to be refused for.
             locked = None if turned is None else np.zeros(array.shape[1:2], turned.dtype)

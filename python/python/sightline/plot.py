@@ -68,5 +68,5 @@ def convergence(result: Result, axes: Axes | None = None) -> Axes:
     best = [(record["evaluations"], record["best_so_far"]) for record in result.history]
     axes.step(*zip(*best), where="post")
     axes.set_xlabel("placements evaluated")
-    axes.set_ylabel(str(result.record["settings"]["objective"]))
+    axes.set_ylabel(str(result.record.get("settings", result.record)["objective"]))
     return axes

@@ -168,10 +168,20 @@ pub enum SensorError {
     LidarCount { name: String, count: usize },
     /// A number that is not finite, or a coordinate too far away.
     #[error(
-        "placement `{name}`, LiDAR {lidar}: {field} = {value:?} is not usable; give a finite number \
-         (coordinates within ±{MAX_COORDINATE} m)"
+        "placement `{name}`, LiDAR {lidar}: {field} = {value:?} is not usable; give a finite number{}",
+        bounds_of(.field)
     )]
     BadNumber { name: String, lidar: usize, field: &'static str, value: f64 },
+}
+
+/// Range of a number of a pose in words, behind a space.
+fn bounds_of(field: &str) -> String {
+    let unit = if ["x", "y", "z"].contains(&field) {
+        "coordinates within ±{} m"
+    } else {
+        "radians within ±{}"
+    };
+    format!(" ({})", unit.replace("{}", &MAX_COORDINATE.to_string()))
 }
 
 impl Placement {

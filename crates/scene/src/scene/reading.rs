@@ -43,6 +43,7 @@ impl Scene {
         let dir = path.parent().unwrap_or(Path::new(""));
         let mut scene = Self::from_text(&text, (dir, &name), vehicle, false)?;
         scene.files.insert(0, path.to_owned());
+        scene.is_of_file = true;
         Ok(scene)
     }
 
@@ -55,6 +56,7 @@ impl Scene {
         // Errors name the first file: the vehicle rather than one of its meshes.
         scene.files.retain(|file| file != vehicle);
         scene.files.insert(0, vehicle.to_owned());
+        scene.is_of_file = true;
         Ok(scene)
     }
 
@@ -150,6 +152,7 @@ impl Scene {
             origins,
             reflectances,
             files,
+            is_of_file: false,
             notes,
             is_level_ground: false,
             large_body: None,
