@@ -185,7 +185,8 @@ class Scores(Mapping[str, Column]):
     def feasible(self) -> npt.NDArray[np.bool_]:
         """``[N]``, true where a placement keeps all rules of the mounts and meets all requirements, and no guard doubts it.
 
-        ``broken_rules``, ``requirements`` and ``guards`` say why one is not.
+        ``broken_rules``, ``requirements`` and ``guards`` say why one is not. More than 64 placements are looked at for the
+        guard ``self_hit`` only at ``self_hits=True``: without it a placement may be feasible here and not when scored alone.
         """
         return self["feasible"]
 
