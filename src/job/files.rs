@@ -107,7 +107,7 @@ impl JobFiles {
     /// The job, its scenes read.
     ///
     /// # Errors
-    /// See [`Self::read_scene`] and [`Self::job_over`].
+    /// A file that cannot be read, options that do not fit its scene or vehicle.
     pub fn read(&self) -> Result<Job, JobError> {
         let scenes = self.scenes().map(|path| self.read_scene(path).map(JobScene::from));
         self.job_over(scenes.collect::<Result<Vec<_>, _>>()?)

@@ -257,8 +257,8 @@ impl Sight {
         })
     }
 
-    /// The share of every rule that is `wanted`, as [`Self::rules_met`] has it, for beams that were counted for these; 1 for
-    /// the others.
+    /// The share of every rule that is `wanted`, whichever LiDAR is lost where it says so, for beams that were counted
+    /// for these; 1 for the others.
     pub fn shares(&self, each: &[&SightBeams], wanted: &[bool]) -> Vec<f64> {
         let rules = || self.rules.iter().zip(wanted);
         let is_overlap =

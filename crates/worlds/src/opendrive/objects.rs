@@ -47,15 +47,23 @@ fn class_of(object: &Object) -> u16 {
         ObjectType::SoundBarrier => class::WALL,
         ObjectType::TrafficIsland => class::SIDEWALK,
         ObjectType::Patch | ObjectType::RoadSurface => class::ROAD,
-        ObjectType::Crosswalk | ObjectType::RoadMark | ObjectType::ParkingSpace => class::ROAD_LINE,
+        _ if is_painted(object) => class::ROAD_LINE,
         ObjectType::Barrier => word.unwrap_or(class::GUARD_RAIL),
         _ => word.unwrap_or(class::STATIC),
     }
 }
 
+/// Beginnings of names of paint in maps of CARLA, whose type is none.
+const PAINT: &[&str] = &["stencil", "chevronregion"];
+
 /// True if an object is paint on the road, whatever its height says.
-fn painted(kind: ObjectType) -> bool {
-    matches!(kind, ObjectType::Crosswalk | ObjectType::RoadMark | ObjectType::ParkingSpace)
+fn is_painted(object: &Object) -> bool {
+    let name = object.name.to_lowercase();
+    match object.kind {
+        ObjectType::Crosswalk | ObjectType::RoadMark | ObjectType::ParkingSpace => true,
+        ObjectType::None | ObjectType::Unknown => PAINT.iter().any(|paint| name.starts_with(paint)),
+        _ => false,
+    }
 }
 
 /// Adds all objects to a network, with a note for those that have no size.
@@ -80,11 +88,11 @@ pub(super) fn add(map: &RoadNetwork, network: &mut Network, file: &str) -> Resul
             continue;
         };
         // A bay is the area inside its lines, and no paint itself.
-        if painted(object.kind) && (marked || object.kind == ObjectType::ParkingSpace) {
+        if is_painted(object) && (marked || object.kind == ObjectType::ParkingSpace) {
             bays += usize::from(!marked);
             continue;
         }
-        let lift = if painted(object.kind) { MARK } else { 0.0 };
+        let lift = if is_painted(object) { MARK } else { 0.0 };
         let range = span.indices.start as usize..span.indices.end as usize;
         let faces = faces(&mesh, &mesh.indices[range], lift);
         area += faces.iter().map(around).sum::<f64>();
@@ -95,7 +103,7 @@ pub(super) fn add(map: &RoadNetwork, network: &mut Network, file: &str) -> Resul
         network.shapes.push(MapShape {
             class: class_of(object),
             faces,
-            solid: !painted(object.kind) && class_of(object) != class::ROAD,
+            solid: !is_painted(object) && class_of(object) != class::ROAD,
         });
     }
     if !without_size.is_empty() {

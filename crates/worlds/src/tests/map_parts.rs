@@ -119,6 +119,14 @@ fn boards(world: &GeneratedWorld) -> Vec<(DVec2, DVec2)> {
     found
 }
 
+/// Class of an object of a name and a type, and whether it takes room.
+fn classed(name: &str, kind: &str) -> (u16, bool) {
+    let place = r#"s="50" t="2" length="1" width="1" height="1""#;
+    let object = format!(r#"<object id="1" name="{name}" type="{kind}" {place}/>"#);
+    let network = network(&road("RHT", "", "", &format!("<objects>{object}</objects>")));
+    (network.shapes[0].class, network.shapes[0].solid)
+}
+
 #[test]
 fn words_of_a_name_tell_the_class_of_an_object() {
     for (name, wanted) in [
@@ -128,11 +136,15 @@ fn words_of_a_name_tell_the_class_of_an_object() {
         ("Traffic_Light", class::TRAFFIC_LIGHT),
         ("StreetSign", class::TRAFFIC_SIGN),
         ("street furniture", class::STATIC),
+        ("stencil of a stop", class::STATIC),
     ] {
-        let place = r#"s="50" t="9" length="1" width="1" height="1""#;
-        let object = format!(r#"<object id="1" name="{name}" type="obstacle" {place}/>"#);
-        let network = network(&road("RHT", "", "", &format!("<objects>{object}</objects>")));
-        assert_eq!(network.shapes[0].class, wanted, "{name}");
+        assert_eq!(classed(name, "obstacle"), (wanted, true), "{name}");
+    }
+    // Maps of CARLA name arrows, words and hatched areas on the road so.
+    for name in ["Stencil_STOP", "Stencil_ArrowType4L", "ChevronRegion"] {
+        for kind in ["none", "-1"] {
+            assert_eq!(classed(name, kind), (class::ROAD_LINE, false), "{name}");
+        }
     }
 }
 
