@@ -371,11 +371,17 @@ mod tests {
         let mut best = planted("found", 1.0, 500.0);
         let words = "missing at 25 m: 2 of 48 bearings, 172.5° to 180°";
         let car = Seen { missing: Some(words.to_owned()), ..Seen::of("car", 0.95) };
-        best.scores.required = vec![car, Seen::of("child", 1.0)];
+        let between = |found: f64| Some(crate::score::Between { places: 375, found });
+        let tyre = Seen { between: between(0.981), ..Seen::of("tyre", 1.0) };
+        let child = Seen { between: between(1.0), ..Seen::of("child", 1.0) };
+        best.scores.required = vec![car, tyre, child];
         let subject = Subject::given("s", &[], &best, &[], "near_gain", String::new());
         let said = required(&subject).into_string();
         let item = format!("<li>car: 95.0 % seen, 90.0 % required; {words}</li>");
-        assert!(said.contains(&item) && said.matches("<li>").count() == 1, "{said}");
+        let closer =
+            "<li>tyre: 100.0 % seen, 90.0 % required; 98.1 % at 375 places closer together</li>";
+        assert!(said.contains(&item) && said.contains(closer), "{said}");
+        assert_eq!(said.matches("<li>").count(), 2, "{said}");
     }
 
     #[test]

@@ -311,6 +311,9 @@ fn the_first_sentence_has_the_price_where_there_is_one() {
     found.scores.requirements_hold_in = Some(0.95);
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
     assert!(!words.contains("paper"), "{words}");
+    found.scores.required[1].between = Some(crate::score::Between { places: 9, found: 0.1 });
+    let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
+    assert!(words.contains("; at places closer together too little is seen (ring). "), "{words}");
     found.scores.required[1].share = 0.8;
     let words = verdict_at(&of_run, Some(&found), &[], "m_sog_scaled");
     let start = "1 of 2 requirements met at a price of 9200 (budget 12000). NOT MET: ring: 80.0 % seen, 90.0 % required";
