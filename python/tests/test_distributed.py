@@ -81,7 +81,7 @@ def test_phases_and_guards_are_those_of_one_process(tmp_path) -> None:
     assert any("self_hit" in words for guards in one[0].guards for words in guards)
     with pytest.raises(ValueError, match=r"was begun with other inputs \(phases\)"):
         distributed.score(scenes, poses, checkpoint=kept)
-    with pytest.raises(ValueError, match=r"phases: have the shape \[2\] for 40 placements of 1 LiDARs"):
+    with pytest.raises(ValueError, match=r"phases: have the shape \[2\], where N is 40 and L is 1;"):
         distributed.score(scenes, poses, phases=[0.0, 0.0])
 
 
