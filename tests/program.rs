@@ -52,7 +52,7 @@ impl<T: Words + ?Sized> Words for &T {
     }
 }
 
-/// Words of one list behind those of another.
+/// Two lists of words, one behind the other.
 impl<A: Words, B: Words> Words for (A, B) {
     fn words(&self) -> Vec<&str> {
         [self.0.words(), self.1.words()].concat()

@@ -297,8 +297,8 @@ pub(crate) fn score(
     Ok(scores)
 }
 
-/// Looks closely at placements of a job and adds what is found to their scores: if `asked` says so, else for up to
-/// [`FEW_PLACEMENTS`]. More than these are not looked at in copies within the job's mounting tolerance.
+/// Adds a close look at placements to their scores. `asked` true looks at any number, false at none; without it up to
+/// [`FEW_PLACEMENTS`] are looked at. Copies within the job's mounting tolerance are left out for more than these.
 pub(crate) fn guard(
     job: &Job,
     evaluator: &mut Evaluator,
@@ -319,7 +319,7 @@ pub(crate) fn guard(
     looked.map(drop).map_err(raised)
 }
 
-/// Whether the notes on a job were told already.
+/// True once the notes on a job were told.
 #[derive(Default)]
 pub(crate) struct NotesOnce(AtomicBool);
 

@@ -33,7 +33,7 @@ pub(crate) fn raised(error: impl Into<Error>) -> PyErr {
     }
 }
 
-/// Like [`raised`], for what a dict named `what` holds: it has no lines and columns. Faults of files that it names have.
+/// [`raised`] for a fault in a dict named `what`, without line and column. A fault in a file that the dict names keeps both.
 pub(crate) fn raised_of_dict(py: Python<'_>, what: &str, error: impl Into<Error>) -> PyErr {
     let error = raised(error);
     let sentence = error.value(py).to_string();
@@ -48,7 +48,7 @@ pub(crate) fn bad(sentence: impl Into<String>) -> PyErr {
     PyValueError::new_err(in_python(&sentence.into()))
 }
 
-/// Phrases on the program, and on Python in their place; those that begin like others come first.
+/// Phrases of the program, and their words in Python. A phrase stands before a shorter one with the same beginning.
 const PHRASES: [(&str, &str); 14] = [
     ("`study targets` with this scene looks", "`detections` looks"),
     ("give it by --vehicle", "give it as vehicle="),

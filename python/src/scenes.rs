@@ -238,7 +238,7 @@ impl PyScene {
     /// `near_field`, which casts likewise, there are the columns `near_field` and `near_ring`: shares of the ground within
     /// 10 m and 3 m of the own body with a hit close by.
     ///
-    /// The first call warns of what the program notes of the scene, such as ground that is not level. `progress` as for
+    /// The first call gives the program's notes on the scene as warnings, such as one on uneven ground. `progress` as for
     /// `optimize`.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false,
         tolerance = Some(Tolerance::default()), progress = None),

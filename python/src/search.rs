@@ -469,7 +469,7 @@ fn word<T: Copy>(what: &str, given: &str, known: &[(&str, T)]) -> PyResult<T> {
     })
 }
 
-/// A number of frames, `all`, or those that the search asks for; warns of more than any scene has.
+/// Frames of a search: a number, `all`, or on demand for `None`. Warns of a number that no scene has.
 fn frames_of(given: Option<&Bound<'_, PyAny>>, scenes: &[Arc<Built>]) -> PyResult<FrameChoice> {
     let Some(given) = given else { return Ok(FrameChoice::OnDemand) };
     match given.extract::<String>().as_deref() {

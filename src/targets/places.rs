@@ -26,21 +26,26 @@ const LEAST_METRES: f64 = 0.5;
 /// and gaps between rings of beams would hide a target between others. As many distances as elsewhere are taken at each
 /// bearing, at the next bearing the ones a step farther, so that all are taken at some.
 pub(crate) fn places_of(rule: &TargetRule) -> Vec<[f64; 3]> {
-    if rule.share < 1.0 {
-        return spread(rule, [1, 1]);
-    }
-    let closer = factors(rule);
-    let [bearings, distances] = numbers(rule, closer);
-    let every = closer[1].min(bearings.count);
-    let taken = |(k, bearing): (usize, f64)| {
+    let ([bearings, distances], every) = tested(rule);
+    let at = |(k, bearing): (usize, f64)| {
         distances.each().skip(k % every).step_by(every).map(move |metres| position(metres, bearing))
     };
-    bearings.each().enumerate().flat_map(taken).collect()
+    bearings.each().enumerate().flat_map(at).collect()
 }
 
 /// Number of the places of a rule.
 pub(super) fn place_count(rule: &TargetRule) -> usize {
-    places_of(rule).len()
+    let ([bearings, distances], every) = tested(rule);
+    (0..bearings.count).map(|k| (distances.count - k % every).div_ceil(every)).sum()
+}
+
+/// Bearings and distances that a rule tests. At each bearing every few distances are taken; the first of these is the first
+/// distance at the first bearing, and the next one at each next bearing.
+fn tested(rule: &TargetRule) -> ([Spread; 2], usize) {
+    let closer = if rule.share < 1.0 { [1, 1] } else { factors(rule) };
+    let [bearings, distances] = numbers(rule, closer);
+    let every = closer[1].min(bearings.count);
+    ([bearings, distances], every)
 }
 
 /// Numbers spread evenly: the first, the last or for a whole turn the one after the last, parts between, and how many.
@@ -256,6 +261,9 @@ mod tests {
         };
         assert_eq!(polar(&taken), polar(&all));
         assert!(2 * taken.len() < all.len() + 20, "{} of {}", taken.len(), all.len());
+        for rule in [strict.clone(), rule(1.0), rule(0.9)] {
+            assert_eq!(place_count(&rule), places_of(&rule).len());
+        }
         // One bearing takes them all.
         let ahead = TargetRule { bearings: [0.0, 0.0], ..strict };
         assert_eq!(places_of(&ahead), spread(&ahead, factors(&ahead)));

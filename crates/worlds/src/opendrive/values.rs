@@ -101,7 +101,7 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     }
 }
 
-/// A doubt about an attribute that is written in other capitals than those of one that is read, and so is lost.
+/// Doubt about an attribute in other capitals than OpenDRIVE has: its value is lost.
 pub(super) fn miswritten(node: Node<'_, '_>) -> Option<String> {
     let name = node.tag_name().name();
     let of_numbers = NUMBERS.iter().filter(|(element, ..)| *element == name);

@@ -260,7 +260,7 @@ fn in_ply(folder: &Path, from: &str, to: &str) {
     put(folder, "lidar_000007.ply", ply(&scan(0.0)).replacen(from, to, 1));
 }
 
-/// Text of `poses.csv`, what it is replaced by, and how the error begins.
+/// Words in `poses.csv`, their replacement, and the beginning of the error.
 const SPOILT_POSES: [(&str, &str, &str); 6] = [
     ("2.4,0", "2,4,0", " line 2: has more cells than the first row; write decimals with a point"),
     ("roll", "x", " line 1: has two columns \"x\"; leave one out"),
