@@ -140,6 +140,7 @@ fn words_of_a_name_tell_the_class_of_an_object() {
     ] {
         assert_eq!(classed(name, "obstacle"), (wanted, true), "{name}");
     }
+    assert_eq!(classed("thing", "none"), (class::STATIC, true));
     // Maps of CARLA name arrows, words and hatched areas on the road so.
     for name in ["Stencil_STOP", "Stencil_ArrowType4L", "ChevronRegion"] {
         for kind in ["none", "-1"] {
