@@ -3,15 +3,18 @@
 
 use std::error::Error as StdError;
 use std::ffi::CString;
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Write};
+use std::path::Path;
 
 use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use sightline::engine::BackendError;
+use sightline::internals::{FileError, write_whole};
 use sightline::job::JobError;
 use sightline::problem::ProblemError;
 use sightline::psog::PsogError;
+use sightline::runs::RunError;
 use sightline::scan::ScanError;
 use sightline::{Error, Note};
 
@@ -31,6 +34,20 @@ pub(crate) fn raised(error: impl Into<Error>) -> PyErr {
     } else {
         PyValueError::new_err(sentence)
     }
+}
+
+/// The exception for an error of a command.
+pub(crate) fn raised_of_run(error: RunError) -> PyErr {
+    match error {
+        RunError::Library(error) => raised(error),
+        other => bad(other.to_string()),
+    }
+}
+
+/// Writes a file of text, whole at any time.
+pub(crate) fn write_text(path: &Path, text: &str) -> PyResult<()> {
+    let write = |file: &mut dyn Write| file.write_all(text.as_bytes());
+    write_whole(path, |file| write(file).map_err(FileError::io(path))).map_err(raised)
 }
 
 /// [`raised`] for a fault in a dict named `what`, without line and column. A fault in a file that the dict names keeps both.
