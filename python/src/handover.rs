@@ -56,9 +56,13 @@ impl Watcher for Heard<'_> {
 /// - `margin`: metres from 0 to 10 that crop boxes reach beyond the own body
 /// - `base_link`: `[3]` metres, position of `base_link` in the ego frame
 ///
-/// Returns a `dict`: `out`, `placement` (its name), `files` (names in the folder), `own_beams` (for each LiDAR the beams
-/// that end at the own body, and all beams), `price` (of all sensors), `guards` (sentences on LiDARs that look into the own
-/// body). Warns of these, of broken rules and of missed requirements. The folder is written whole or not at all. Raises
+/// Returns a `dict`:
+///
+/// - `out`, `placement` (its name), `files` (names in the folder), `price` (of all sensors)
+/// - `own_beams`: for each LiDAR `[2]`, its beams that end at the own body, and all its beams
+/// - `guards`: sentences on LiDARs that look into the own body
+///
+/// Warns of these, of broken rules and of missed requirements. The folder is written whole or not at all. Raises
 /// `ValueError` for a folder that holds files, a frame that is not there, several placements without a name and a
 /// placement of unknown models, `OSError` for files that cannot be read or written.
 #[pyfunction(name = "handover")]

@@ -86,6 +86,7 @@ mod _native {
     use super::{
         atlas::PyAtlas,
         by_hand::PySearch,
+        errors::in_python,
         handover::hand_over,
         main,
         placements::{PyPlacement, published, read, write},

@@ -63,10 +63,12 @@ impl PyRig {
 
     /// From a file of another program, or a folder of its files; `docs/formats/rigs.md` lists the formats.
     ///
-    /// `format` names one; otherwise the file's content tells it. `frames` picks LiDARs by name. Raises `OSError` for
+    /// `format` names one; otherwise the file's content tells it. `frames` picks LiDARs by name, `base_frame` names the frame that
+    /// positions count from. Raises `OSError` for
     /// files that cannot be read, `ValueError` with the place of a wrong value.
     #[staticmethod]
-    #[pyo3(signature = (path, *, format = None, name = None, frames = None, models = None, base_link = None))]
+    #[pyo3(signature = (path, *, format = None, name = None, frames = None, models = None, base_link = None,
+        base_frame = None))]
     fn load(
         py: Python<'_>,
         #[pyo3(from_py_with = arguments::path)] path: PathBuf,
@@ -75,8 +77,10 @@ impl PyRig {
         #[pyo3(from_py_with = arguments::frame_names)] frames: Option<Vec<String>>,
         models: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = arguments::base_link)] base_link: Option<[f64; 3]>,
+        base_frame: Option<String>,
     ) -> PyResult<Self> {
         let settings = ImportSettings {
+            base_frame,
             format: format.map(format_of).transpose()?,
             name,
             frames: frames.unwrap_or_default(),
