@@ -67,7 +67,7 @@ pub(crate) fn bad(sentence: impl Into<String>) -> PyErr {
 }
 
 /// Phrases of the program, and their words in Python. A phrase stands before a shorter one with the same beginning.
-const PHRASES: [(&str, &str); 36] = [
+const PHRASES: [(&str, &str); 38] = [
     ("`study targets` with this scene looks", "`detections` looks"),
     ("`sightline score` tells", "`Scene.score` tells"),
     ("`sightline psog build` writes it", "`Psog.save` writes it"),
@@ -81,6 +81,8 @@ const PHRASES: [(&str, &str); 36] = [
     ("give it by --vehicle", "give it as vehicle="),
     ("give a vehicle with --vehicle", "give vehicle="),
     ("give --vehicle ", "give vehicle="),
+    ("each --", "each of --"),
+    ("for the --box", "in --box"),
     ("--backend cpu", "backend=\"cpu\""),
     ("--backend gpu", "backend=\"gpu\""),
     ("--front: ", "objectives: "),

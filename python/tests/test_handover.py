@@ -149,7 +149,7 @@ SOURCES = ("src/job", "src/search", "src/score", "src/study", "src/targets", "sr
 NOT_OF_PYTHON = {
     "--delta",  # of a grid that is given
     "--fix", "--symmetric", "--equal-height",  # rules of the mount by options
-    "--sensor 0=a",  # models of the program's file of placements
+    "--layout",  # of a command that is named with it
     "--own",  # a style
 }  # fmt: skip
 
