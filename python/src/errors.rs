@@ -67,13 +67,14 @@ pub(crate) fn bad(sentence: impl Into<String>) -> PyErr {
 }
 
 /// Phrases of the program, and their words in Python. A phrase stands before a shorter one with the same beginning.
-const PHRASES: [(&str, &str); 38] = [
+const PHRASES: [(&str, &str); 40] = [
     ("`study targets` with this scene looks", "`detections` looks"),
     ("`sightline score` tells", "`Scene.score` tells"),
     ("`sightline psog build` writes it", "`Psog.save` writes it"),
     ("`sightline study regions --help`", "help(sightline.study)"),
     ("sightline study loss", "sightline.study(\"loss\", …)"),
-    ("`sightline optimize` with --budget PRICE", "`sightline.optimize` with budget=PRICE"),
+    ("sightline optimize", "sightline.optimize"),
+    ("with --budget PRICE", "with budget=PRICE"),
     (
         "give --vehicle FILE for level ground, or a scene before the placements",
         "give vehicle= or scene=",
@@ -98,7 +99,8 @@ const PHRASES: [(&str, &str); 38] = [
     ("(--fidelity full)", "(frames=\"all\")"),
     ("more time (--resume goes on)", "more seconds="),
     ("go on with --resume and more time", "search again with more time"),
-    ("`--fewest` looks", "`fewest=True` looks"),
+    ("--fewest` looks", "fewest=True` looks"),
+    ("--fewest</code> looks", "fewest=True</code> looks"),
     ("give it as SCENE", "load it by Scene.load"),
     ("behind the scenes, or by --placement, --baselines or --inject", "to read_placements"),
     ("by --target", "as one of targets="),
