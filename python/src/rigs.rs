@@ -86,7 +86,6 @@ impl PyRig {
             frames: frames.unwrap_or_default(),
             sensors: models_of(models)?,
             mounting: mounting(base_link),
-            ..ImportSettings::default()
         };
         let imported = py.detach(|| import(&[path], &settings)).map_err(raised)?;
         Self::of(py, imported)
