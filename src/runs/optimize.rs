@@ -20,7 +20,7 @@ use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::record::peak_memory;
 use crate::report::words::from_here;
-use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
+use crate::report::{Figures, Looks, RunRecord, RunTimes, report_html};
 use crate::search::{
     Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
@@ -356,22 +356,18 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     if let Some(seconds) = limit {
         settled["max_seconds"] = json!(seconds);
     }
-    let mut record = RunRecord::new(
-        outcome,
-        RunContext {
-            scene: job.scene().name(),
-            settings: settled,
-            command: command(&sitting.begun, settings, limit, in_full),
-            suite,
-            equipment: sitting.run.equipment_in_words(),
-            seed: settings.seed,
-            objective: settings.objective.to_string(),
-            conditions: sitting.begun.files.conditions.clone(),
-            rate: spent.searched as f64 / spent.seconds,
-            timings: spent.times,
-            peak_memory: peak_memory(),
-        },
-    );
+    let mut record = RunRecord {
+        settings: settled,
+        command: command(&sitting.begun, settings, limit, in_full),
+        equipment: sitting.run.equipment_in_words(),
+        seed: settings.seed,
+        objective: settings.objective.to_string(),
+        conditions: sitting.begun.files.conditions.clone(),
+        rate: spent.searched as f64 / spent.seconds,
+        timings: spent.times,
+        peak_memory: peak_memory(),
+        ..RunRecord::new(outcome, suite, job.scene().name())
+    };
     sitting.check(&record)?;
     let drawing = Instant::now();
     let (best, baselines) = (&record.best, &record.baselines);
