@@ -1,6 +1,6 @@
 //! Parts of every drawing: page, colours, signs of LiDARs, numbers as words, and axes with their ticks.
 
-use crate::json::fixed;
+pub(super) use crate::json::trimmed;
 use crate::maths;
 use maud::{Markup, html};
 
@@ -104,15 +104,6 @@ pub(super) fn number(value: f64) -> String {
     } else {
         trimmed(value, 3)
     }
-}
-
-/// A number without the zeros at the end of its decimals.
-pub(super) fn trimmed(value: f64, decimals: usize) -> String {
-    let text = fixed(value, decimals);
-    if text.contains('.') {
-        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
-    }
-    text
 }
 
 pub(super) fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {

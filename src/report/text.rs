@@ -2,7 +2,7 @@
 
 use super::columns::{align_columns, align_with_notes, table_text};
 use super::{RunRecord, SceneRecord, ScoreColumn, optional};
-use crate::json::{fixed, spoken};
+use crate::json::{fixed, spoken, trimmed};
 use crate::psog::PsogInfo;
 use crate::scan::conditions::under;
 use crate::score::{Interval, Objective, Scores, bootstrap};
@@ -160,9 +160,7 @@ pub(crate) fn study_text(table: &Table) -> String {
         None => "–".to_owned(),
         Some(v) if table.columns[column + 1].ends_with(" %") => fixed(v, 2),
         Some(0.0) => "0".to_owned(),
-        Some(v) if (1e-3..1e6).contains(&v.abs()) => {
-            fixed(v, 4).trim_end_matches('0').trim_end_matches('.').to_owned()
-        }
+        Some(v) if (1e-3..1e6).contains(&v.abs()) => trimmed(v, 4),
         // Counts of voxels: whole numbers, as below a million.
         Some(v) if (1e6..1e9).contains(&v.abs()) => fixed(v, 0),
         Some(v) => format!("{v:.4e}"),
