@@ -252,6 +252,30 @@ impl RunSession<'_> {
         let view = GltfView { scene, frame: 0, placements, points: &[] };
         outputs::write_gltf(self.request.gltf.gltf.as_deref(), self.computing.watcher, &view)
     }
+
+    /// Work and wall times of all sittings up to now.
+    fn spent(&self) -> Spent {
+        let now = self.run.run().map(Run::times).unwrap_or_default();
+        let Spent { searched, seconds, times, ref kept } = self.earlier;
+        Spent {
+            searched: searched + now.scored,
+            seconds: seconds + now.until_swaps,
+            kept: kept.clone(),
+            times: RunTimes {
+                load: times.load + self.times.load,
+                build: times.build + self.times.build + now.frames,
+                equip: times.equip + self.run.equipped_in().as_secs_f64(),
+                search: times.search + now.search,
+                generations: times.generations + now.generations,
+                bookkeeping: times.bookkeeping + now.bookkeeping,
+                swaps: times.swaps + now.swaps,
+                bounds: times.bounds + now.bounds,
+                confirm: times.confirm + now.confirm,
+                page: times.page,
+                total: times.total + self.start.elapsed().as_secs_f64(),
+            },
+        }
+    }
 }
 
 /// One run of the program on a run folder.
@@ -298,32 +322,6 @@ fn earlier_times<T: DeserializeOwned + Default>(folder: &Path, is_new: bool) -> 
     }
     let text = read_own(&folder.join(TIMES), 1 << 20).unwrap_or_default();
     serde_json::from_slice(&text).unwrap_or_default()
-}
-
-impl RunSession<'_> {
-    /// Work and wall times of all sittings up to now.
-    fn spent(&self) -> Spent {
-        let now = self.run.run().map(Run::times).unwrap_or_default();
-        let Spent { searched, seconds, times, ref kept } = self.earlier;
-        Spent {
-            searched: searched + now.scored,
-            seconds: seconds + now.until_swaps,
-            kept: kept.clone(),
-            times: RunTimes {
-                load: times.load + self.times.load,
-                build: times.build + self.times.build + now.frames,
-                equip: times.equip + self.run.equipped_in().as_secs_f64(),
-                search: times.search + now.search,
-                generations: times.generations + now.generations,
-                bookkeeping: times.bookkeeping + now.bookkeeping,
-                swaps: times.swaps + now.swaps,
-                bounds: times.bounds + now.bounds,
-                confirm: times.confirm + now.confirm,
-                page: times.page,
-                total: times.total + self.start.elapsed().as_secs_f64(),
-            },
-        }
-    }
 }
 
 /// Saves the state: the history first, so that it is never behind.

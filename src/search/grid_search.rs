@@ -307,13 +307,7 @@ impl GridSearch {
         let b = self.standing_while(evaluator, &second, go_on)?;
         Ok(if b.is_some_and(|b| b.beats(&a)) { second } else { first })
     }
-}
 
-/// Bytes of bitmaps that are read between two questions whether to go on: less than a second's, and few in the tests of
-/// this crate.
-const BYTES_AT_ONCE: usize = if cfg!(test) { 1 << 12 } else { 1 << 30 };
-
-impl GridSearch {
     /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
     /// exist.
     pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
@@ -416,3 +410,7 @@ impl GridSearch {
         is_held.then(|| self.value(evaluator, poses)).transpose()
     }
 }
+
+/// Bytes of bitmaps that are read between two questions whether to go on: less than a second's, and few in the tests of
+/// this crate.
+const BYTES_AT_ONCE: usize = if cfg!(test) { 1 << 12 } else { 1 << 30 };

@@ -98,22 +98,7 @@ impl Pilot {
         frames.for_each(|frame| sum += &self.by_frame[frame][index]);
         sum
     }
-}
 
-/// Most sets of frames that are all tried; among more sets the best is found by exchanging frames.
-const ALL_SETS: u64 = 4000;
-
-/// Some frames, and the error of ranking by them.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Level {
-    /// Frames in rising order, numbered through all scenes.
-    pub frames: Vec<usize>,
-    /// Ranking error of these frames: RMS over the placements of 1 − a · score / full score, with the best a. `None` where
-    /// no placement has a score.
-    pub error: Option<f64>,
-}
-
-impl Pilot {
     /// Few frames that stand for all, then twice as many and so on to all of them.
     ///
     /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`. With several scenes
@@ -141,6 +126,19 @@ impl Pilot {
         });
         levels
     }
+}
+
+/// Most sets of frames that are all tried; among more sets the best is found by exchanging frames.
+const ALL_SETS: u64 = 4000;
+
+/// Some frames, and the error of ranking by them.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Level {
+    /// Frames in rising order, numbered through all scenes.
+    pub frames: Vec<usize>,
+    /// Ranking error of these frames: RMS over the placements of 1 − a · score / full score, with the best a. `None` where
+    /// no placement has a score.
+    pub error: Option<f64>,
 }
 
 struct FrameSets<'a> {
