@@ -1,8 +1,7 @@
 //! Suites of scenes, and the search for a better placement.
 
-use std::sync::Arc;
 use std::sync::mpsc::channel;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use pyo3::exceptions::{PyRuntimeError, PyStopIteration};

@@ -2,6 +2,7 @@
 
 use super::args::Asked;
 use super::output::Exit;
+use crate::json::counted;
 use crate::report::coverage::{near_field_text, overlap_text, redundancy_text};
 use crate::report::tables::{near_field_csv, overlap_csv, redundancy_csv, targets_csv};
 use crate::report::targets::targets_text;
@@ -12,7 +13,6 @@ use crate::runs::sensitivity::{
 use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::under;
 use crate::shared::Redundancy;
-use sightline_files::json::counted;
 
 pub(super) type NearFieldArgs = Asked<NearFieldRequest, TableFormat>;
 

@@ -4,11 +4,11 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::Path;
 
+use crate::json::FileKind;
 use clap::Command;
 use clap::error::ErrorKind;
 use clap_complete::Shell;
 use clap_mangen::Man;
-use sightline_files::json::FileKind;
 
 use super::output::Exit;
 use super::short::{COLUMNS, broken};

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::{Job, JobError};
+use crate::json::counted;
 use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
     Settings, State, Stopped, Suite, TimeLimit,
@@ -16,7 +17,6 @@ use crate::search::{
 use crate::vehicle::{Constraints, Placement, Vehicle, random_placements_by_the_rules};
 use checks::check_equipped;
 use fewest::{Fewest, Next, taken};
-use sightline_files::json::counted;
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -19,6 +19,7 @@ use super::words::{
     run_verdict, spread_in_words,
 };
 use super::{Axis, Plot, Series};
+use crate::json::counted;
 use crate::near_field::{NEAR, NearField, RING};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;
@@ -27,7 +28,6 @@ use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
     MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
 };
-use sightline_files::json::counted;
 
 /// Wall times of a run in seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]

@@ -2,7 +2,7 @@
 
 use super::columns::{align_columns, align_with_notes, table_text};
 use super::{RunRecord, SceneRecord, ScoreColumn, optional};
-use crate::json::{fixed, spoken, trimmed};
+use crate::json::{counted, fixed, spoken, trimmed};
 use crate::psog::PsogInfo;
 use crate::scan::conditions::under;
 use crate::score::{Interval, Objective, Scores, bootstrap};
@@ -10,7 +10,6 @@ use crate::search::{Finding, GenerationsStop, Scored};
 use crate::study::{Row, Table};
 use crate::vehicle::{Placement, SensorPose, millimetres};
 use crate::verify::Verification;
-use sightline_files::json::counted;
 
 /// A text of at most `most` characters: the end of a longer one is an ellipsis.
 pub(crate) fn shortened(text: &str, most: usize) -> String {

@@ -15,7 +15,7 @@ use super::inputs::{
 };
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
-use super::{Computing, GRACE, RunError, opening, outputs};
+use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
 use crate::files::Session;
@@ -23,7 +23,6 @@ use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::report::coverage::near_field_svg;
 use crate::report::targets::{targets_figures, targets_svg};
-use crate::runs::{Conditions, FiguresOut};
 use crate::scan::conditions::in_words;
 use crate::scene::{Scene, Target};
 use crate::score::Objective;

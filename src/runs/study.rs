@@ -9,11 +9,10 @@ use serde_json::{Value, json};
 use super::inputs::{
     Files, Given, can_be_read, file_and_name, fit_alone, note_repeated, note_unpriced, rig_path,
 };
-use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
+use super::{Bar, Computing, Conditions, GRACE, RunError, Watcher, opening};
 use crate::files;
 use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
-use crate::runs::Conditions;
 use crate::scan::conditions::in_words;
 use crate::scene::Scene;
 use crate::study::{Kind, Row, StudyObserver, StudySettings, Subregion, Table, study};

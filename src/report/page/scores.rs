@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use super::layout::{bar, difference, table, table_of, text};
 use super::{Figures, Subject};
 use crate::job::Tolerance;
+use crate::json::counted;
 use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, COUNTED_FROM, against as compared, value_in_words};
 use crate::report::view::sight::InformationShare;
@@ -12,7 +13,6 @@ use crate::report::warnings::{KINDS, kinds_beside};
 use crate::report::{RunRecord, ScoreColumn};
 use crate::score::{HOLDS, Scores, Seen, percent_down, percent_up};
 use crate::search::{MANY_SCENES, Scored};
-use sightline_files::json::counted;
 
 /// The gain over each baseline, or the near gain where that was maximized.
 pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {

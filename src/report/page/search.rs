@@ -5,11 +5,11 @@ use serde_json::Value;
 
 use super::layout::{figure, table, text};
 use super::{Figures, Subject};
+use crate::json::counted;
 use crate::report::record::{evaluations_in_words, steps_of_generations};
 use crate::report::text::{limit_of, rule_lines, told_findings};
 use crate::report::words::{climbs_in_words, frames_in_words};
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
-use sightline_files::json::counted;
 
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     html! {

@@ -16,11 +16,10 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check, counted};
 
 use super::description::{BodyDescription, ShapeDescription};
-use super::doubts;
 use super::route::Motion;
 use super::shapes::Builder;
 use super::solid::{Solid, around};
-use super::{ActorKind, EgoBody, Scene};
+use super::{ActorKind, EgoBody, Scene, doubts};
 
 /// Owner of a rigid part: it moves with this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::description::{KeepOutDescription, LidarDescription, MountDescription};
-use super::doubts;
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar::stated;
 use super::lidar_reading::DescribedLidar;
@@ -15,6 +14,7 @@ use super::pairing::{MIRRORED, SLACK};
 use super::sensor_file::Measures;
 use super::{
     Constraints, MAX_LIDARS, Placement, Region, Response, SensorName, SensorPose, SpinPhase, Ties,
+    doubts,
 };
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{Checked, Location};
