@@ -7,9 +7,9 @@ mod lines;
 #[macro_use]
 mod output;
 
+mod answers;
 mod args;
 mod checks;
-mod coverage;
 mod kinds;
 mod optimize;
 mod psog;
@@ -18,7 +18,6 @@ mod rig;
 mod scan;
 mod scene;
 mod score;
-mod sensitivity;
 mod short;
 mod study;
 mod usage;

@@ -101,7 +101,7 @@ impl Area {
 
     /// Pixel of 1 − τ; 0 stands on the x axis.
     fn at_y(&self, misranked: f64) -> f64 {
-        let lowest = maths::pow(10_f64, self.axes.y.range().0);
+        let lowest = maths::pow(10_f64, self.axes.y.range.0);
         self.axes.y.at(if misranked > 1e-9 { misranked.max(lowest) } else { lowest })
     }
 
@@ -111,7 +111,7 @@ impl Area {
 
     fn draw(&self) -> Markup {
         let [left, right, _, bottom] = AREA;
-        let lowest = self.axes.y.range().0;
+        let lowest = self.axes.y.range.0;
         let mut y = self.axes.y.ticks(|v| trimmed(v, 6));
         // No tick in the way of the line for 0.
         y.retain(|tick| maths::log10(tick.value) > lowest + 0.12);

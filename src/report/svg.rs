@@ -119,8 +119,8 @@ pub(super) struct Tick {
 
 /// Values of one axis and the pixels that they are drawn at.
 pub(super) struct Scale {
-    /// Lowest and highest value, or their logarithms to base 10.
-    range: (f64, f64),
+    /// Lowest and highest value, on a logarithmic axis their logarithms.
+    pub range: (f64, f64),
     pixels: (f64, f64),
     is_log: bool,
 }
@@ -133,11 +133,6 @@ impl Scale {
     /// An axis of equal factors; `range` holds logarithms to base 10.
     pub(super) fn log(range: (f64, f64), pixels: (f64, f64)) -> Self {
         Self { range, pixels, is_log: true }
-    }
-
-    /// Lowest and highest value, on a logarithmic axis their logarithms.
-    pub(super) fn range(&self) -> (f64, f64) {
-        self.range
     }
 
     pub(super) fn at(&self, value: f64) -> f64 {

@@ -19,7 +19,7 @@ use crate::psog::Roi;
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::Placement;
 
-pub(super) use sight::{Gains, InformationView};
+pub(super) use sight::InformationView;
 
 /// Frames that the slider goes through at most, on a page of one scene and on one of several.
 const FRAMES: [u32; 2] = [12, 6];
@@ -31,15 +31,15 @@ const VOXELS: usize = 60_000;
 /// Data that the 3-D view of a placement shows in one scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ViewData {
-    scene: String,
+    pub scene: String,
     roi: Roi,
     classes: Vec<String>,
     /// Numbers of the frames shown.
-    frames: Vec<usize>,
+    pub frames: Vec<usize>,
     frame_count: usize,
     placement: Placement,
     things: Things,
-    sight: InformationView,
+    pub(super) sight: InformationView,
     beams: BeamEnds,
 }
 
@@ -69,19 +69,6 @@ impl ViewData {
             placement: placement.clone(),
             frames,
         })
-    }
-
-    pub(crate) fn scene(&self) -> &str {
-        &self.scene
-    }
-
-    /// Numbers of the frames shown.
-    pub(crate) fn frames(&self) -> &[usize] {
-        &self.frames
-    }
-
-    pub(crate) fn gains(&self) -> &Gains {
-        &self.sight.gains
     }
 
     /// Sentences on frames, things and voxels that the view leaves out.

@@ -32,7 +32,7 @@ pub(super) struct Places {
     clear: Vec<bool>,
     /// Kind of slot of each pose, and the LiDARs of each kind.
     kinds: Vec<usize>,
-    lidars_by_kind: Vec<usize>,
+    pub lidars_by_kind: Vec<usize>,
     /// Least distance between two LiDARs, in metres.
     least: f64,
 }
@@ -40,10 +40,6 @@ pub(super) struct Places {
 impl Places {
     pub(crate) fn kind(&self, pose: u32) -> usize {
         self.kinds[pose as usize]
-    }
-
-    pub(crate) fn lidars_by_kind(&self) -> &[usize] {
-        &self.lidars_by_kind
     }
 
     /// See [`GridSearch::fits`].

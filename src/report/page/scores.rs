@@ -218,7 +218,7 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
     html! {
         p {
             "Per cent of the information there is that the beams reach, over "
-            (counted(first.gains().frames, "frame"))
+            (counted(first.sight.gains.frames, "frame"))
             @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
             ". A voxel in which several classes occur counts with the rarest of them."
             @if near_gain(ScoreColumn::argued(subject.objective)).is_some() {
@@ -226,9 +226,9 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
             }
         }
         @for view in &figures.views {
-            @if figures.views.len() > 1 { h3 { (view.scene()) } }
-            (parts("By class", rival, place, &view.gains().by_class))
-            (parts("By distance from the vehicle", rival, place, &view.gains().by_distance))
+            @if figures.views.len() > 1 { h3 { (view.scene) } }
+            (parts("By class", rival, place, &view.sight.gains.by_class))
+            (parts("By distance from the vehicle", rival, place, &view.sight.gains.by_distance))
         }
     }
 }

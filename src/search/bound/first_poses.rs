@@ -55,7 +55,7 @@ impl<'a> FirstPoses<'a> {
     ) -> Self {
         let poses = columns.poses() as u32;
         let of_kind = |kind: usize| (0..poses).filter(move |&pose| places.kind(pose) == kind);
-        let lidars = places.lidars_by_kind();
+        let lidars = &places.lidars_by_kind;
         let kinds = (0..lidars.len()).filter(|&kind| lidars[kind] > 0);
         let fewest = kinds.min_by_key(|&kind| of_kind(kind).count()).unwrap_or(0);
         let mut firsts: Vec<u32> = of_kind(fewest).filter(|&p| places.fits(p, &[])).collect();
@@ -169,7 +169,7 @@ impl<'a> FirstPoses<'a> {
     fn first(&self, at: usize) -> Node {
         let first = self.firsts[at];
         let outside = self.columns.outside(&[first]);
-        let kinds = self.places.lidars_by_kind().iter().enumerate().map(|(kind, &lidars)| {
+        let kinds = self.places.lidars_by_kind.iter().enumerate().map(|(kind, &lidars)| {
             let left = lidars - usize::from(kind == self.places.kind(first));
             let later = |&pose: &u32| {
                 let is_of_kind = left > 0 && self.places.kind(pose) == kind;
