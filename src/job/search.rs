@@ -102,7 +102,7 @@ pub struct JobRun<'a> {
     /// The time ended while sensors were chosen: a resumed search goes on with that choice.
     is_late: bool,
     /// Wall time that choosing sensors has taken in this process.
-    equipped_in: Duration,
+    pub(crate) equipped_in: Duration,
 }
 
 impl Job {
@@ -429,11 +429,6 @@ impl JobRun<'_> {
     /// Sensors of the vehicle, once they are chosen.
     pub fn equipped(&self) -> Option<&Equipped> {
         self.state.equipped.as_ref()
-    }
-
-    /// Wall time that choosing sensors has taken in this process.
-    pub(crate) fn equipped_in(&self) -> Duration {
-        self.equipped_in
     }
 
     /// Scenes, with the rules of the sensors chosen.

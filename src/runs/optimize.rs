@@ -264,7 +264,7 @@ impl RunSession<'_> {
             times: RunTimes {
                 load: times.load + self.times.load,
                 build: times.build + self.times.build + now.frames,
-                equip: times.equip + self.run.equipped_in().as_secs_f64(),
+                equip: times.equip + self.run.equipped_in.as_secs_f64(),
                 search: times.search + now.search,
                 generations: times.generations + now.generations,
                 bookkeeping: times.bookkeeping + now.bookkeeping,

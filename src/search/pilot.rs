@@ -108,7 +108,7 @@ impl Pilot {
     /// there are too many to try.
     pub(crate) fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
         let choice = FrameSets::new(self, objective);
-        let count = choice.frames();
+        let count = choice.sums.len();
         let mut levels: Vec<Level> = Vec::new();
         let mut best = choice.set(choice.least());
         let mut size = best.frames.len().max(1);
@@ -175,12 +175,8 @@ impl<'a> FrameSets<'a> {
         let of_frame = |frame: &Vec<Tally>| frame.iter().map(sums_alone).collect();
         let sums = pilot.by_frame.iter().map(of_frame).collect();
         let mut choice = Self { pilot, objective, member_of, sums, reference: Vec::new() };
-        choice.reference = choice.values(&choice.set((0..choice.frames()).collect()), &[]);
+        choice.reference = choice.values(&choice.set((0..choice.sums.len()).collect()), &[]);
         choice
-    }
-
-    fn frames(&self) -> usize {
-        self.sums.len()
     }
 
     fn set(&self, frames: Vec<usize>) -> Set {
@@ -244,7 +240,7 @@ impl<'a> FrameSets<'a> {
     }
 
     fn best(&self, size: usize, from: Set) -> Set {
-        let count = self.frames();
+        let count = self.sums.len();
         if sets(count, size) <= ALL_SETS {
             let mut all: Vec<Set> =
                 subsets(count, size).into_iter().map(|frames| self.set(frames)).collect();

@@ -343,7 +343,7 @@ impl Run {
     fn stopped(&self, watch: &Watch) -> Stopped {
         let generations = self.state.generations.stopped();
         let is_cut_short = generations.is_none() && self.state.settings.method != Method::Swaps;
-        if watch.is_interrupted() || self.sitting.interrupted {
+        if watch.interrupted || self.sitting.interrupted {
             return Stopped::Interrupted;
         }
         match generations {
