@@ -81,19 +81,20 @@ pub(super) fn notes(scores: &Scores) -> Vec<String> {
     required.chain(holds).chain(guards).chain(rules).collect()
 }
 
-/// Properties that have a correlation with the objective.
-pub(super) fn told_findings(all: &[Finding]) -> impl Iterator<Item = &Finding> {
-    all.iter().filter(|of| of.correlation.is_some() || of.beside_height.is_some())
+/// Properties that have a correlation with the objective, and both numbers of each.
+pub(super) fn finding_rows(all: &[Finding]) -> Vec<Vec<String>> {
+    let told = all.iter().filter(|of| of.correlation.is_some() || of.beside_height.is_some());
+    let row = |of: &Finding| {
+        vec![of.property.to_owned(), optional(of.correlation, 2), optional(of.beside_height, 2)]
+    };
+    told.map(row).collect()
 }
 
 /// Rank correlations of properties of layouts with the objective, one property a line; empty where none has one.
 pub(crate) fn findings_text(all: &[Finding], objective: &str) -> String {
     let title = format!("rank correlation with {objective}");
     let titles = ["over random placements", &*title, "with mean height held fixed"];
-    let row = |of: &Finding| {
-        vec![of.property.to_owned(), optional(of.correlation, 2), optional(of.beside_height, 2)]
-    };
-    let rows: Vec<Vec<String>> = told_findings(all).map(row).collect();
+    let rows = finding_rows(all);
     if rows.is_empty() { String::new() } else { table_text(&titles, rows) }
 }
 
