@@ -54,6 +54,48 @@ fn overlap_is_shared_and_not_seen_in_the_words_of_a_run() {
 }
 
 #[test]
+fn the_folder_of_a_run_alone_brings_its_scene_and_vehicle() {
+    let dir = run_folder();
+    let (scene, rig) = ("yard.json", "runs/yard --vehicle cart.json");
+    for (command, given, more) in [
+        ("score", format!("{scene} {rig}"), "--format csv"),
+        ("audit", format!("{scene} {rig}"), "--frames 1"),
+        ("view", format!("{scene} {rig}"), "--out view.html --force"),
+        ("study nearfield", format!("{scene} {rig}"), ""),
+        ("study redundancy", format!("{scene} {rig}"), ""),
+        ("study overlap", format!("{scene} {rig}"), ""),
+        ("study tolerance", format!("{scene} {rig}"), "--steps 1"),
+        ("study sweep", format!("{scene} {rig}"), "--of 0.x --from 0 --to 0.5 --values 2"),
+        ("study loss", format!("{scene} {rig}"), "--out loss --force"),
+        // A target stands on level ground: no scene is taken.
+        ("study targets", rig.to_owned(), "--target car --distances 5 --bearings 0"),
+    ] {
+        let asked = |given: &str| ran(&dir, &format!("{command} {given} {more} --backend cpu"));
+        let ((code, [alone, said]), (same, [whole, _])) = (asked("runs/yard"), asked(&given));
+        assert_eq!((code, &alone), (same, &whole), "{command}: {said}");
+        assert!(code.is_some_and(|code| code < 2), "{command}: {said}");
+        said.says("runs/yard: the folder of a run alone; with ");
+        assert_eq!(said.contains("yard.json, "), command != "study targets", "{command}: {said}");
+        said.says("cart.json, as in the run");
+        // A vehicle that is given stands for itself.
+        let (_, [_, said]) = asked("runs/yard:plain --vehicle cart.json");
+        assert!(!said.contains("as in the run"), "{command}: {said}");
+    }
+    // Files that are others now, and options of the run, are told.
+    change(&dir, "yard.json", |scene| scene["name"] = json!("field"));
+    change(&dir, "runs/yard/result.json", |result| {
+        result["settings"]["conditions"] = json!(["fog:mor=50"]);
+        result["settings"]["frames"] = json!(1);
+    });
+    let (_, [_, said]) = ran(&dir, "score runs/yard --backend cpu");
+    said.says(
+        "; the run was under fog:mor=50, which --condition gives here; the run looked at 1 frame",
+    );
+    said.says("yard.json is another file than its run began with");
+    fails(&dir, "view runs/yard/placements.json --out a.html").says("give a scene, then a file");
+}
+
+#[test]
 fn the_folder_of_a_run_stands_for_its_optimum() {
     let dir = run_folder();
     let ok = |line: &str| ok(&dir, line);

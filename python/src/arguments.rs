@@ -15,8 +15,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString};
 use sightline::job::Tolerance;
 use sightline::problem::spread;
+use sightline::vehicle::FARTHEST_ON_VEHICLE;
 
-use crate::arrays::{MOST_BYTES, wholes};
+use crate::arrays::{MOST_BYTES, few_numbers, wholes};
 use crate::errors::{bad, warn_of_frames};
 use crate::sensors::PyVehicle;
 
@@ -69,6 +70,7 @@ macro_rules! paths {
 paths! {
     path = "path";
     folder_path = "folder";
+    out_path = "out";
 }
 
 /// The argument `folder`, which may be `None`.
@@ -96,12 +98,28 @@ pub(crate) fn sensor_files(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<Path
     })
 }
 
+/// A file of placements or the folder of a run, as text.
+pub(crate) fn placement_file(given: &Bound<'_, PyAny>) -> PyResult<String> {
+    let wanted = "a Placement, or the path of a file of placements or of a run's folder";
+    text_of("placement", path_or("placement", given, wanted)?)
+}
+
+/// A path as text.
+fn text_of(what: &str, path: PathBuf) -> PyResult<String> {
+    let text = path.into_os_string().into_string();
+    text.map_err(|_| bad(format!("{what}: the path is not UTF-8; rename the file")))
+}
+
 fn path_of(what: &str, given: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+    path_or(what, given, "a path as text or Path")
+}
+
+fn path_or(what: &str, given: &Bound<'_, PyAny>, wanted: &str) -> PyResult<PathBuf> {
     match given.py().import("os")?.call_method1("fsdecode", (given,)) {
         Ok(text) => text.extract(),
         Err(error) => {
             or_raised(given.py(), error)?;
-            Err(bad(format!("{what}: is {}; give a path as text or Path", shown(given))))
+            Err(bad(format!("{what}: is {}; give {wanted}", shown(given))))
         }
     }
 }
@@ -129,9 +147,8 @@ pub(crate) fn targets(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     let named = all.map(|(k, one)| match is_text(&one) {
         true => one.extract(),
         false => {
-            let path = path_of(&format!("targets[{k}]"), &one)?;
-            let path = path.into_os_string().into_string();
-            path.map_err(|_| bad(format!("targets[{k}]: the path is not UTF-8; rename the file")))
+            let what = format!("targets[{k}]");
+            text_of(&what, path_of(&what, &one)?)
         }
     });
     named.collect()
@@ -154,6 +171,7 @@ whole_numbers! {
     evaluations_around = "evaluations": u64, 0, u64::MAX;
     // The scene says how many frames it has.
     frame = "frame": i128, i128::MIN, i128::MAX;
+    frame_from_0 = "frame": u32, 0, u32::MAX;
     hostile = "hostile": usize, 0, MOST;
     least_shared = "least_shared": u64, 1, u64::MAX;
     random = "random": usize, 0, MOST;
@@ -195,6 +213,23 @@ fn maybe<T>(
     read: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
 ) -> PyResult<Option<T>> {
     if given.is_none() { Ok(None) } else { read(given).map(Some) }
+}
+
+/// The argument `margin` of a hand-over.
+pub(crate) fn margin(given: &Bound<'_, PyAny>) -> PyResult<f64> {
+    real("margin", given, "metres, 0 to 10", |metres| (0.0..=10.0).contains(&metres))
+}
+
+/// The argument `base_link`: its position in the ego frame, or `None`.
+pub(crate) fn base_link(given: &Bound<'_, PyAny>) -> PyResult<Option<[f64; 3]>> {
+    maybe(given, |given| {
+        let place: [f64; 3] = few_numbers("base_link", given)?;
+        if place.iter().all(|metres| metres.abs() <= FARTHEST_ON_VEHICLE) {
+            return Ok(place);
+        }
+        let most = format!("metres, at most {FARTHEST_ON_VEHICLE} from the ego origin");
+        Err(bad(format!("base_link: is {place:?}; give x, y, z in {most}")))
+    })
 }
 
 /// The argument of `set_threads`: at most [`THREADS_A_CORE`] for each core, and [`THREADS_ANYWHERE`] on any machine.

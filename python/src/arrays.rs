@@ -14,7 +14,7 @@ use serde::Serialize;
 use sightline::geom::Pose;
 
 use crate::arguments::{or_raised, room_for, shown, whole_in_words, whole_of_float};
-use crate::errors::bad;
+use crate::errors::{bad, json_in_python};
 
 /// Bytes that an element of a Python list takes, at least: a pointer, a number, and its copy in an array.
 const LISTED_BYTES: usize = 40;
@@ -211,13 +211,13 @@ pub(crate) fn homogeneous<'py>(
     matrix(py, values, 4)
 }
 
-/// A record as `dict`s, `list`s and numbers.
+/// A record as `dict`s, `list`s and numbers; its sentences have Python's words.
 pub(crate) fn to_python<'py>(
     py: Python<'py>,
     record: &impl Serialize,
 ) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(record).map_err(|error| bad(error.to_string()))?;
-    py.import("json")?.call_method1("loads", (text,))
+    py.import("json")?.call_method1("loads", (json_in_python(text),))
 }
 
 /// A Python object as JSON text, arrays and numbers of NumPy as lists and numbers; `what` names it in errors.

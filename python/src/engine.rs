@@ -18,7 +18,7 @@ use sightline::scan::{ScanError, Stage};
 use sightline::{Evaluator, Job, Note, Placement, Problem, Psog, Scene, Scores, SensorPose};
 
 use crate::arguments::room_for;
-use crate::errors::{bad, raised, warn_of};
+use crate::errors::{bad, raised, raised_of_run, warn_of};
 use crate::psogs::PyPsog;
 use crate::rays::RayTarget;
 use crate::wait::{WorkMessages, interruptible, is_forked, log, pooled};
@@ -332,7 +332,7 @@ impl NotesOnce {
         }
         let job = job.clone();
         let notes = interruptible(py, move |_| notes_on(&job))?;
-        let notes = notes.map_err(|error| bad(error.to_string()))?;
+        let notes = notes.map_err(raised_of_run)?;
         warn_of(py, &notes.into_iter().map(Note::fact).collect::<Vec<_>>())
     }
 }

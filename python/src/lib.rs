@@ -15,6 +15,8 @@
 //! | `rays` | rays of callers, into meshes and frames |
 //! | `scans` | scans as an iterator, and over time as files of viewers |
 //! | `search` | suites and `optimize` |
+//! | `pages` | pages of searches |
+//! | `handover` | the folder of a rig for those who build it |
 //! | `questions` | studies of one placement as methods of a scene |
 //! | `studies` | studies that take many runs; the front of objectives |
 
@@ -27,6 +29,8 @@ mod by_hand;
 mod columns;
 mod engine;
 mod errors;
+mod handover;
+mod pages;
 mod placements;
 mod psogs;
 mod questions;
@@ -82,6 +86,8 @@ mod _native {
     use super::{
         atlas::PyAtlas,
         by_hand::PySearch,
+        errors::in_python,
+        handover::hand_over,
         main,
         placements::{PyPlacement, published, read, write},
         psogs::PyPsog,

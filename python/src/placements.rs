@@ -1,20 +1,18 @@
 //! Placements: sensor poses by name, from objects, files and arrays.
 
 use std::collections::HashSet;
-use std::io::Write;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
-use sightline::internals::{FileError, write_whole};
 use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
 use sightline::{Placement, Scene, SensorPose, read_placements};
 
 use crate::arguments::{self, listed, room_for};
 use crate::arrays::{column, matrix, numbers, to_python};
-use crate::errors::{bad, raised, warn_of_placements};
+use crate::errors::{bad, raised, warn_of_placements, write_text};
 
 const NAME_BYTES: usize = 32;
 
@@ -246,8 +244,7 @@ pub(crate) fn write(
         )));
     }
     let text = format!("{:#}\n", json!({ "placements": all }));
-    let write = |file: &mut dyn Write| file.write_all(text.as_bytes());
-    write_whole(&path, |file| write(file).map_err(FileError::io(&path))).map_err(raised)
+    write_text(&path, &text)
 }
 
 /// The eleven placements of Table 7 of Place3D, four LiDARs each.

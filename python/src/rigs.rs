@@ -1,7 +1,6 @@
 //! Rigs of other programs: LiDARs by the names of their frames.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::PathBuf;
 
 use numpy::PyArray2;
@@ -9,7 +8,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use serde_json::{Map, Value};
 use sightline::Note;
-use sightline::internals::{FileError, write_whole};
 use sightline::rig::{
     ImportSettings, ImportedRig, Mounting, Rig, RigFormat, RigLidar, from_carla_sensors, import,
     rig_json,
@@ -17,8 +15,8 @@ use sightline::rig::{
 use sightline::vehicle::SensorName;
 
 use crate::arguments::{self, shown};
-use crate::arrays::{few_numbers, matrix, to_text};
-use crate::errors::{bad, raised, warn_of};
+use crate::arrays::{matrix, to_text};
+use crate::errors::{bad, raised, warn_of, write_text};
 use crate::placements::PyPlacement;
 
 /// A list of CARLA's sensors, in words.
@@ -51,12 +49,12 @@ impl PyRig {
         sensors: &Bound<'_, PyAny>,
         name: Option<String>,
         models: Option<&Bound<'_, PyAny>>,
-        base_link: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = arguments::base_link)] base_link: Option<[f64; 3]>,
     ) -> PyResult<Self> {
         let settings = ImportSettings {
             name,
             sensors: models_of(models)?,
-            mounting: mounting(base_link)?,
+            mounting: mounting(base_link),
             ..ImportSettings::default()
         };
         let list = carla_list(sensors)?;
@@ -65,10 +63,12 @@ impl PyRig {
 
     /// From a file of another program, or a folder of its files; `docs/formats/rigs.md` lists the formats.
     ///
-    /// `format` names one; otherwise the file's content tells it. `frames` picks LiDARs by name. Raises `OSError` for
+    /// `format` names one; otherwise the file's content tells it. `frames` picks LiDARs by name, `base_frame` names the frame that
+    /// positions count from. Raises `OSError` for
     /// files that cannot be read, `ValueError` with the place of a wrong value.
     #[staticmethod]
-    #[pyo3(signature = (path, *, format = None, name = None, frames = None, models = None, base_link = None))]
+    #[pyo3(signature = (path, *, format = None, name = None, frames = None, models = None, base_link = None,
+        base_frame = None))]
     fn load(
         py: Python<'_>,
         #[pyo3(from_py_with = arguments::path)] path: PathBuf,
@@ -76,14 +76,16 @@ impl PyRig {
         name: Option<String>,
         #[pyo3(from_py_with = arguments::frame_names)] frames: Option<Vec<String>>,
         models: Option<&Bound<'_, PyAny>>,
-        base_link: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = arguments::base_link)] base_link: Option<[f64; 3]>,
+        base_frame: Option<String>,
     ) -> PyResult<Self> {
         let settings = ImportSettings {
+            base_frame,
             format: format.map(format_of).transpose()?,
             name,
             frames: frames.unwrap_or_default(),
             sensors: models_of(models)?,
-            mounting: mounting(base_link)?,
+            mounting: mounting(base_link),
             ..ImportSettings::default()
         };
         let imported = py.detach(|| import(&[path], &settings)).map_err(raised)?;
@@ -141,10 +143,7 @@ impl PyRig {
         #[pyo3(from_py_with = arguments::path)] path: PathBuf,
     ) -> PyResult<()> {
         let text = format!("{:#}\n", rig_json(&[&self.named(None)?]));
-        let write = || {
-            write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::io(&path)))
-        };
-        py.detach(write).map_err(raised)
+        py.detach(|| write_text(&path, &text))
     }
 
     fn __len__(&self) -> usize {
@@ -215,13 +214,8 @@ fn format_of(name: &str) -> PyResult<RigFormat> {
     })
 }
 
-fn mounting(base_link: Option<&Bound<'_, PyAny>>) -> PyResult<Mounting> {
-    let given = base_link.map(|given| few_numbers("base_link", given)).transpose()?;
-    let base_link: [f64; 3] = given.unwrap_or_default();
-    if base_link.iter().any(|metres| !metres.is_finite()) {
-        return Err(bad(format!("base_link: is {base_link:?}; give finite numbers, metres")));
-    }
-    Ok(Mounting { base_link, ..Mounting::default() })
+fn mounting(base_link: Option<[f64; 3]>) -> Mounting {
+    Mounting { base_link: base_link.unwrap_or_default(), ..Mounting::default() }
 }
 
 fn models_of(given: Option<&Bound<'_, PyAny>>) -> PyResult<BTreeMap<String, String>> {

@@ -68,6 +68,12 @@ impl PyScene {
         Ok(Self { built: Arc::new(Built::new(scene, options)), source, root })
     }
 
+    /// Scene and vehicle file that it was read from, wherever the process has gone since; `None` of a dict.
+    pub(crate) fn files_read(&self) -> Option<(PathBuf, Option<PathBuf>)> {
+        let Source::File { path, vehicle } = &self.source else { return None };
+        Some((self.root.join(path), vehicle.as_ref().map(|file| self.root.join(file))))
+    }
+
     /// The one placement that was given, and the scene that it is looked at in.
     pub(crate) fn one(
         &self,

@@ -7,9 +7,9 @@ use std::time::Duration;
 use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use serde_json::json;
+use serde_json::{Value, json};
 use sightline::job::{Found, Tolerance};
-use sightline::report::{NearRecord, RunRecord, RunTimes, near_record};
+use sightline::report::{RunRecord, RunTimes, near_record};
 use sightline::search::{Event, FrameChoice, LeftOut, Method, Scored, Settings, TimeLimit};
 use sightline::vehicle::Vehicle;
 use sightline::{Job, Note, Objective, Placement, Scene};
@@ -19,6 +19,7 @@ use crate::arrays::to_python;
 use crate::columns::{scored_object, scores_object};
 use crate::engine::{Built, Kept, NotesOnce, guard, job_of, opened, score};
 use crate::errors::{bad, in_python, raised, warn_of, warn_of_frames};
+use crate::pages::{EndedSearch, Page, PyPage};
 use crate::placements::{PyPlacement, placements_in};
 use crate::scenes::{PyScene, frames_in_words};
 use crate::wait::{Progress, Shown, WorkMessages, log, start, wait};
@@ -101,42 +102,34 @@ impl PySuite {
     }
 }
 
-/// A search at its end, near ground that its result sees, and weather and faults of the scenes as they are written.
-struct EndedSearch {
-    found: Found,
-    near: Option<NearRecord>,
-    conditions: Vec<String>,
-}
-
-/// Searches on a thread of its own, for `seconds` of wall time at most, and gives the result as Python has it; see
-/// [`beside`].
+/// Searches on a thread of its own and gives the result as Python has it; see [`beside`] and [`EndedSearch::asked`].
 fn optimized<'py>(
     py: Python<'py>,
-    (job, seconds, budget): (Job, Option<f64>, Option<f64>),
+    (job, asked): (Job, Value),
     vehicle: &Vehicle,
     callback: Option<Py<PyAny>>,
     progress: Option<Progress>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let asked = job.clone();
+    let (all, budget) = (job.clone(), asked["budget"].as_f64());
     let search = move |observe: &mut dyn FnMut(&Event) -> bool| -> PyResult<Option<EndedSearch>> {
-        let length = seconds.map(Duration::from_secs_f64);
+        let length = asked["max_seconds"].as_f64().map(Duration::from_secs_f64);
         let job = job.within(length.map(TimeLimit::from_now));
         let found = job.optimize(&mut |event: &Event| observe(event)).map_err(raised)?;
         let Some(found) = found else { return Ok(None) };
         let best = found.outcome.best.as_ref();
         let near = best.map(|best| near_record(&job, &best.placement)).transpose();
         let near = near.map_err(raised)?.flatten();
-        Ok(Some(EndedSearch { found, near, conditions: job.conditions_in_words() }))
+        Ok(Some(EndedSearch { job, found, near, asked }))
     };
-    NotesOnce::default().warn_once(py, &asked)?;
+    NotesOnce::default().warn_once(py, &all)?;
     let (ended, signal) = beside(py, search, callback, progress)?;
     let Some(ended) = ended else {
         let early = || PyRuntimeError::new_err(ENDED_EARLY);
         return signalled(py, Some(signal.unwrap_or_else(early)), py.None().into_bound(py));
     };
-    let result = result_object(py, vehicle, &ended)?;
-    // A warning that is an exception has the result, too.
     let notes = [left_out(&ended.found, vehicle, budget), doubts_about(&ended.found)].concat();
+    let result = result_object(py, vehicle, ended)?;
+    // A warning that is an exception has the result, too.
     let signal = signal.or(warn_of(py, &notes).err());
     signalled(py, signal, result)
 }
@@ -320,7 +313,9 @@ pub(crate) fn search<'py>(
     if baselines.is_some() {
         job = job.baselines(layouts(&scenes[0].scene, baselines)?);
     }
-    optimized(py, (job, seconds, budget), scenes[0].scene.vehicle(), callback, progress)
+    let asked = json!({ "search": { "evaluations": evaluations }, "budget": budget, "fewest": fewest,
+        "mirror": mirror, "tolerance": tolerance, "max_seconds": seconds });
+    optimized(py, (job, asked), scenes[0].scene.vehicle(), callback, progress)
 }
 
 /// A result, or the signal that ended its search, with the result as its attribute.
@@ -409,8 +404,9 @@ pub(crate) fn beside<T: Send + 'static>(
 fn result_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
-    EndedSearch { found, near, conditions }: &EndedSearch,
+    ended: EndedSearch,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let EndedSearch { job, found, near, .. } = &ended;
     let Found { outcome, suite, settings, equipment, equipped, equipping } = found;
     let mut settled = json!(settings);
     if let Some(equipped) = equipped {
@@ -424,7 +420,7 @@ fn result_object<'py>(
         equipment: equipment.clone(),
         seed: settings.seed,
         objective: settings.objective.to_string(),
-        conditions: conditions.clone(),
+        conditions: job.conditions_in_words(),
         near_field: near.clone(),
         rate: times.scored as f64 / times.generations.max(1e-9),
         timings: RunTimes {
@@ -449,7 +445,9 @@ fn result_object<'py>(
     fields.set_item("scores", scores_object(py, vehicle, all)?)?;
     fields.set_item("history", to_python(py, &outcome.history)?)?;
     fields.set_item("record", to_python(py, &record)?)?;
-    fields.set_item("verdict", record.json()["verdict"].as_str())?;
+    fields.set_item("verdict", record.json()["verdict"].as_str().map(in_python))?;
+    let page = Page::Search(Arc::new(ended), Box::new(record));
+    fields.set_item("_page", PyPage(page).into_pyobject(py)?)?;
     py.import("sightline._records")?.getattr("Result")?.call((), Some(&fields))
 }
 

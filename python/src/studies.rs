@@ -14,12 +14,13 @@ use crate::arrays::{few_numbers, to_python};
 use crate::columns::scores_object;
 use crate::engine::{Built, NotesOnce, job_of};
 use crate::errors::{bad, raised, warn_of};
+use crate::pages::{Page, PyPage};
 use crate::placements::{PyPlacement, placements_in};
 use crate::search::{beside, scenes_of, signalled};
 use crate::wait::{Progress, WorkMessages, answer};
 use sightline::Note;
 use sightline::job::{Front, FrontObjectives, Tolerance};
-use sightline::report::FrontRecord;
+use sightline::report::{FrontRecord, front_html};
 use sightline::scan::conditions::Condition;
 use sightline::search::{Event, Settings, TimeLimit};
 use sightline::study::{Kind, StudyError, StudyObserver, StudySettings, Subregion, Table, study};
@@ -282,5 +283,6 @@ fn front_object<'py>(
     fields.set_item("picks", picks)?;
     fields.set_item("scores", scores_object(py, vehicle, scored)?)?;
     fields.set_item("record", to_python(py, record)?)?;
+    fields.set_item("_page", PyPage(Page::Front(front_html(front, record))).into_pyobject(py)?)?;
     py.import("sightline._records")?.getattr("Front")?.call((), Some(&fields))
 }

@@ -79,7 +79,7 @@ def test_lidars_without_a_model_are_refused_where_a_vehicle_has_several(tmp_path
     first, second, *_ = scene.sensors
     sentence = (
         rf"placement `.*`, LiDAR 0 names no sensor, and the vehicle has \d+ models: .*; add \"sensor\": \"{first}\" "
-        rf"to the LiDAR, or give --sensor 0={first} \(in Python sensors="
+        rf"to the LiDAR, or give sensors="
     )
     (tmp_path / "p.json").write_text(json.dumps({"placements": [{"name": "a", "lidars": [{"x": 0, "y": 0, "z": 2}]}]}))
     [read] = sightline.read_placements(tmp_path / "p.json")

@@ -140,7 +140,7 @@ def test_what_is_wrong_in_a_list_is_said(sensors: Any, sentence: str) -> None:
         ({"models": {"top": ""}}, 'models: top: "" is no name of a sensor'),
         ({"models": {"roof": "VLP-16"}}, "no frame is called `roof`; there are .*`top`"),
         ({"base_link": [1, 2]}, r"base_link: has the shape \[2\]; give 3 numbers"),
-        ({"base_link": [0, 0, float("inf")]}, "base_link: is .*; give finite numbers"),
+        ({"base_link": [0, 0, float("inf")]}, "base_link: is .*; give x, y, z in metres, at most 100"),
     ],
 )
 def test_what_is_wrong_in_options_is_said(options: dict[str, Any], sentence: str) -> None:

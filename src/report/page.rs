@@ -37,7 +37,8 @@ use crate::shared::{
 };
 use crate::vehicle::{Constraints, Placement};
 
-pub(crate) use front::front_html;
+pub use front::front_html;
+pub use search::found_html;
 
 /// The page of a run: the result in a sentence and a picture, then all that is known of it. `tolerance` is
 /// [`Subject::tolerance`].
@@ -141,6 +142,11 @@ fn unbroken(words: &str) -> Markup {
     }
 }
 
+/// A command with the engine that it ran on; empty where no program ran.
+fn on_backend(command: &str, backend: &str) -> String {
+    if command.is_empty() { String::new() } else { format!("{command} --backend {backend}") }
+}
+
 /// Subject of a page, whether it was searched for or given.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Subject<'a> {
@@ -174,7 +180,7 @@ impl<'a> Subject<'a> {
             verdict: run_verdict(run),
             result: run.best.as_ref(),
             baselines: &run.baselines,
-            command: format!("{} --backend {}", run.command, run.backend),
+            command: on_backend(&run.command, &run.backend),
             tolerance: String::new(),
         }
     }

@@ -6,11 +6,10 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::inputs::{
-    Given, file_and_name, fit_alone, held, named_placements, note_repeated, rig_path,
-};
+use super::inputs::{Given, file_and_name, fit_alone, held, named_placements, note_repeated};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::outputs::Figure;
+use super::run_folder::{rig_path, with_run};
 use super::{Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, opening, outputs};
 use crate::export::GltfView;
 use crate::files::{Session, will_read, write_whole};
@@ -135,8 +134,9 @@ fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Run
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct ViewRequest {
-    /// Scene files, then a file of placements, with :NAME of the one to show [default: its first]
-    #[cfg_attr(feature = "cli", arg(value_names = ["SCENE", "PLACEMENTS[:NAME]"], required = true, num_args = 2..))]
+    /// Scene files, then a file of placements, with :NAME of the one to show [default: its first]; or the folder of a run
+    /// alone
+    #[cfg_attr(feature = "cli", arg(value_names = ["SCENE", "PLACEMENTS[:NAME]"], required = true, num_args = 1..))]
     pub files: Vec<String>,
     /// Placement to compare with, or a file of them; may be given several times
     ///
@@ -166,8 +166,14 @@ pub struct ViewRequest {
 /// Files that cannot be read or written, no placement to show, scenes that do not go together.
 pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, RunError> {
     let _session = Session::begin();
-    let Some((placements, scenes)) = request.files.split_last() else {
-        return Err(RunError::Usage("give scenes, and a file of placements".into()));
+    let given: Vec<PathBuf> = request.files.iter().map(PathBuf::from).collect();
+    let (files, computing) = &with_run(&given, computing)?;
+    let (Some(placements), Some((_, paths @ [_, ..]))) = (request.files.last(), files.split_last())
+    else {
+        return Err(RunError::Usage(format!(
+            "{}: stands alone; give a scene, then a file of placements, or the folder of a run",
+            request.files.concat()
+        )));
     };
     let mut given = named_placements(placements)?;
     let count = given.len();
@@ -186,13 +192,12 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, Ru
     for (file, all) in &rivals {
         fit_alone(Path::new(file), all, computing)?;
     }
-    let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
-    note_repeated(&paths, computing.watcher);
+    note_repeated(paths, computing.watcher);
     paths.iter().for_each(|scene| will_read(scene));
     let out = &request.out;
     outputs::check_file(out, "html")?;
     outputs::check_figures(request.figures.figures.as_deref())?;
-    let files = opening::files(&paths, &request.conditions.condition, None, computing);
+    let files = opening::files(paths, &request.conditions.condition, None, computing);
     let files = JobFiles { tolerance: Some(request.mounting.tolerance), ..files };
     let mut loaded = opening::job(&files, computing)?;
     let mut evaluator = loaded.evaluator(computing)?;

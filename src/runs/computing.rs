@@ -31,6 +31,11 @@ pub trait Watcher: Sync {
         Ok(())
     }
 
+    /// Hears a sentence on the device that computes.
+    fn device(&self, sentence: &str) {
+        self.note(sentence);
+    }
+
     /// Hears a sentence for users who want more detail.
     fn detail(&self, _sentence: &str) {}
 

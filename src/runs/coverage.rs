@@ -10,11 +10,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{
-    Files, Given, fit_alone, held, name_published, no_ground, no_second, rig_path,
-};
+use super::inputs::{Files, Given, fit_alone, held, name_published, no_ground, no_second};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
+use super::run_folder::{rig_path, with_run, with_run_vehicle};
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
@@ -78,6 +77,15 @@ pub fn near_fields(
     computing: &Computing<'_>,
 ) -> Result<NearFields, RunError> {
     let _session = Session::begin();
+    let given: Vec<PathBuf> =
+        [&request.scene].into_iter().chain(&request.placements).cloned().collect();
+    let (files, computing) = &with_run(&given, computing)?;
+    let (scene, placements) = match &files[..] {
+        [scene] => (scene.clone(), None),
+        [scene, placements] => (scene.clone(), Some(placements.clone())),
+        _ => return Err(RunError::Usage(several_scenes(&request.scene))),
+    };
+    let request = &NearFieldRequest { scene, placements, ..request.clone() };
     let watcher = computing.watcher;
     let (scene, file) = site_of(request, computing)?;
     let read = file.as_deref().map(read_placements).transpose()?;
@@ -152,6 +160,14 @@ fn site_of(
     let scene = opening::geometry(&request.scene, mend, computing)?;
     opening::note_frames(&scene, request.frames, watcher);
     Ok((scene, request.placements.as_deref().map(rig_path).transpose()?))
+}
+
+/// Error of the folder of a run over several scenes, where one is looked at.
+fn several_scenes(folder: &Path) -> String {
+    let folder = folder.display();
+    format!(
+        "{folder}: its run has several scenes, and one is looked at; give one before the folder"
+    )
 }
 
 /// Error of a vehicle without layouts of its own where no placements are given.
@@ -234,7 +250,8 @@ pub fn targets(
 ) -> Result<TargetsFound, RunError> {
     let _session = Session::begin();
     let watcher = computing.watcher;
-    let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
+    let (files, computing) = &with_run_vehicle(&request.files, computing)?;
+    let (scenes, file) = Files::or_level_ground(files, computing)?;
     let mut question = question(request, computing)?;
     let receiving = receiving(request)?;
     let drawings = Drawings::new(&request.out, &request.figures);
@@ -354,7 +371,8 @@ pub fn audit_scenes(
     computing: &Computing<'_>,
     mut each: impl FnMut(&Audit) -> Result<(), RunError>,
 ) -> Result<Vec<Audit>, RunError> {
-    let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
+    let (files, computing) = &with_run(&request.files, computing)?;
+    let Files { scenes, placements } = Files::sort(files, computing.watcher)?;
     let honest = placements.as_deref().map(read_placements).transpose()?;
     let objective: Objective = request.objective.parse()?;
     let mut all = Vec::new();

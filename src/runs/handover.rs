@@ -14,6 +14,7 @@ mod run;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::Serialize;
 use serde_json::json;
@@ -24,10 +25,11 @@ use crate::files::{
     Input, Session, is_forced, safe_name, safe_names, writable_folder, write_folder,
 };
 use crate::report::handover::{DrawnLidar, DrawnMount, DrawnRig};
+use crate::scene::Scene;
 use crate::score::{Guard, percent_up};
 use crate::shared::FieldOfView;
 use crate::vehicle::sensor_file::isaac_profile;
-use crate::vehicle::{MAX_LIDARS, sum_of_prices};
+use crate::vehicle::{MAX_LIDARS, Placement, sum_of_prices};
 use mask::{FREE, NONE, OWN, SelfHitMask};
 use rig::HandoverRig;
 
@@ -51,6 +53,18 @@ pub struct HandoverRequest {
     /// Position of base_link in the ego frame, in metres [default: 0,0,0]
     #[cfg_attr(feature = "cli", arg(long, value_name = "X[,Y,Z]", value_parser = super::parse::base_link, allow_hyphen_values = true))]
     pub base_link: Option<[f64; 3]>,
+    /// Scene and placement that a caller has in memory
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub held: Held,
+}
+
+/// Scene and placement in memory, each in place of its file. `files` then has the name of each.
+#[derive(Debug, Clone, Default)]
+pub struct Held {
+    /// The scene; `None` reads its file.
+    pub scene: Option<Arc<Scene>>,
+    /// The placement; `None` reads its file.
+    pub placement: Option<Placement>,
 }
 
 /// Summary of a folder that was written.
@@ -333,7 +347,7 @@ fn text<'a>(
     text += env!("CARGO_PKG_VERSION");
     text += " from these files, named without their folders, with the SHA-256 of each\n";
     let mut inputs = rig.scene().files().to_vec();
-    inputs.push(PathBuf::from(&rig.file));
+    inputs.extend(rig.file.as_ref().map(PathBuf::from));
     inputs.retain(|file| file.is_file());
     inputs.sort();
     inputs.dedup();

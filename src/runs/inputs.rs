@@ -3,9 +3,8 @@
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
 use super::opening::vehicle_alone;
+use super::run_folder::{RESULT, rig_file, rig_path, vehicle_of_run};
 use super::{Computing, RunError, Watcher};
 use crate::json::{FileKind, ForeignJson, counted};
 use crate::problem::Problem;
@@ -201,62 +200,6 @@ pub(crate) fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
              of a search, which counts it once"
         ));
     }
-}
-
-/// Files of a folder of `optimize`.
-pub(crate) const RESULT: &str = "result.json";
-pub(crate) const PLACEMENTS: &str = "placements.json";
-/// Largest result that is read, in bytes.
-pub(crate) const MOST_OF_RESULT: u64 = 1 << 30;
-
-/// A file of placements, perhaps with `:NAME`. The folder of a run stands for the result in its file, the folder of a front
-/// for all points; `FOLDER:NAME` is any placement of its file.
-pub(crate) fn rig_file(text: &str) -> Result<String, RunError> {
-    let (folder, name) = file_and_name(text);
-    let folder = Path::new(folder);
-    let file = folder.join(PLACEMENTS);
-    if !file.is_file() {
-        return Ok(text.to_owned());
-    }
-    let result = result_of(folder)?;
-    let name = name.or_else(|| best_of(&result));
-    let file = file.display();
-    Ok(name.map_or_else(|| file.to_string(), |name| format!("{file}:{name}")))
-}
-
-/// [`rig_file`] of a path, with its errors.
-pub(crate) fn rig_path(path: &Path) -> Result<PathBuf, RunError> {
-    path.to_str().map_or_else(|| Ok(path.to_owned()), |text| rig_file(text).map(PathBuf::from))
-}
-
-/// The result that the folder of a run holds.
-pub(crate) fn result_of(folder: &Path) -> Result<Value, RunError> {
-    let file = folder.join(RESULT);
-    let wrong = |why: &str| {
-        RunError::Usage(format!(
-            "{}: {why}; give a file of placements, or the folder of a finished run of optimize",
-            folder.display()
-        ))
-    };
-    if !file.is_file() {
-        return Err(wrong(&format!("is a folder without {RESULT}")));
-    }
-    let bytes =
-        files::read(&file, MOST_OF_RESULT).map_err(|error| wrong(&format!("{RESULT}: {error}")))?;
-    serde_json::from_slice(&bytes).map_err(|error| wrong(&format!("{RESULT}: {error}")))
-}
-
-/// Name of the placement that a search found; `None` of a front, and where none was found.
-pub(crate) fn best_of(result: &Value) -> Option<&str> {
-    result["best"]["placement"]["name"].as_str()
-}
-
-/// Vehicle file of the run that wrote a file of placements; `None` of other files, and of a run without one.
-fn vehicle_of_run(file: &Path) -> Option<String> {
-    let file = Path::new(file_and_name(file.to_str()?).0);
-    let folder = file.parent().filter(|_| file.ends_with(PLACEMENTS))?;
-    let result = result_of(folder).ok()?;
-    result["settings"]["vehicle"].as_str().map(str::to_owned)
 }
 
 /// Notes sensors of a vehicle's mounts that have no price, which count as 0: where others have one, or where `is_priced`

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `computing` | watcher, engine, vehicle and error of all commands |
 //! | `inputs`, `opening` | files sorted into scenes and placements, checks of placements, jobs and evaluators of them |
+//! | `run_folder` | the folder of a run in place of its files |
 //! | `parse` | parsers of numbers with units, as options have them |
 //! | `outputs` | figures and binary glTF beside an answer |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
@@ -32,6 +33,7 @@ mod outputs;
 pub(crate) mod parse;
 pub mod psog;
 pub mod rig;
+mod run_folder;
 pub mod scan;
 pub mod scene;
 pub mod score;

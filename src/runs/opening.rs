@@ -1,5 +1,6 @@
 //! Jobs and evaluators from files, with notes on the way.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -227,7 +228,7 @@ impl Loaded {
         let (start, watcher) = (Instant::now(), computing.watcher);
         let told = watcher.notes();
         let (evaluator, notes) = self.job.evaluator(move |change: &str| told(change))?;
-        notes.iter().for_each(|note| watcher.note(note));
+        notes.iter().for_each(|note| watcher.device(note));
         self.times.build += start.elapsed().as_secs_f64();
         Ok(evaluator)
     }
@@ -241,13 +242,19 @@ pub(crate) fn geometry(
     computing: &Computing<'_>,
 ) -> Result<Scene, RunError> {
     let scene = read(path, computing.vehicle.as_deref(), computing.watcher)?;
-    if !scene.has_geometry() {
-        return Err(RunError::Usage(format!(
-            "{}: has no geometry to cast into; add {mend}",
-            path.display()
-        )));
+    with_geometry(scene, path.display(), mend)
+}
+
+/// A scene, if it has geometry.
+pub(super) fn with_geometry(
+    scene: Scene,
+    place: impl Display,
+    mend: &str,
+) -> Result<Scene, RunError> {
+    if scene.has_geometry() {
+        return Ok(scene);
     }
-    Ok(scene)
+    Err(RunError::Usage(format!("{place}: has no geometry to cast into; add {mend}")))
 }
 
 /// Notes the meaning of scores under a condition that moves points alone.

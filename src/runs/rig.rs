@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::inputs::{file_and_name, rig_file};
+use super::inputs::file_and_name;
+use super::run_folder::rig_file;
 use super::{RunError, Watcher, outputs};
 use crate::files::{Session, safe_name, shared_folder, writable_file, writable_folder};
 use crate::json::stream_text;

@@ -8,6 +8,7 @@ use super::coverage::named;
 use super::inputs::{Files, Given, file_and_name, fit_alone, note_repeated};
 use super::opening::{LoadTimes, Loaded, no_hidden_places, vehicle_alone};
 use super::outputs::Drawings;
+use super::run_folder::with_run;
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
 use crate::files::Session;
@@ -83,7 +84,8 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     let [from, to] = request.range()?;
     let drawings = Drawings::new(&request.out, &request.figures);
     drawings.check()?;
-    let (scenes, file) = Files::or_level_ground(&request.shared.files, computing)?;
+    let (files, computing) = &with_run(&request.shared.files, computing)?;
+    let (scenes, file) = Files::or_level_ground(files, computing)?;
     if !scenes.is_empty() {
         check_field(&request.field, &file, computing)?;
     }
@@ -223,7 +225,8 @@ pub fn room(request: &RoomRequest, computing: &Computing<'_>) -> Result<RoomFoun
     let _session = Session::begin();
     let &RoomRequest { ref shared, most_mm, most_deg, most_tilt_deg, tilt_about, steps } = request;
     let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
-    let (scenes, file) = Files::or_level_ground(&shared.files, computing)?;
+    let (files, computing) = &with_run(&shared.files, computing)?;
+    let (scenes, file) = Files::or_level_ground(files, computing)?;
     if vehicle_alone(computing).is_some_and(|ground| !ground.vehicle().requires()) {
         return Err(JobError::NothingRequired { asked: "tolerance" }.into());
     }
@@ -339,7 +342,8 @@ pub fn redundancy(
         given => named(given, computing)?,
     };
     let question = redundancy_question(targets);
-    let (scenes, file) = Files::or_level_ground(&request.files, computing)?;
+    let (files, computing) = &with_run(&request.files, computing)?;
+    let (scenes, file) = Files::or_level_ground(files, computing)?;
     for condition in request.conditions.condition.iter().filter(|condition| !condition.dims_light())
     {
         let words = "changes voxels and ground; targets are dimmed by fog, snow and rain alone";
@@ -387,7 +391,8 @@ pub fn overlap(
     computing: &Computing<'_>,
 ) -> Result<OverlapFound, RunError> {
     let _session = Session::begin();
-    let (scenes, file) = Files::with_placements(&request.files, computing.watcher)?;
+    let (files, computing) = &with_run(&request.files, computing)?;
+    let (scenes, file) = Files::with_placements(files, computing.watcher)?;
     for placement in read_placements(&file)? {
         if placement.lidars.len() < 2 {
             return Err(RunError::Usage(format!(

@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::inputs::{
-    Files, Given, can_be_read, file_and_name, fit_alone, note_repeated, note_unpriced, rig_path,
+    Files, Given, can_be_read, file_and_name, fit_alone, note_repeated, note_unpriced,
 };
+use super::run_folder::{rig_path, with_run};
 use super::{Bar, Computing, Conditions, GRACE, RunError, Watcher, opening};
 use crate::files;
 use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
@@ -81,9 +82,13 @@ pub fn study_scenes(
     mut each: impl FnMut(&Table, &Path) -> Result<(), RunError>,
 ) -> Result<Vec<Table>, RunError> {
     let _session = files::Session::begin();
+    let (given, computing) = &match request.kind.takes_placements() {
+        true => with_run(&request.scenes, computing)?,
+        false => (request.scenes.clone(), computing.clone()),
+    };
     let Files { scenes: paths, placements } = match request.kind {
-        kind if kind.takes_placements() => Files::sort(&request.scenes, computing.watcher)?,
-        kind => only_scenes(kind, &request.scenes, computing.watcher)?,
+        kind if kind.takes_placements() => Files::sort(given, computing.watcher)?,
+        kind => only_scenes(kind, given, computing.watcher)?,
     };
     let settings = settings(request, computing)?;
     computing.watcher.listen(GRACE);

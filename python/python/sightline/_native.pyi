@@ -28,6 +28,7 @@ __all__ = [
     "Vehicle",
     "__version__",
     "front",
+    "handover",
     "main",
     "optimize",
     "published",
@@ -228,6 +229,7 @@ class Rig:
         frames: Sequence[str] | None = None,
         models: dict[str, str] | None = None,
         base_link: Sequence[float] | F64 | None = None,
+        base_frame: str | None = None,
     ) -> Rig: ...
     @property
     def name(self) -> str: ...
@@ -533,6 +535,16 @@ def front(
     callback: Callable[[dict[str, Any]], object] | None = None,
     progress: _Progress = None,
 ) -> Front: ...
+def handover(
+    placement: Placement | _Path,
+    out: _Path,
+    *,
+    scene: Scene | None = None,
+    vehicle: _Path | Vehicle | None = None,
+    frame: int = 0,
+    margin: float = 0.05,
+    base_link: Sequence[float] | F64 | None = None,
+) -> dict[str, Any]: ...
 def study(
     kind: str,
     scenes: Scene | Sequence[Scene],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -154,6 +154,13 @@ class Scan:
         return f"Scan({self.scene!r}, frame {self.frame}, {len(self)} points, {len(self.boxes)} boxes)"
 
 
+def _write_page(page: Any, path: str | PathLike[str]) -> None:
+    if page is None:
+        why = "it was pickled, or its objective is a function"
+        raise ValueError(f"report: this result has no page: {why}; call report where `optimize` or `front` ran")
+    page.write(path)
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """Outcome of a search."""
@@ -170,6 +177,16 @@ class Result:
     record: dict[str, Any]
     #: Sentences on the result: requirements met or missed, what stays blind, baselines, warnings.
     verdict: str = ""
+    _page: Any = field(default=None, repr=False)
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Writes the page of the search, whole at any time: ``report.html`` of ``sightline optimize``, without its command.
+
+        It opens offline and shows the result, what it sees and misses, baselines and settings. Looking at the result for it takes
+        some seconds. Raises ``ValueError`` for a result that was pickled, and where the objective is a
+        function, ``OSError`` for a file that cannot be written.
+        """
+        _write_page(self._page, path)
 
     def __repr__(self) -> str:
         by_method = (f"{method['method']} {method['evaluations']}" for method in self.record["methods"])
@@ -196,6 +213,11 @@ class Front:
     scores: Scores
     #: All of ``result.json``.
     record: dict[str, Any]
+    _page: Any = field(default=None, repr=False)
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Writes the page of the front, as ``Result.report`` does; it needs no time. Raises as that."""
+        _write_page(self._page, path)
 
     def __len__(self) -> int:
         return len(self.placements)

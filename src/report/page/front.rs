@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::search::repeat;
-use super::{heading, layout, section, whole};
+use super::{heading, layout, on_backend, section, whole};
 use crate::job::Front;
 use crate::report::front::{
     all_shown, blind_in_words, front_plot, front_rows, front_verdict, has_requirements, picks_of,
@@ -12,10 +12,11 @@ use crate::report::front::{
 use crate::report::text::{notes, requirements_in_words};
 use crate::report::{FrontRecord, ScoreColumn};
 
-pub(crate) fn front_html(front: &Front, record: &FrontRecord) -> String {
+/// The page of a front; without a command where the record has none.
+pub fn front_html(front: &Front, record: &FrontRecord) -> String {
     let verdict = front_verdict(front);
     let stopped = format!("Stopped: {}.", record.stopped);
-    let command = format!("{} --backend {}", record.command, record.backend);
+    let command = on_backend(&record.command, &record.backend);
     let again = repeat(Some(&stopped), &command, None, Some(&record.settings));
     let head = heading(&record.scene, &record.conditions, &format!("{verdict}."));
     let main = html! {

@@ -4,7 +4,6 @@ use maud::{Markup, html};
 
 use super::layout::{bar, difference, table, table_of, text};
 use super::{Figures, Subject};
-use crate::job::Tolerance;
 use crate::json::counted;
 use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, COUNTED_FROM, against as compared, value_in_words};
@@ -275,8 +274,8 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
             }
             @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
             @if let Some(words) = breaks_first(all) { p { (words) "." } }
-            @if all.iter().any(|seen| seen.holds_in.is_some()) {
-                p.small { "Copies are mounted up to " (tolerance_of(&subject.command).in_words()) " off, at random." }
+            @if let Some([mm, deg]) = best.scores.copies_off {
+                p.small { "Copies are mounted up to " (mm) " mm and " (deg) "° off, at random." }
             }
             @if !subject.tolerance.is_empty() {
                 p { "How far each LiDAR may be off, and the body may tilt, until a requirement breaks:" }
@@ -286,12 +285,6 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
             }
         }
     }
-}
-
-/// Mounting tolerance of the command of a page: the usual one where it names none.
-fn tolerance_of(command: &str) -> Tolerance {
-    let given = command.split_once(" --tolerance ").and_then(|(_, rest)| rest.split(' ').next());
-    given.and_then(|text| text.parse().ok()).unwrap_or_default()
 }
 
 /// Requirements to begin with, for a subject that has none and where beams end at surfaces.

@@ -4,12 +4,14 @@ use maud::{Markup, html};
 use serde_json::Value;
 
 use super::layout::{figure, table, text};
-use super::{Figures, Subject};
+use super::{Figures, Looks, Subject, report_html};
+use crate::job::{Found, Job, JobError};
 use crate::json::counted;
 use crate::report::record::{evaluations_in_words, steps_of_generations};
 use crate::report::text::{finding_rows, limit_of, rule_lines};
 use crate::report::words::{climbs_in_words, frames_in_words};
 use crate::report::{RunRecord, certificate_in_words, methods_in_words};
+use crate::search::Scored;
 
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     html! {
@@ -111,12 +113,31 @@ fn facts(run: &RunRecord) -> Markup {
     }
 }
 
+/// Page of a search that a caller of the library ran, without a command. Losses of LiDARs are left out once `go_on`,
+/// which is asked often, says no.
+///
+/// # Errors
+/// An engine that fails.
+pub fn found_html(
+    job: &Job,
+    found: &Found,
+    record: &RunRecord,
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<String, JobError> {
+    let (best, suite) = (record.best.as_ref(), &found.suite);
+    let look = |best: &Scored| Looks::new(job, suite, &best.placement, &record.baselines, go_on);
+    let looks = best.map(look).transpose()?;
+    let figures = Figures::new(best, suite.constraints(), &job.scene().body(), looks)
+        .with_search(record, &found.outcome.history);
+    Ok(report_html(record, &figures, ""))
+}
+
 pub(super) fn run_again(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     let promise = run.map(promise);
     repeat(None, &subject.command, promise.as_deref(), run.map(|run| &run.settings))
 }
 
-/// A command with sentences before and after it, and the settings behind it.
+/// A command, where a program ran, with sentences before and after it, and the settings behind it.
 pub(super) fn repeat(
     before: Option<&str>,
     command: &str,
@@ -125,7 +146,9 @@ pub(super) fn repeat(
 ) -> Markup {
     html! {
         @if let Some(sentence) = before { p { (sentence) } }
-        pre.wide tabindex="0" role="group" aria-label="Command" { code { (command) } }
+        @if !command.is_empty() {
+            pre.wide tabindex="0" role="group" aria-label="Command" { code { (command) } }
+        }
         @if let Some(sentence) = after { p { (sentence) } }
         @if let Some(settings) = settings {
             details {

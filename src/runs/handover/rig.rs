@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::HandoverRequest;
 use super::mask::SelfHitMask;
 use super::run::{self, RunFound};
+use super::{HandoverRequest, Held};
 use crate::bvh::Hit;
 use crate::csv::rounded;
 use crate::engine::BackendError;
@@ -25,8 +25,8 @@ use crate::vehicle::{BeamTable, Placement, Sensors, UnknownSensor, name_lidars};
 pub(super) struct HandoverRig {
     job: Job,
     pub placement: Placement,
-    /// File of the placement.
-    pub file: String,
+    /// File of the placement; `None` of one in memory.
+    pub file: Option<String>,
     /// Mount of each LiDAR that stands on one with a name.
     pub mounts: Vec<Option<String>>,
     /// Number of each LiDAR's model.
@@ -110,7 +110,7 @@ impl HandoverRig {
         let mounts = mounts.into_iter().map(|name| name.map(str::to_owned)).collect();
         let body = scene.body_in(request.frame as usize);
         Ok(Self {
-            file: file.to_owned(),
+            file: request.held.placement.is_none().then(|| file.to_owned()),
             job,
             placement,
             mounts,
@@ -223,9 +223,13 @@ impl Handed {
         scenes: &[String],
         computing: &Computing<'_>,
     ) -> Result<Self, RunError> {
-        let given = run::GivenRig::new(text)?;
+        let given = match &request.held.placement {
+            Some(_) => run::GivenRig { text: text.to_owned(), run: None },
+            None => run::GivenRig::new(text)?,
+        };
         let (text, run) = (&given.text, given.run.as_ref());
-        let placement = one(&request.files, text)?;
+        let placement = request.held.placement.clone();
+        let placement = placement.map_or_else(|| one(&request.files, text), Ok)?;
         let of_run = run.filter(|_| computing.vehicle.is_none());
         // In another scene than its own the run has measured nothing.
         let own = of_run.filter(|run| is_scene_of(run, scenes));
@@ -236,7 +240,7 @@ impl Handed {
             own_scene.iter().map(|run| run.scene.display().to_string()).collect();
         let scenes = if own_scene.is_empty() { scenes } else { &own_scene };
         let on_level_ground = scenes.is_empty();
-        let scene = scene(scenes, text, request.frame, computing)?;
+        let scene = scene(scenes, text, request, computing)?;
         let changed = own.and_then(|run| changed_input(&run.folder));
         let unchanged = own.filter(|_| changed.is_none());
         let of_run = unchanged.map_or_else(Vec::new, |run| run.words.clone());
@@ -259,7 +263,7 @@ impl Handed {
                 changed.chain(warnings(&scene, &placement, computing)).collect()
             }
         };
-        let mut about = about(run, text);
+        let mut about = about(run, text, &request.held);
         let place = if on_level_ground { "level ground" } else { scene.name() };
         about.push(format!("Blind zone and masks: {place}, frame {}", request.frame));
         Ok(Self { placement, text: text.clone(), scene, about, warnings, of_run })
@@ -319,7 +323,7 @@ fn warnings(scene: &Scene, placement: &Placement, computing: &Computing<'_>) -> 
     warnings
 }
 
-fn about(run: Option<&RunFound>, text: &str) -> Vec<String> {
+fn about(run: Option<&RunFound>, text: &str, held: &Held) -> Vec<String> {
     let tolerance = match run {
         Some(run) => run.tolerance,
         None => Some(Tolerance::default()),
@@ -339,6 +343,7 @@ fn about(run: Option<&RunFound>, text: &str) -> Vec<String> {
     let version = env!("CARGO_PKG_VERSION");
     let origin = match run {
         Some(run) => format!("Found with seed {} in the run {}", run.seed, name(&run.folder)),
+        None if held.placement.is_some() => format!("Placement {text}"),
         None => format!("Placement of {}", name(Path::new(file_and_name(text).0))),
     };
     tolerance.into_iter().chain([format!("{origin}; drawn by sightline {version}")]).collect()
@@ -368,14 +373,15 @@ fn one(files: &[String], text: &str) -> Result<Placement, RunError> {
 fn scene(
     files: &[String],
     placements: &str,
-    frame: u32,
+    request: &HandoverRequest,
     computing: &Computing<'_>,
 ) -> Result<Scene, RunError> {
+    let (frame, mend) = (request.frame, "static shapes, actors and an ego body");
     let scene = match (files, &computing.vehicle) {
-        ([file], _) => {
-            let mend = "static shapes, actors and an ego body";
-            opening::geometry(Path::new(file), mend, computing)?
-        }
+        ([file], _) => match &request.held.scene {
+            Some(scene) => opening::with_geometry(Scene::clone(scene), file, mend)?,
+            None => opening::geometry(Path::new(file), mend, computing)?,
+        },
         ([], Some(vehicle)) => opening::level_ground(vehicle, None, computing.watcher)?,
         ([], None) => return Err(no_ground(placements)),
         ([_, second, ..], _) => {

@@ -8,7 +8,8 @@ use serde_json::Value;
 use crate::csv::rounded;
 use crate::job::Tolerance;
 use crate::runs::RunError;
-use crate::runs::inputs::{PLACEMENTS, RESULT, best_of, file_and_name, result_of};
+use crate::runs::inputs::file_and_name;
+use crate::runs::run_folder::{PLACEMENTS, RESULT, best_of, result_of};
 use crate::score::{
     BLIND_SECTOR, Between, HOLDS, Lost, RulePlaces, SEEN, Seen, WorstFrame, percent_down,
 };

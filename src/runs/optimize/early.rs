@@ -2,8 +2,9 @@
 
 use crate::files::holds_run;
 use crate::job::{FrontObjectives, Job, JobError, JobFiles};
-use crate::runs::inputs::{RESULT, can_be_read};
+use crate::runs::inputs::can_be_read;
 use crate::runs::opening::vehicle_alone;
+use crate::runs::run_folder::RESULT;
 use crate::runs::{Computing, RunError};
 use crate::search::SearchError;
 use crate::vehicle::placement_file::holds_placements;

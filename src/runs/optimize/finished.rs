@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::front;
 use crate::files::{RunDir, command_of as command_in, read_own};
 use crate::runs::RunError;
-use crate::runs::inputs::{MOST_OF_RESULT, PLACEMENTS, RESULT};
+use crate::runs::run_folder::{MOST_OF_RESULT, PLACEMENTS, RESULT};
 
 /// Page of a run.
 const PAGE: &str = "report.html";

@@ -12,10 +12,11 @@ use crate::job::{FRONT_EVALUATIONS, FrontObjectives, JobFiles, JobState};
 use crate::json::spoken;
 use crate::problem::Problem;
 use crate::report::words::{from_here, word};
-use crate::runs::inputs::{Given, fit_alone, note_repeated, note_unpriced, rig_path};
+use crate::runs::inputs::{Given, fit_alone, note_repeated, note_unpriced};
 use crate::runs::opening::Loaded;
 #[cfg(feature = "cli")]
 use crate::runs::parse;
+use crate::runs::run_folder::rig_path;
 use crate::runs::{
     Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, TableFormat, Watcher, opening,
     outputs,

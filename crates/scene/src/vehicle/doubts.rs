@@ -153,7 +153,17 @@ impl Doubts {
     }
 
     fn about_pose(&self, pose: &SensorPose) -> Vec<String> {
-        let units = doubts_of_units(pose);
+        // A mount that holds the pose in radians, and not in degrees, says which it is.
+        let in_degrees = SensorPose {
+            roll: pose.roll.to_radians(),
+            pitch: pose.pitch.to_radians(),
+            yaw: pose.yaw.to_radians(),
+            ..*pose
+        };
+        let holds =
+            |pose: &SensorPose| self.regions.iter().any(|region| region.outside(pose).is_empty());
+        let is_meant = holds(pose) && !holds(&in_degrees);
+        let units = if is_meant { Vec::new() } else { doubts_of_units(pose) };
         let is_far = pose.position().abs().max_element() > FARTHEST;
         let beside = self.regions.iter().map(|region| beside(region, pose));
         let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
@@ -292,6 +302,14 @@ mod tests {
         let outside = "LiDAR 1: it stands 0.500 m outside its mount; it is looked at there anyway";
         assert_ends!(doubts(&all, at(1.3, 0.0, 2.9)), outside);
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
+        // Three radians on a mount that looks back, and three degrees on one that may look ahead.
+        let looks = |yaw: [f64; 2]| {
+            let pose = |x, z, yaw| [x, -1.0, z, 0.0, 0.0, yaw];
+            Doubts::of(&Constraints::in_box(pose(-1.0, 1.5, yaw[0]), pose(1.0, 2.5, yaw[1]), 2))
+        };
+        let back = SensorPose { yaw: 3.0, ..at(0.0, -1.0, 2.0) };
+        assert!(!doubts(&looks([2.6, 3.7]), back).contains("radians"));
+        assert_holds!(doubts(&looks([-3.2, 3.2]), back), "yaw = 3 rad is 172°");
         // A mount that holds none is named, in the doubt and in the broken rule alike.
         let rear = box_of([-3.0, -2.0], 1);
         let region = Region { name: "rear".into(), ..Region::clone(&rear.slots[0].region) };
