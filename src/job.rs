@@ -31,6 +31,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 use crate::engine::{Backend, BackendError, EngineChoice};
+use crate::json::distinct;
 use crate::near_field::{FEW_PLACEMENTS, below_ground, self_hits};
 use crate::problem::Problem;
 use crate::psog::Psog;
@@ -262,13 +263,7 @@ impl Job {
 
     /// Weather and faults of any scene, as they are written, each once.
     pub fn conditions_in_words(&self) -> Vec<String> {
-        let mut all: Vec<String> = Vec::new();
-        for condition in self.scenes.iter().flat_map(JobScene::conditions_in_words) {
-            if !all.contains(&condition) {
-                all.push(condition);
-            }
-        }
-        all
+        distinct(self.scenes.iter().flat_map(JobScene::conditions_in_words))
     }
 
     /// The problem of the first scene, made on first use.

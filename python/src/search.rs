@@ -1,8 +1,7 @@
 //! Suites of scenes, and the search for a better placement.
 
-use std::sync::Arc;
 use std::sync::mpsc::channel;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
@@ -10,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::{Value, json};
 use sightline::job::{Found, Tolerance};
-use sightline::report::{RunContext, RunRecord, RunTimes, near_record};
+use sightline::report::{RunRecord, RunTimes, near_record};
 use sightline::search::{Event, FrameChoice, LeftOut, Method, Scored, Settings, TimeLimit};
 use sightline::vehicle::Vehicle;
 use sightline::{Job, Note, Objective, Placement, Scene};
@@ -416,33 +415,27 @@ fn result_object<'py>(
     }
     let scene = suite.members().first().map_or("", |member| member.name());
     let (times, equip) = (&outcome.times, equipping.as_secs_f64());
-    let mut record = RunRecord::new(
-        outcome,
-        RunContext {
-            scene,
-            settings: settled,
-            command: String::new(),
-            suite,
-            equipment: equipment.clone(),
-            seed: settings.seed,
-            objective: settings.objective.to_string(),
-            conditions: job.conditions_in_words(),
-            rate: times.scored as f64 / times.generations.max(1e-9),
-            timings: RunTimes {
-                equip,
-                search: times.search,
-                generations: times.generations,
-                bookkeeping: times.bookkeeping,
-                swaps: times.swaps,
-                bounds: times.bounds,
-                confirm: times.confirm,
-                total: equip + times.frames + times.search + times.confirm,
-                ..RunTimes::default()
-            },
-            peak_memory: None,
+    let record = RunRecord {
+        settings: settled,
+        equipment: equipment.clone(),
+        seed: settings.seed,
+        objective: settings.objective.to_string(),
+        conditions: job.conditions_in_words(),
+        near_field: near.clone(),
+        rate: times.scored as f64 / times.generations.max(1e-9),
+        timings: RunTimes {
+            equip,
+            search: times.search,
+            generations: times.generations,
+            bookkeeping: times.bookkeeping,
+            swaps: times.swaps,
+            bounds: times.bounds,
+            confirm: times.confirm,
+            total: equip + times.frames + times.search + times.confirm,
+            ..RunTimes::default()
         },
-    );
-    record.near_field.clone_from(near);
+        ..RunRecord::new(outcome, suite, scene)
+    };
     let placement = |scored: &Scored| PyPlacement(scored.placement.clone());
     let all = outcome.best.iter().chain(&outcome.baselines);
     let all = all.map(|scored| (&scored.placement, &scored.scores));

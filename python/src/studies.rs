@@ -20,7 +20,7 @@ use crate::search::{beside, scenes_of, signalled};
 use crate::wait::{Progress, WorkMessages, answer};
 use sightline::Note;
 use sightline::job::{Front, FrontObjectives, Tolerance};
-use sightline::report::{FrontContext, FrontRecord, front_html};
+use sightline::report::{FrontRecord, front_html};
 use sightline::scan::conditions::Condition;
 use sightline::search::{Event, Settings, TimeLimit};
 use sightline::study::{Kind, StudyError, StudyObserver, StudySettings, Subregion, Table, study};
@@ -234,13 +234,8 @@ pub(crate) fn front<'py>(
     let settings = Settings { evaluations, seed, engine, ..Settings::default() };
     let job =
         job_of(&scenes)?.mirrored(mirror).budget(budget).tolerance(tolerance).search(settings);
-    let mut context = FrontContext {
-        scene: scenes[0].scene.name().to_owned(),
-        settings: json!({ "front": objectives, "evaluations": evaluations, "seed": seed, "mirror": mirror,
-            "budget": budget, "tolerance": tolerance, "seconds": seconds }),
-        conditions: job.conditions_in_words(),
-        ..FrontContext::default()
-    };
+    let settings = json!({ "front": objectives, "evaluations": evaluations, "seed": seed, "mirror": mirror,
+        "budget": budget, "tolerance": tolerance, "seconds": seconds });
     let asked = job.clone();
     let search = move |observe: &mut dyn FnMut(&Event) -> bool| {
         let length = seconds.map(Duration::from_secs_f64);
@@ -250,8 +245,14 @@ pub(crate) fn front<'py>(
     NotesOnce::default().warn_once(py, &asked)?;
     let start = std::time::Instant::now();
     let (found, signal) = beside(py, search, callback, progress)?;
-    context.seconds = start.elapsed().as_secs_f64();
-    let result = front_object(py, scenes[0].scene.vehicle(), &found, context)?;
+    let record = FrontRecord {
+        scene: scenes[0].scene.name().to_owned(),
+        settings,
+        conditions: asked.conditions_in_words(),
+        seconds: start.elapsed().as_secs_f64(),
+        ..FrontRecord::new(&found)
+    };
+    let result = front_object(py, scenes[0].scene.vehicle(), &found, &record)?;
     let is_missed = !found.points.is_empty() && !found.points.iter().any(|point| point.meets);
     let missed = is_missed.then(|| Note::doubt("NOT MET: no point meets all requirements."));
     let signal = signal.or(warn_of(py, missed.as_slice()).err());
@@ -262,7 +263,7 @@ fn front_object<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     front: &Front,
-    context: FrontContext,
+    record: &FrontRecord,
 ) -> PyResult<Bound<'py, PyAny>> {
     let points = &front.points;
     let placements: Vec<_> =
@@ -281,8 +282,7 @@ fn front_object<'py>(
     fields.set_item("meets", points.iter().map(|point| point.meets).collect::<Vec<_>>())?;
     fields.set_item("picks", picks)?;
     fields.set_item("scores", scores_object(py, vehicle, scored)?)?;
-    let record = FrontRecord::new(front, context);
-    fields.set_item("record", to_python(py, &record)?)?;
-    fields.set_item("_page", PyPage(Page::Front(front_html(front, &record))).into_pyobject(py)?)?;
+    fields.set_item("record", to_python(py, record)?)?;
+    fields.set_item("_page", PyPage(Page::Front(front_html(front, record))).into_pyobject(py)?)?;
     py.import("sightline._records")?.getattr("Front")?.call((), Some(&fields))
 }

@@ -81,17 +81,9 @@ pub(super) fn run_bench(command: &BenchCommand) -> Result<Exit, RunError> {
     Ok(if found.passed() { Exit::Done } else { Exit::CheckFailed })
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Example:\n  sightline devices")]
-pub(super) struct DevicesArgs {
-    /// How to print
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-}
-
-pub(super) fn run_devices(args: &DevicesArgs) -> Result<Exit, RunError> {
+pub(super) fn run_devices(format: Format) -> Result<Exit, RunError> {
     let adapters = test_adapters();
-    match args.format {
+    match format {
         Format::Json => outln!("{}", serde_json::json!({ "devices": adapters }))?,
         Format::Text if adapters.is_empty() => {
             outln!("no Vulkan device: --backend auto computes on the CPU")?;

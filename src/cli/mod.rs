@@ -7,9 +7,9 @@ mod lines;
 #[macro_use]
 mod output;
 
+mod answers;
 mod args;
 mod checks;
-mod coverage;
 mod kinds;
 mod optimize;
 mod psog;
@@ -18,18 +18,19 @@ mod rig;
 mod scan;
 mod scene;
 mod score;
-mod sensitivity;
 mod short;
 mod study;
 mod usage;
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
 
 use crate::files::{Session, trust_paths};
 use crate::runs::RunError;
-use args::start_default_threads;
+use args::{Format, start_default_threads};
 
 pub use output::Exit;
 
@@ -132,7 +133,12 @@ enum Command {
     )]
     Scene(scene::SceneCommand),
     /// List Vulkan devices and which one is taken by default
-    Devices(checks::DevicesArgs),
+    #[command(after_help = "Example:\n  sightline devices")]
+    Devices {
+        /// How to print
+        #[arg(long, value_enum, default_value_t = Format::Text)]
+        format: Format,
+    },
     /// Measure this machine
     #[command(
         subcommand,
@@ -140,12 +146,36 @@ enum Command {
     )]
     Bench(checks::BenchCommand),
     /// Print the JSON Schema of a kind of file, for editors
-    Schema(usage::SchemaArgs),
+    #[command(after_help = "Examples:
+  sightline schema scene > scene.schema.json
+  sightline schema vehicle | check-jsonschema --schemafile /dev/stdin van.json")]
+    Schema {
+        /// The kind of file
+        kind: usage::SchemaKind,
+    },
     /// Print the completions for a shell
-    Completions(usage::CompletionsArgs),
+    #[command(after_help = "Examples:
+  sightline completions fish > ~/.config/fish/completions/sightline.fish
+  sightline completions zsh > ~/.zfunc/_sightline
+  sightline completions bash > ~/.local/share/bash-completion/completions/sightline
+  sightline completions powershell >> $PROFILE")]
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
     /// Print or write manual pages, as packages hold them
     #[command(hide = true)]
-    Man(usage::ManArgs),
+    #[command(after_help = "Examples:
+  sightline man | man -l -
+  sightline man scene new | man -l -
+  sightline man --out ~/.local/share/man/man1")]
+    Man {
+        /// The command, of several words where it has commands of its own [default: the program]
+        command: Vec<String>,
+        /// Write the pages of all commands to this folder instead: sightline.1, sightline-optimize.1, …
+        #[arg(long, value_name = "DIR", conflicts_with = "command")]
+        out: Option<PathBuf>,
+    },
 }
 
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
@@ -243,11 +273,11 @@ fn dispatch(command: Command) -> Result<Exit, RunError> {
         Command::Sensor(command) => psog::run_sensor(&command),
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
-        Command::Devices(args) => checks::run_devices(&args),
+        Command::Devices { format } => checks::run_devices(format),
         Command::Bench(command) => checks::run_bench(&command),
-        Command::Schema(args) => usage::schema(&args),
-        Command::Completions(args) => usage::completions(&args, program()),
-        Command::Man(args) => usage::man(&args, program()),
+        Command::Schema { kind } => usage::schema(kind),
+        Command::Completions { shell } => usage::completions(shell, program()),
+        Command::Man { command, out } => usage::man(&command, out.as_deref(), program()),
     }
 }
 

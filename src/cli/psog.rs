@@ -21,9 +21,26 @@ pub(super) enum PsogCommand {
     /// Build a P-SOG from a scene's geometry, or from real labelled frames
     Build(Box<BuildArgs>),
     /// Print what a P-SOG holds
-    Info(InfoArgs),
+    #[command(after_help = "Example:\n  sightline psog info highway.psog.npz")]
+    Info {
+        /// P-SOG file
+        psog: PathBuf,
+        /// How to print
+        #[arg(long, value_enum, default_value_t = Format::Text)]
+        format: Format,
+    },
     /// Add up P-SOGs of the same grid and classes
-    Merge(MergeArgs),
+    #[command(
+        after_help = "Example:\n  sightline psog merge a.psog.npz b.psog.npz --out both.psog.npz"
+    )]
+    Merge {
+        /// P-SOG files
+        #[arg(required = true, num_args = 2..)]
+        psogs: Vec<PathBuf>,
+        /// File to write
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
 }
 
 #[derive(clap::Args)]
@@ -43,37 +60,14 @@ pub(super) struct BuildArgs {
     talk: Talk,
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Example:\n  sightline psog info highway.psog.npz")]
-pub(super) struct InfoArgs {
-    /// P-SOG file
-    psog: PathBuf,
-    /// How to print
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-}
-
-#[derive(clap::Args)]
-#[command(
-    after_help = "Example:\n  sightline psog merge a.psog.npz b.psog.npz --out both.psog.npz"
-)]
-pub(super) struct MergeArgs {
-    /// P-SOG files
-    #[arg(required = true, num_args = 2..)]
-    psogs: Vec<PathBuf>,
-    /// File to write
-    #[arg(long, value_name = "FILE")]
-    out: PathBuf,
-}
-
 pub(super) fn run(command: &PsogCommand) -> Result<Exit, RunError> {
     match command {
         PsogCommand::Build(args) => {
             let (psog, report) = build(&args.request, &Terminal::new(args.talk))?;
             print(&psog, Some(&report), args.format)?;
         }
-        PsogCommand::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
-        PsogCommand::Merge(args) => merge(&args.psogs, &args.out)?,
+        PsogCommand::Info { psog, format } => print(&read_psog(psog)?, None, *format)?,
+        PsogCommand::Merge { psogs, out } => merge(psogs, out)?,
     }
     Ok(Exit::Done)
 }

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::Command;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-use sightline_files::json::nearest;
+use crate::json::nearest;
 
 use crate::study::Kind;
 

@@ -17,7 +17,17 @@ use crate::score::percent_up;
 #[derive(clap::Subcommand)]
 pub(super) enum RigCommand {
     /// Write a placement in the format of another program
-    Export(ExportArgs),
+    #[command(after_help = "Examples:
+  sightline rig export mine.json:roof --format urdf --out roof.urdf
+  sightline rig export runs/mine/placements.json:optimized --format autoware --base-link=-1.4 --out calibration
+  sightline rig export placements.json --format carla-objects --scene scenes/highway.json
+  sightline rig export placements.json:optimized --format urdf --vehicle scenes/vehicles/car.json")]
+    Export {
+        #[command(flatten)]
+        request: Box<ExportRequest>,
+        #[command(flatten)]
+        talk: Talk,
+    },
     /// Read a rig of another program as a placement
     Import(ImportArgs),
     /// Compare two rigs LiDAR by LiDAR, and each with its mirror image
@@ -31,19 +41,6 @@ The folder has poses in millimetres and degrees beside metres and radians, the b
 of its beams that end at the own body, crop boxes in Autoware's parameters, a drawing as SVG and PDF, and a profile of
 each sensor model for Isaac Sim. README.txt in it says the conventions.")]
     Handover(Box<Asked<HandoverRequest>>),
-}
-
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline rig export mine.json:roof --format urdf --out roof.urdf
-  sightline rig export runs/mine/placements.json:optimized --format autoware --base-link=-1.4 --out calibration
-  sightline rig export placements.json --format carla-objects --scene scenes/highway.json
-  sightline rig export placements.json:optimized --format urdf --vehicle scenes/vehicles/car.json")]
-pub(super) struct ExportArgs {
-    #[command(flatten)]
-    request: ExportRequest,
-    #[command(flatten)]
-    talk: Talk,
 }
 
 /// How files of other programs are read.
@@ -112,17 +109,15 @@ pub(super) fn instead_of(option: &str, command: &str) -> &'static str {
 
 pub(super) fn run(command: &RigCommand) -> Result<Exit, RunError> {
     match command {
-        RigCommand::Export(args) => run_export(args)?,
+        RigCommand::Export { request, talk } => {
+            let text = export_file(request, &Terminal::new(*talk))?;
+            text.map_or(Ok(()), |text| out!("{text}"))?;
+        }
         RigCommand::Import(args) => run_import(args)?,
         RigCommand::Compare(args) => run_compare(args)?,
         RigCommand::Handover(args) => return run_handover(args),
     }
     Ok(Exit::Done)
-}
-
-fn run_export(args: &ExportArgs) -> Result<(), RunError> {
-    let text = export_file(&args.request, &Terminal::new(args.talk))?;
-    text.map_or(Ok(()), |text| out!("{text}"))
 }
 
 fn settings(

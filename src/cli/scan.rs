@@ -6,10 +6,10 @@ use serde_json::json;
 
 use super::args::{Asked, BackendChoice, Format, UnnamedModelArgs, engine, start_threads};
 use super::output::{Exit, Talk, Terminal};
+use crate::json::counted;
 use crate::runs::cast::{CastRequest, cast};
 use crate::runs::scan::{ScanRequest, scan};
 use crate::runs::{Computing, Gltf, RunError};
-use sightline_files::json::counted;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

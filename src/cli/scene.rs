@@ -20,16 +20,46 @@ pub(super) enum SceneCommand {
     /// Make a world by rule from a seed
     New(SceneNewArgs),
     /// Make a scene of a map of another format
-    Import(SceneImportArgs),
+    #[command(after_help = "Examples:
+  sightline scene import Town01.xodr --seed 1 --out town01.json
+  sightline scene import nuscenes --nuscenes --scene scene-0061 --out scene-0061.json
+  sightline scene import scans --carla --poses poses.csv --out drive.json")]
+    Import {
+        #[command(flatten)]
+        request: Box<ImportRequest>,
+        #[command(flatten)]
+        talk: Talk,
+    },
     /// Count what scenes hold: triangles, actors, voxels by class, hits by range
-    Info(SceneInfoArgs),
+    #[command(after_help = "Example:\n  sightline scene info scenes/highway.json town.json")]
+    Info {
+        /// Scene files with geometry
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        /// Vehicle file: sensors, mounts, body; a scene without `lidar` or `vehicle` needs one
+        #[arg(long, value_name = "FILE")]
+        vehicle: Option<PathBuf>,
+        /// How to print
+        #[arg(long, value_enum, default_value_t = Format::Text)]
+        format: Format,
+        #[command(flatten)]
+        talk: Talk,
+    },
 }
 
 pub(super) fn run(command: &SceneCommand) -> Result<Exit, RunError> {
     match command {
         SceneCommand::New(args) => run_new(args)?,
-        SceneCommand::Import(args) => import(&args.request, &Terminal::new(args.talk))?,
-        SceneCommand::Info(args) => run_info(args)?,
+        SceneCommand::Import { request, talk } => import(request, &Terminal::new(*talk))?,
+        SceneCommand::Info { scenes, vehicle, format, talk } => {
+            let terminal = Terminal::new(*talk);
+            let counts = scenes.iter().map(|path| count(path, vehicle.as_deref(), &terminal));
+            let counts = counts.collect::<Result<Vec<SceneCounts>, RunError>>()?;
+            match format {
+                Format::Json => outln!("{}", json!(counts))?,
+                Format::Text => out!("{}", counts_text(&counts))?,
+            }
+        }
     }
     Ok(Exit::Done)
 }
@@ -82,43 +112,5 @@ fn run_new(args: &SceneNewArgs) -> Result<(), RunError> {
             let frames = args.frames.unwrap_or(40) as usize;
             new_world(worlds::WorldKind::ALL[args.kind as usize], seed, frames, out, &terminal)
         }
-    }
-}
-
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline scene import Town01.xodr --seed 1 --out town01.json
-  sightline scene import nuscenes --nuscenes --scene scene-0061 --out scene-0061.json
-  sightline scene import scans --carla --poses poses.csv --out drive.json")]
-pub(super) struct SceneImportArgs {
-    #[command(flatten)]
-    request: ImportRequest,
-    #[command(flatten)]
-    talk: Talk,
-}
-
-#[derive(clap::Args)]
-#[command(after_help = "Example:\n  sightline scene info scenes/highway.json town.json")]
-pub(super) struct SceneInfoArgs {
-    /// Scene files with geometry
-    #[arg(required = true)]
-    scenes: Vec<PathBuf>,
-    /// Vehicle file: sensors, mounts, body; a scene without `lidar` or `vehicle` needs one
-    #[arg(long, value_name = "FILE")]
-    vehicle: Option<PathBuf>,
-    /// How to print
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    talk: Talk,
-}
-
-fn run_info(args: &SceneInfoArgs) -> Result<(), RunError> {
-    let terminal = Terminal::new(args.talk);
-    let counts = args.scenes.iter().map(|path| count(path, args.vehicle.as_deref(), &terminal));
-    let counts = counts.collect::<Result<Vec<SceneCounts>, RunError>>()?;
-    match args.format {
-        Format::Json => outln!("{}", json!(counts)),
-        Format::Text => out!("{}", counts_text(&counts)),
     }
 }

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::answers;
 use super::args::Compute;
 use super::output::Exit;
-use super::{coverage, sensitivity};
 use crate::report::tables::studies_csv;
 use crate::report::text::study_text;
 use crate::runs::study::{StudyRequest, study_scenes};
@@ -28,7 +28,7 @@ pub(super) enum OneTable {
 
 near %: ground cells within 10 m of the body with a hit within 0.5 m; poles: seen of all, by standard, at
 five beams or more; own body %: beams that end at the own vehicle. docs/nearfield.md has the definitions.")]
-    NearField(coverage::NearFieldArgs),
+    NearField(answers::NearFieldArgs),
     /// Targets at range: beams on a car, a child, a tyre
     #[command(after_help = "Examples:
   sightline study targets mine.json --vehicle van.json --target child
@@ -38,7 +38,7 @@ A beam counts if its closest hit is the target. Without a scene the target stand
 body in the way; in a scene on the ground there, with all that is there in the way. A bearing's range of first
 detection is the farthest distance in its list. Presets: child, adult, cyclist, motorcycle, car, tyre, pole, kerb,
 pallet, iso3691-4-lying, iso3691-4-standing, iso18497; their dimensions and sources stand in the JSON.")]
-    Targets(coverage::TargetsArgs),
+    Targets(answers::TargetsArgs),
     /// Ground, targets and voxels by the number of LiDARs that see them
     #[command(after_help = "Examples:
   sightline study redundancy scenes/highway.json mine.json --frames 4
@@ -48,7 +48,7 @@ A LiDAR sees a voxel that its beams cover, ground with a hit within 0.5 m, and a
 5 to 50 m in sixteen bearings on level ground. Where the LiDARs are of several models, MODEL alone: no other model sees
 it. A vehicle with other_sensors (cameras, radars) adds a table of technologies, and of things blind to all.
 docs/targets.md has the definitions.")]
-    Redundancy(coverage::RedundancyArgs),
+    Redundancy(answers::RedundancyArgs),
     /// Overlap of each pair of LiDARs, for calibration
     #[command(after_help = "Examples:
   sightline study overlap scenes/highway.json mine.json --frames 4
@@ -58,7 +58,7 @@ Surface voxels in which both LiDARs have a hit, a mean over frames; on the diago
 shared voxels as a share of the voxels of the LiDAR with fewer; a vehicle may require it (`require`). % of the
 sphere: directions in both fields of view. A rig is connected if pairs that share enough voxels lead from each LiDAR to
 every other one. docs/targets.md has the definitions.")]
-    Overlap(coverage::OverlapArgs),
+    Overlap(answers::OverlapArgs),
     /// One pose field of one LiDAR moved through a range
     #[command(
         override_usage = "sightline study sweep [OPTIONS] --of <LIDAR.FIELD> --from <V> --to <V>
@@ -71,7 +71,7 @@ every other one. docs/targets.md has the definitions.")]
 LIDAR is the number of a LiDAR in the placement, from 0, or the name of a mount or model that one LiDAR has. Angles are
 in degrees, positive pitch looks down. The first row is the placement as given. Car lost: degrees of bearings in which
 fewer than five beams meet a car somewhere between 5 and 50 m, or up to the longest range of the sensors.")]
-    Sweep(sensitivity::SweepArgs),
+    Sweep(answers::SweepArgs),
     /// How far each LiDAR may be off until a requirement breaks
     #[command(name = "tolerance")]
     #[command(after_help = "Examples:
@@ -84,7 +84,7 @@ lies between two steps is not looked at. Tilt: all LiDARs turn together, as unde
 directions, about a point of the ground z = 0 of the ego frame: give the one below the middle of the wheelbase. The
 scene and the own body stay as they are. Copies: every LiDAR off at random within a tolerance, 200 times; then each
 LiDAR alone, off in all fields. The exit code is 1 if a placement misses a requirement as it is.")]
-    Room(sensitivity::RoomArgs),
+    Room(answers::RoomArgs),
 }
 
 impl clap::FromArgMatches for StudyCommand {
@@ -150,12 +150,12 @@ pub(super) fn run(command: &StudyCommand) -> Result<Exit, RunError> {
     match command {
         StudyCommand::Make(args) => make(args),
         StudyCommand::OneTable(one) => match &**one {
-            OneTable::NearField(args) => coverage::run_near_field(args),
-            OneTable::Targets(args) => coverage::run_targets(args),
-            OneTable::Redundancy(args) => coverage::run_redundancy(args),
-            OneTable::Overlap(args) => coverage::run_overlap(args),
-            OneTable::Sweep(args) => sensitivity::run_sweep(args),
-            OneTable::Room(args) => sensitivity::run_room(args),
+            OneTable::NearField(args) => answers::run_near_field(args),
+            OneTable::Targets(args) => answers::run_targets(args),
+            OneTable::Redundancy(args) => answers::run_redundancy(args),
+            OneTable::Overlap(args) => answers::run_overlap(args),
+            OneTable::Sweep(args) => answers::run_sweep(args),
+            OneTable::Room(args) => answers::run_room(args),
         },
     }
 }

@@ -2,13 +2,13 @@
 
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::json::FileKind;
 use clap::Command;
 use clap::error::ErrorKind;
 use clap_complete::Shell;
 use clap_mangen::Man;
-use sightline_files::json::FileKind;
 
 use super::output::Exit;
 use super::short::{COLUMNS, broken};
@@ -71,42 +71,9 @@ pub(super) fn with_examples(command: Command) -> Command {
     }
 }
 
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline completions fish > ~/.config/fish/completions/sightline.fish
-  sightline completions zsh > ~/.zfunc/_sightline
-  sightline completions bash > ~/.local/share/bash-completion/completions/sightline
-  sightline completions powershell >> $PROFILE")]
-pub(super) struct CompletionsArgs {
-    /// The shell
-    shell: Shell,
-}
-
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline man | man -l -
-  sightline man scene new | man -l -
-  sightline man --out ~/.local/share/man/man1")]
-pub(super) struct ManArgs {
-    /// The command, of several words where it has commands of its own [default: the program]
-    command: Vec<String>,
-    /// Write the pages of all commands to this folder instead: sightline.1, sightline-optimize.1, …
-    #[arg(long, value_name = "DIR", conflicts_with = "command")]
-    out: Option<PathBuf>,
-}
-
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline schema scene > scene.schema.json
-  sightline schema vehicle | check-jsonschema --schemafile /dev/stdin van.json")]
-pub(super) struct SchemaArgs {
-    /// The kind of file
-    kind: SchemaKind,
-}
-
 /// Kinds of files that a schema describes.
 #[derive(Clone, Copy, clap::ValueEnum)]
-enum SchemaKind {
+pub(super) enum SchemaKind {
     Scene,
     Vehicle,
     Placements,
@@ -114,8 +81,8 @@ enum SchemaKind {
 }
 
 /// Prints the JSON Schema of a kind of file.
-pub(super) fn schema(args: &SchemaArgs) -> Result<Exit, RunError> {
-    let kind = match args.kind {
+pub(super) fn schema(kind: SchemaKind) -> Result<Exit, RunError> {
+    let kind = match kind {
         SchemaKind::Scene => FileKind::Scene,
         SchemaKind::Vehicle => FileKind::Vehicle,
         SchemaKind::Placements => FileKind::Placements,
@@ -126,18 +93,22 @@ pub(super) fn schema(args: &SchemaArgs) -> Result<Exit, RunError> {
 }
 
 /// Prints the completions of the program for a shell.
-pub(super) fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit, RunError> {
+pub(super) fn completions(shell: Shell, mut program: Command) -> Result<Exit, RunError> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut program, "sightline", &mut text);
+    clap_complete::generate(shell, &mut program, "sightline", &mut text);
     out!("{}", String::from_utf8_lossy(&text))?;
     Ok(Exit::Done)
 }
 
 /// Prints a page, or writes all of them.
-pub(super) fn man(args: &ManArgs, program: Command) -> Result<Exit, RunError> {
+pub(super) fn man(
+    words: &[String],
+    out: Option<&Path>,
+    program: Command,
+) -> Result<Exit, RunError> {
     let mut program = program.disable_help_subcommand(true);
     program.build();
-    if let Some(folder) = &args.out {
+    if let Some(folder) = out {
         shared_folder(folder)?;
         for command in with_commands(&program) {
             let path = folder.join(Man::new(command.clone()).get_filename());
@@ -147,7 +118,7 @@ pub(super) fn man(args: &ManArgs, program: Command) -> Result<Exit, RunError> {
         return Ok(Exit::Done);
     }
     let mut command = &program;
-    for word in &args.command {
+    for word in words {
         command = command.find_subcommand(word).ok_or_else(|| {
             let known: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
             let of = command.get_display_name().unwrap_or(command.get_name());

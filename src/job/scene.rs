@@ -208,6 +208,16 @@ impl JobScene {
             PsogSource::Scan(_) => self.place(),
         }
     }
+
+    /// The scene's voxels, ground and targets, to count the LiDARs that see them. Under conditions a beam meets a target
+    /// if enough light comes back; fog, snow and rain dim it, others change no target.
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn redundancy_site(&self) -> Result<RedundancySite, JobError> {
+        let targets = self.target_site()?.cloned();
+        Ok(RedundancySite::new(self.scene(), self.problem()?, targets))
+    }
 }
 
 /// The P-SOG of a scene: the file that it names, or one built from virtual scans.
@@ -227,18 +237,6 @@ fn psog_of(scene: &Scene, go_on: impl Fn(usize) -> bool) -> Result<Psog, JobErro
         PsogSource::Scan(settings) => {
             Ok(scan_scene(scene, &scene.roi().grid()?, settings, go_on)?.0)
         }
-    }
-}
-
-impl JobScene {
-    /// The scene's voxels, ground and targets, to count the LiDARs that see them. Under conditions a beam meets a target
-    /// if enough light comes back; fog, snow and rain dim it, others change no target.
-    ///
-    /// # Errors
-    /// See [`Self::problem`].
-    pub fn redundancy_site(&self) -> Result<RedundancySite, JobError> {
-        let targets = self.target_site()?.cloned();
-        Ok(RedundancySite::new(self.scene(), self.problem()?, targets))
     }
 }
 

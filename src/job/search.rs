@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::{Job, JobError};
+use crate::json::counted;
 use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
     Settings, State, Stopped, Suite, TimeLimit,
@@ -16,7 +17,6 @@ use crate::search::{
 use crate::vehicle::{Constraints, Placement, Vehicle, random_placements_by_the_rules};
 use checks::check_equipped;
 use fewest::{Fewest, Next, taken};
-use sightline_files::json::counted;
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -102,7 +102,7 @@ pub struct JobRun<'a> {
     /// The time ended while sensors were chosen: a resumed search goes on with that choice.
     is_late: bool,
     /// Wall time that choosing sensors has taken in this process.
-    equipped_in: Duration,
+    pub(crate) equipped_in: Duration,
 }
 
 impl Job {
@@ -429,11 +429,6 @@ impl JobRun<'_> {
     /// Sensors of the vehicle, once they are chosen.
     pub fn equipped(&self) -> Option<&Equipped> {
         self.state.equipped.as_ref()
-    }
-
-    /// Wall time that choosing sensors has taken in this process.
-    pub(crate) fn equipped_in(&self) -> Duration {
-        self.equipped_in
     }
 
     /// Scenes, with the rules of the sensors chosen.

@@ -2,9 +2,9 @@
 
 use maud::{Markup, html};
 
-use super::chart_text::{ChartFrame, seconds, table};
+use super::chart_text::{seconds, table};
 use super::svg::{ACCENT, Axes, GREY, INK, SECOND, SOFT, Scale, corners, page, px, trimmed};
-use crate::chart::{Engine, Rated, pareto};
+use crate::chart::{Chart, Engine, Rated, pareto};
 use crate::maths;
 
 /// Pixels of the picture's width, and of a row of its table.
@@ -20,22 +20,25 @@ const TABLE: f64 = 600.0;
 ///
 /// A point is at (seconds a placement, 1 − τ), its whisker the 95 % interval of 1 − τ; rankings equal
 /// to the reference's stand on the line marked 0. Settings whose τ does not exist are left out.
-pub(crate) fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
+pub(crate) fn fidelity_svg(chart: &Chart) -> String {
+    let (rated, chosen) = (&chart.rated[..], chart.verdict.map(|verdict| verdict.setting));
     let points: Vec<usize> = (0..rated.len()).filter(|&i| rated[i].error.tau.is_some()).collect();
     let front: Vec<usize> = pareto(rated).into_iter().filter(|i| points.contains(i)).collect();
     // The setting to take may lie off the front, which knows τ and not the regret; an atlas does.
     let atlas = points.iter().filter(|&&i| rated[i].measured.setting.engine == Engine::Atlas);
-    let off = chart.chosen.iter().filter(|c| !front.contains(c) && points.contains(c)).chain(atlas);
+    let off = chosen.iter().filter(|c| !front.contains(c) && points.contains(c)).chain(atlas);
     let listed: Vec<usize> = front.iter().chain(off).copied().collect();
     let rows: Vec<(f64, usize)> =
         (1..).zip(&listed).map(|(n, &i)| (TABLE + ROW * f64::from(n), i)).collect();
     let body = html! {
-        text x="20" y="26" font-size="16" font-weight="600" { (chart.title) }
+        text x="20" y="26" font-size="16" font-weight="600" {
+            (chart.scene) ": " (chart.placements.len()) " placements ranked by " (chart.objective)
+        }
         @if points.is_empty() {
             text x="20" y="60" { "No two placements differ: there is no ranking." }
         } @else {
-            (points_and_axes(rated, &points, &front, &listed, chart.chosen))
-            (table(rated, TABLE, &rows, chart))
+            (points_and_axes(rated, &points, &front, &listed, chosen))
+            (table(chart, TABLE, &rows))
         }
     };
     let height = TABLE + ROW * (listed.len() as f64 + 2.0);
@@ -98,7 +101,7 @@ impl Area {
 
     /// Pixel of 1 − τ; 0 stands on the x axis.
     fn at_y(&self, misranked: f64) -> f64 {
-        let lowest = maths::pow(10_f64, self.axes.y.range().0);
+        let lowest = maths::pow(10_f64, self.axes.y.range.0);
         self.axes.y.at(if misranked > 1e-9 { misranked.max(lowest) } else { lowest })
     }
 
@@ -108,7 +111,7 @@ impl Area {
 
     fn draw(&self) -> Markup {
         let [left, right, _, bottom] = AREA;
-        let lowest = self.axes.y.range().0;
+        let lowest = self.axes.y.range.0;
         let mut y = self.axes.y.ticks(|v| trimmed(v, 6));
         // No tick in the way of the line for 0.
         y.retain(|tick| maths::log10(tick.value) > lowest + 0.12);

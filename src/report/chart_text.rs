@@ -126,29 +126,14 @@ const COLUMNS: [(&str, f64); 8] = [
     ("", 34.0),
 ];
 
-/// Title and emphasis of a chart.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct ChartFrame<'a> {
-    /// Scene, placements, objective.
-    pub title: &'a str,
-    /// The scene's own voxel edge in metres.
-    pub edge: f64,
-    /// Position of the setting to take.
-    pub chosen: Option<usize>,
-}
-
-/// Cost and error of the numbered settings: `rows` holds the height of each and its place in `rated`.
-pub(super) fn table(
-    rated: &[Rated],
-    top: f64,
-    rows: &[(f64, usize)],
-    chart: &ChartFrame,
-) -> Markup {
+/// Cost and error of the numbered settings: `rows` holds the height of each and its place in the chart.
+pub(super) fn table(chart: &Chart, top: f64, rows: &[(f64, usize)]) -> Markup {
+    let chosen = chart.verdict.map(|verdict| verdict.setting);
     html! {
         (row(top, COLUMNS.map(|(title, _)| title.to_owned()), SOFT, false))
         @for (number, &(y, i)) in rows.iter().enumerate() {
-            @let is_chosen = chart.chosen == Some(i);
-            (row(y, cells(rated, i, number + 1, chart.edge), if is_chosen { ACCENT } else { INK }, is_chosen))
+            @let is_chosen = chosen == Some(i);
+            (row(y, cells(&chart.rated, i, number + 1, chart.edge), if is_chosen { ACCENT } else { INK }, is_chosen))
         }
     }
 }

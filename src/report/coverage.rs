@@ -8,13 +8,12 @@ use super::columns::{align_columns, table_text};
 use super::optional;
 use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px, trimmed};
 use super::text::shortened;
-use crate::json::fixed;
+use crate::json::{counted, fixed};
 use crate::maths;
 use crate::near_field::{CELL, CLOSE, Footprint, NEAR, NearField, RING, Standard};
 use crate::score::{percent_down, percent_up};
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
 use crate::vehicle::{Placement, SensorName};
-use sightline_files::json::counted;
 
 /// Drawings beside each other.
 const COLUMNS: usize = 3;

@@ -143,19 +143,7 @@ impl Drawing {
     ) {
         self.shapes.push(Shape::Words { at, words: words.into(), size, anchor, bold, ink });
     }
-}
 
-/// Colour of the paper, and of words on a sign, which have no halo.
-const WHITE: &str = "#ffffff";
-/// Width of the white line around words, which keeps them clear of other lines, as a share of the size of the font.
-const HALO: f64 = 0.3;
-
-/// A number of the sheet to a thousandth of a millimetre.
-fn mm(value: f64) -> String {
-    super::svg::trimmed(value, 3)
-}
-
-impl Drawing {
     /// The drawing as an SVG file of the sheet's size.
     pub(crate) fn svg(&self) -> String {
         let [width, height] = self.size.map(mm);
@@ -170,6 +158,16 @@ impl Drawing {
         .into_string()
             + "\n"
     }
+}
+
+/// Colour of the paper, and of words on a sign, which have no halo.
+const WHITE: &str = "#ffffff";
+/// Width of the white line around words, which keeps them clear of other lines, as a share of the size of the font.
+const HALO: f64 = 0.3;
+
+/// A number of the sheet to a thousandth of a millimetre.
+fn mm(value: f64) -> String {
+    super::svg::trimmed(value, 3)
 }
 
 fn opacity(ink: Ink) -> Option<String> {

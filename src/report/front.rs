@@ -63,25 +63,9 @@ pub struct FrontRecord {
     pub peak_memory: Option<u64>,
 }
 
-/// Circumstances of a front that the front itself does not hold.
-#[derive(Debug, Clone, Default)]
-pub struct FrontContext {
-    /// Name of the scene, or of all.
-    pub scene: String,
-    /// Files and options.
-    pub settings: Value,
-    /// Command line that repeats the search.
-    pub command: String,
-    /// Weather and faults, as they are written.
-    pub conditions: Vec<String>,
-    /// Wall time of the search in seconds.
-    pub seconds: f64,
-}
-
 impl FrontRecord {
-    /// The record of a front.
-    pub fn new(front: &Front, context: FrontContext) -> Self {
-        let FrontContext { scene, settings, command, conditions, seconds } = context;
+    /// The record of a front. Scene, settings, command, weather and seconds, which the front does not hold, are left empty.
+    pub fn new(front: &Front) -> Self {
         let objectives = front.objectives.all().iter().map(|objective| {
             let better = if objective.is_cost() { "less" } else { "more" };
             json!({ "name": objective.to_string(), "better": better })
@@ -91,10 +75,10 @@ impl FrontRecord {
         );
         Self {
             sightline: env!("CARGO_PKG_VERSION"),
-            scene,
-            settings,
-            command,
-            conditions,
+            scene: String::new(),
+            settings: Value::Null,
+            command: String::new(),
+            conditions: Vec::new(),
             backend: front.backend.clone(),
             adapter: front.adapter.clone(),
             objectives: objectives.collect(),
@@ -103,7 +87,7 @@ impl FrontRecord {
             baselines: front.baselines.iter().map(|point| point_json(front, point)).collect(),
             scored: front.scored,
             stopped: front.stopped.to_string(),
-            seconds,
+            seconds: 0.0,
             peak_memory: super::record::peak_memory(),
         }
     }
@@ -370,7 +354,7 @@ mod tests {
         let card = RangeCard { blind_between: [5.0, 20.0], ..RangeCard::default() };
         front.points[0].scores.range_card = Some(card);
         assert_eq!(blind_in_words(&front), format!("{words} 20 m"));
-        let record = FrontRecord::new(&front, FrontContext::default());
+        let record = FrontRecord::new(&front);
         let text = front_text(&front, &record, "runs".as_ref());
         assert!(text.contains(&format!("\n{words} 20 m\n")), "{text}");
     }

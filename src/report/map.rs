@@ -9,11 +9,11 @@ use super::drawing::{Flat, outline};
 use super::svg::{FAINT, INK, LidarSign, colour, corners, page, px};
 use super::view::sight::is_set;
 use crate::engine::{Backend, BackendError};
+use crate::json::counted;
 use crate::problem::{Content, Entropy, Problem, spread};
 use crate::psog::{Roi, to_nats};
 use crate::search::Scored;
 use crate::vehicle::{Constraints, Placement};
-use sightline_files::json::counted;
 
 /// Cells along the longer side of the map.
 const CELLS: u32 = 160;

@@ -50,14 +50,14 @@ mod view;
 mod warnings;
 pub(crate) mod words;
 
-pub use front::{FrontContext, FrontRecord};
+pub use front::FrontRecord;
 pub(crate) use map::{InformationMap, placement_svg};
 pub(crate) use next_steps::next_in_words;
 pub(crate) use page::{Figures, Looks, Subject, report_html, view_html};
 pub use page::{found_html, front_html, near_record};
 pub(crate) use plot::{Axis, Plot, Series};
 pub(crate) use record::convergence_svg;
-pub use record::{NearRecord, RunContext, RunRecord, RunTimes, SceneRecord};
+pub use record::{NearRecord, RunRecord, RunTimes, SceneRecord};
 pub(crate) use rigs::rigs_text;
 pub(crate) use tables::{ScoreColumn, optional};
 pub(crate) use text::scores_text;

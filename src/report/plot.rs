@@ -117,7 +117,7 @@ impl Plot {
         let x_title = TOP + HEIGHT + UNDER + drop_of(&marks, turned) + UNDER;
         let names: Vec<PlotLabels> =
             self.series.iter().map(|series| self.named(series, &axes)).collect();
-        let listed = names.iter().filter_map(PlotLabels::list).flatten();
+        let listed = names.iter().flat_map(|labels| labels.list.iter().flatten());
         let listed: Vec<(f64, &String)> =
             (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
         let title = lines(&shortened(&self.title, LONGEST), TITLE);

@@ -19,6 +19,7 @@ use super::words::{
     run_verdict, spread_in_words,
 };
 use super::{Axis, Plot, Series};
+use crate::json::counted;
 use crate::near_field::{NEAR, NearField, RING};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;
@@ -27,7 +28,6 @@ use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
     MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
 };
-use sightline_files::json::counted;
 
 /// Wall times of a run in seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -219,32 +219,6 @@ impl SceneRecord {
     }
 }
 
-/// Parts of a record that the outcome does not hold.
-pub struct RunContext<'a> {
-    /// Name of the scene where there is one; several are named by the suite.
-    pub scene: &'a str,
-    /// Every setting that decides about the result.
-    pub settings: Value,
-    /// See [`RunRecord::command`].
-    pub command: String,
-    /// The scenes over all frames.
-    pub suite: &'a Suite,
-    /// See [`RunRecord::equipment`].
-    pub equipment: Option<String>,
-    /// Seed of the search.
-    pub seed: u64,
-    /// Objective that was maximized.
-    pub objective: String,
-    /// See [`RunRecord::conditions`].
-    pub conditions: Vec<String>,
-    /// Placements × frames a second during the generations.
-    pub rate: f64,
-    /// Wall times of all sittings.
-    pub timings: RunTimes,
-    /// Most bytes of memory that the process held.
-    pub peak_memory: Option<u64>,
-}
-
 impl RunRecord {
     /// The record for other programs: scores to the bit, as every engine has them, and poses as they were scored; last the
     /// result in words.
@@ -254,39 +228,40 @@ impl RunRecord {
         all
     }
 
-    /// The record of a run.
-    pub fn new(outcome: &Outcome, run: RunContext) -> Self {
+    /// The record of an outcome over the scenes of a suite, of which `scene` names a single one. Settings, command, seed,
+    /// objective and all else that neither holds are left empty.
+    pub fn new(outcome: &Outcome, suite: &Suite, scene: &str) -> Self {
         let outcome = outcome.clone();
-        let scenes = SceneRecord::several(run.suite);
+        let scenes = SceneRecord::several(suite);
         let found = outcome.best.as_ref().map(|best| &best.placement);
-        let mounts = found.map(|found| run.suite.constraints().mount_names(found));
+        let mounts = found.map(|found| suite.constraints().mount_names(found));
         let mounts =
             mounts.unwrap_or_default().into_iter().map(|name| name.map(str::to_owned)).collect();
         let names: Vec<&str> = scenes.iter().map(|scene| &*scene.name).collect();
-        let stopped = stopped(&outcome, run.suite.frame_count());
+        let stopped = stopped(&outcome, suite.frame_count());
         Self {
             sightline: env!("CARGO_PKG_VERSION"),
-            scene: if names.is_empty() { run.scene.to_owned() } else { names.join(", ") },
+            scene: if names.is_empty() { scene.to_owned() } else { names.join(", ") },
             scenes,
-            settings: run.settings,
-            command: run.command,
+            settings: Value::Null,
+            command: String::new(),
             backend: outcome.backend,
             adapter: outcome.adapter,
             backend_changes: outcome.backend_changes,
             threads: rayon::current_num_threads(),
-            seed: run.seed,
-            objective: run.objective,
-            conditions: run.conditions,
-            modelled: run.suite.modelled(),
+            seed: 0,
+            objective: String::new(),
+            conditions: Vec::new(),
+            modelled: suite.modelled(),
             search_frames: outcome.search_frames,
-            frames: run.suite.frame_count(),
+            frames: suite.frame_count(),
             confirmed_frames: outcome.confirmed_frames,
             stopped,
             untried: outcome.untried,
             ended: outcome.ended,
             left_out: outcome.left_out,
-            equipment: run.equipment,
-            constraints: rules_in_words(run.suite.constraints()),
+            equipment: None,
+            constraints: rules_in_words(suite.constraints()),
             generations: outcome.history.len() as u64,
             evaluations: outcome.evaluations,
             best: outcome.best,
@@ -301,9 +276,9 @@ impl RunRecord {
             findings: outcome.findings,
             fidelity: outcome.frames_used,
             active_bounds: outcome.active_bounds,
-            rate: run.rate,
-            timings: run.timings,
-            peak_memory: run.peak_memory,
+            rate: 0.0,
+            timings: RunTimes::default(),
+            peak_memory: None,
         }
     }
 }

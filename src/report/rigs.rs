@@ -8,12 +8,11 @@ use super::svg::trimmed;
 use super::tables::{header, titles};
 use super::targets::runs_in_words;
 use crate::csv::{csv, number};
-use crate::json::fixed;
+use crate::json::{counted, fixed};
 use crate::rig::{Asymmetry, Comparison, MovedLidar};
 use crate::score::{Objective, Scores, Standing, percent_down};
 use crate::targets::RangeCard;
 use crate::vehicle::{Placement, Vehicle};
-use sightline_files::json::counted;
 
 /// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
 /// placements: rules first, then requirements, then the default objective. Empty where nothing is known.

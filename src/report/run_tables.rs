@@ -1,10 +1,11 @@
 //! Results of searches and audits as rows for CSV, like those of `tables`.
 
 use super::RunRecord;
-use super::tables::{Cells, distinct, header, joined, score_rows, score_titles, titles};
+use super::tables::{Cells, header, joined, score_rows, score_titles, titles};
 use super::text::numbered;
 use crate::audit::{Audit, Stability, TrialResult};
 use crate::csv::{csv, number};
+use crate::json::distinct;
 use crate::score::{Scores, Seen};
 use crate::search::Scored;
 

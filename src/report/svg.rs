@@ -1,6 +1,6 @@
 //! Parts of every drawing: page, colours, signs of LiDARs, numbers as words, and axes with their ticks.
 
-use crate::json::fixed;
+pub(super) use crate::json::trimmed;
 use crate::maths;
 use maud::{Markup, html};
 
@@ -106,15 +106,6 @@ pub(super) fn number(value: f64) -> String {
     }
 }
 
-/// A number without the zeros at the end of its decimals.
-pub(super) fn trimmed(value: f64, decimals: usize) -> String {
-    let text = fixed(value, decimals);
-    if text.contains('.') {
-        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
-    }
-    text
-}
-
 pub(super) fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {
     to.0 + (value - from.0) / (from.1 - from.0) * (to.1 - to.0)
 }
@@ -128,8 +119,8 @@ pub(super) struct Tick {
 
 /// Values of one axis and the pixels that they are drawn at.
 pub(super) struct Scale {
-    /// Lowest and highest value, or their logarithms to base 10.
-    range: (f64, f64),
+    /// Lowest and highest value, on a logarithmic axis their logarithms.
+    pub range: (f64, f64),
     pixels: (f64, f64),
     is_log: bool,
 }
@@ -142,11 +133,6 @@ impl Scale {
     /// An axis of equal factors; `range` holds logarithms to base 10.
     pub(super) fn log(range: (f64, f64), pixels: (f64, f64)) -> Self {
         Self { range, pixels, is_log: true }
-    }
-
-    /// Lowest and highest value, on a logarithmic axis their logarithms.
-    pub(super) fn range(&self) -> (f64, f64) {
-        self.range
     }
 
     pub(super) fn at(&self, value: f64) -> f64 {

@@ -5,7 +5,7 @@ use super::SceneRecord;
 use super::study::lost;
 use crate::csv::{csv, number};
 use crate::job::{Room, RoomOfSide, Sweep};
-use crate::json::fixed;
+use crate::json::{distinct, fixed};
 use crate::near_field::{NearField, Standard};
 use crate::score::{Guard, NEAR_GAINS, Scores, Seen, percent_down};
 use crate::search::Scored;
@@ -25,17 +25,6 @@ pub(super) fn titles(words: &[&str]) -> Cells {
 /// Titles in their order, as a file has them: between commas.
 pub(super) fn header(keys: &str) -> Cells {
     keys.split(',').map(str::to_owned).collect()
-}
-
-/// Each of some things once, in the order in which they come.
-pub(super) fn distinct<T: PartialEq>(all: impl IntoIterator<Item = T>) -> Vec<T> {
-    let mut once: Vec<T> = Vec::new();
-    for one in all {
-        if !once.contains(&one) {
-            once.push(one);
-        }
-    }
-    once
 }
 
 pub(super) fn joined(parts: impl IntoIterator<Item = impl ToString>) -> String {

@@ -10,11 +10,11 @@ use maud::{Markup, html};
 
 use super::columns::align_columns;
 use super::svg::{FAINT, INK, SOFT, colour, corners, page, px, trimmed};
+use crate::json::counted;
 use crate::maths;
 use crate::targets::{
     BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
 };
-use sightline_files::json::counted;
 
 pub(crate) use beams::targets_text;
 

@@ -2,7 +2,7 @@
 
 use super::columns::{align_columns, align_with_notes, table_text};
 use super::{RunRecord, SceneRecord, ScoreColumn, optional};
-use crate::json::{fixed, spoken};
+use crate::json::{counted, fixed, spoken, trimmed};
 use crate::psog::PsogInfo;
 use crate::scan::conditions::under;
 use crate::score::{Interval, Objective, Scores, bootstrap};
@@ -10,7 +10,6 @@ use crate::search::{Finding, GenerationsStop, Scored};
 use crate::study::{Row, Table};
 use crate::vehicle::{Placement, SensorPose, millimetres};
 use crate::verify::Verification;
-use sightline_files::json::counted;
 
 /// A text of at most `most` characters: the end of a longer one is an ellipsis.
 pub(crate) fn shortened(text: &str, most: usize) -> String {
@@ -82,19 +81,20 @@ pub(super) fn notes(scores: &Scores) -> Vec<String> {
     required.chain(holds).chain(guards).chain(rules).collect()
 }
 
-/// Properties that have a correlation with the objective.
-pub(super) fn told_findings(all: &[Finding]) -> impl Iterator<Item = &Finding> {
-    all.iter().filter(|of| of.correlation.is_some() || of.beside_height.is_some())
+/// Properties that have a correlation with the objective, and both numbers of each.
+pub(super) fn finding_rows(all: &[Finding]) -> Vec<Vec<String>> {
+    let told = all.iter().filter(|of| of.correlation.is_some() || of.beside_height.is_some());
+    let row = |of: &Finding| {
+        vec![of.property.to_owned(), optional(of.correlation, 2), optional(of.beside_height, 2)]
+    };
+    told.map(row).collect()
 }
 
 /// Rank correlations of properties of layouts with the objective, one property a line; empty where none has one.
 pub(crate) fn findings_text(all: &[Finding], objective: &str) -> String {
     let title = format!("rank correlation with {objective}");
     let titles = ["over random placements", &*title, "with mean height held fixed"];
-    let row = |of: &Finding| {
-        vec![of.property.to_owned(), optional(of.correlation, 2), optional(of.beside_height, 2)]
-    };
-    let rows: Vec<Vec<String>> = told_findings(all).map(row).collect();
+    let rows = finding_rows(all);
     if rows.is_empty() { String::new() } else { table_text(&titles, rows) }
 }
 
@@ -160,9 +160,7 @@ pub(crate) fn study_text(table: &Table) -> String {
         None => "–".to_owned(),
         Some(v) if table.columns[column + 1].ends_with(" %") => fixed(v, 2),
         Some(0.0) => "0".to_owned(),
-        Some(v) if (1e-3..1e6).contains(&v.abs()) => {
-            fixed(v, 4).trim_end_matches('0').trim_end_matches('.').to_owned()
-        }
+        Some(v) if (1e-3..1e6).contains(&v.abs()) => trimmed(v, 4),
         // Counts of voxels: whole numbers, as below a million.
         Some(v) if (1e6..1e9).contains(&v.abs()) => fixed(v, 0),
         Some(v) => format!("{v:.4e}"),

@@ -19,7 +19,7 @@ use crate::psog::Roi;
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::Placement;
 
-pub(super) use sight::{Gains, InformationView};
+pub(super) use sight::InformationView;
 
 /// Frames that the slider goes through at most, on a page of one scene and on one of several.
 const FRAMES: [u32; 2] = [12, 6];
@@ -31,15 +31,15 @@ const VOXELS: usize = 60_000;
 /// Data that the 3-D view of a placement shows in one scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ViewData {
-    scene: String,
+    pub scene: String,
     roi: Roi,
     classes: Vec<String>,
     /// Numbers of the frames shown.
-    frames: Vec<usize>,
+    pub frames: Vec<usize>,
     frame_count: usize,
     placement: Placement,
     things: Things,
-    sight: InformationView,
+    pub(super) sight: InformationView,
     beams: BeamEnds,
 }
 
@@ -71,25 +71,63 @@ impl ViewData {
         })
     }
 
-    pub(crate) fn scene(&self) -> &str {
-        &self.scene
-    }
-
-    /// Numbers of the frames shown.
-    pub(crate) fn frames(&self) -> &[usize] {
-        &self.frames
-    }
-
-    pub(crate) fn gains(&self) -> &Gains {
-        &self.sight.gains
-    }
-
     /// Sentences on frames, things and voxels that the view leaves out.
     pub(crate) fn left_out(&self) -> Vec<String> {
         let (shown, all) = (self.frames.len(), self.frame_count);
         let frames =
             (shown < all).then(|| format!("The slider goes through {shown} of {all} frames."));
         frames.into_iter().chain(self.things.left_out()).chain(self.sight.left_out()).collect()
+    }
+
+    /// The JSON header, and the bytes as base64.
+    pub(crate) fn packed(&self) -> (String, String) {
+        let mut bytes = Bytes::default();
+        let shapes: Vec<Value> =
+            self.things.shapes.iter().map(|shape| shape_json(shape, &mut bytes)).collect();
+        let poses = self.things.poses.concat().concat();
+        let (sight, beams) = (&self.sight, &self.beams);
+        let byte = |share: f64| step(share, [0.0, 1.0], 255.0) as u8;
+        let index: Vec<u32> = sight.voxels.iter().map(|v| v.index).collect();
+        let worth: Vec<u8> = sight.voxels.iter().map(|v| byte(v.worth).max(1)).collect();
+        let class: Vec<u8> = sight.voxels.iter().map(|v| v.class.min(255) as u8).collect();
+        let shares: Vec<u8> = sight.shares.iter().flatten().map(|share| byte(*share)).collect();
+        let masks = sight.masks.concat();
+        let masks = match self.placement.lidars.len() {
+            0..=8 => bytes.put("u8", &masks.iter().map(|m| *m as u8).collect::<Vec<u8>>()),
+            _ => bytes.put("u16", &masks),
+        };
+        let reach = f64::from(beams.reach);
+        let end = |v: f32| step(f64::from(v), [-reach, reach], 65535.0) as u16;
+        let ends = beams.ends.iter().flatten().flatten().flat_map(|e| e.map(end));
+        let ends: Vec<u16> = ends.collect();
+        let counts = beams.ends.iter().flatten().map(|ends| ends.len() as u32);
+        let counts: Vec<u32> = counts.collect();
+        let lidars = self.placement.lidars.iter().map(|pose| json!([pose.x, pose.y, pose.z]));
+        let header = json!({
+            "scene": self.scene,
+            "classes": self.classes,
+            "frames": self.frames,
+            "roi": { "min": self.roi.min(), "voxel": self.roi.voxel(), "shape": self.roi.shape() },
+            "lidars": lidars.collect::<Vec<Value>>(),
+            "shapes": shapes,
+            "shape_of": self.things.shape_of,
+            "own": self.things.own,
+            "poses": bytes.put("f32", &poses),
+            "voxels": {
+                "index": bytes.put("u32", &index),
+                "worth": bytes.put("u8", &worth),
+                "class": bytes.put("u8", &class),
+                "masks": masks,
+                "shares": bytes.put("u8", &shares),
+            },
+            "beams": {
+                "ends": bytes.put("u16", &ends),
+                "counts": bytes.put("u32", &counts),
+                "reach": reach,
+            },
+        });
+        // No text in it ends the script that it stands in.
+        (header.to_string().replace('<', "\\u003c"), BASE64_STANDARD.encode(&bytes.0))
     }
 }
 
@@ -248,59 +286,6 @@ impl Bytes {
 /// Position of a value between two ends, in `steps` steps.
 fn step(value: f64, [low, high]: [f64; 2], steps: f64) -> f64 {
     ((value - low) / (high - low).max(1e-9) * steps).round().clamp(0.0, steps)
-}
-
-impl ViewData {
-    /// The JSON header, and the bytes as base64.
-    pub(crate) fn packed(&self) -> (String, String) {
-        let mut bytes = Bytes::default();
-        let shapes: Vec<Value> =
-            self.things.shapes.iter().map(|shape| shape_json(shape, &mut bytes)).collect();
-        let poses = self.things.poses.concat().concat();
-        let (sight, beams) = (&self.sight, &self.beams);
-        let byte = |share: f64| step(share, [0.0, 1.0], 255.0) as u8;
-        let index: Vec<u32> = sight.voxels.iter().map(|v| v.index).collect();
-        let worth: Vec<u8> = sight.voxels.iter().map(|v| byte(v.worth).max(1)).collect();
-        let class: Vec<u8> = sight.voxels.iter().map(|v| v.class.min(255) as u8).collect();
-        let shares: Vec<u8> = sight.shares.iter().flatten().map(|share| byte(*share)).collect();
-        let masks = sight.masks.concat();
-        let masks = match self.placement.lidars.len() {
-            0..=8 => bytes.put("u8", &masks.iter().map(|m| *m as u8).collect::<Vec<u8>>()),
-            _ => bytes.put("u16", &masks),
-        };
-        let reach = f64::from(beams.reach);
-        let end = |v: f32| step(f64::from(v), [-reach, reach], 65535.0) as u16;
-        let ends = beams.ends.iter().flatten().flatten().flat_map(|e| e.map(end));
-        let ends: Vec<u16> = ends.collect();
-        let counts = beams.ends.iter().flatten().map(|ends| ends.len() as u32);
-        let counts: Vec<u32> = counts.collect();
-        let lidars = self.placement.lidars.iter().map(|pose| json!([pose.x, pose.y, pose.z]));
-        let header = json!({
-            "scene": self.scene,
-            "classes": self.classes,
-            "frames": self.frames,
-            "roi": { "min": self.roi.min(), "voxel": self.roi.voxel(), "shape": self.roi.shape() },
-            "lidars": lidars.collect::<Vec<Value>>(),
-            "shapes": shapes,
-            "shape_of": self.things.shape_of,
-            "own": self.things.own,
-            "poses": bytes.put("f32", &poses),
-            "voxels": {
-                "index": bytes.put("u32", &index),
-                "worth": bytes.put("u8", &worth),
-                "class": bytes.put("u8", &class),
-                "masks": masks,
-                "shares": bytes.put("u8", &shares),
-            },
-            "beams": {
-                "ends": bytes.put("u16", &ends),
-                "counts": bytes.put("u32", &counts),
-                "reach": reach,
-            },
-        });
-        // No text in it ends the script that it stands in.
-        (header.to_string().replace('<', "\\u003c"), BASE64_STANDARD.encode(&bytes.0))
-    }
 }
 
 /// A shape's corners in steps of its box, nine numbers a triangle, and the class of each.

@@ -1,11 +1,11 @@
 //! Warnings of a placement: kinds that it shares with another, and sectors, targets and ground that it does not see, in words.
 
 use super::targets::bearing_in_words;
+use crate::json::counted;
 use crate::near_field::{NEAR, NearField};
 use crate::score::Guard;
 use crate::search::Scored;
 use crate::targets::{RangeCard, TargetRanges};
-use sightline_files::json::counted;
 
 /// A kind of warning.
 pub(super) struct WarningKind {

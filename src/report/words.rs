@@ -10,9 +10,9 @@ use super::RunRecord;
 use super::text::value_in_words;
 use super::warnings::{Blind, blind_in_words, kinds_beside, unseen_in_words};
 use crate::csv::rounded;
+use crate::json::counted;
 use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
 use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored, Tolerance};
-use sightline_files::json::counted;
 
 /// The result of a run against the best baselines, by the objective and by information gain.
 ///

@@ -10,19 +10,18 @@ use super::inputs::{Given, file_and_name, fit_alone, held, named_placements, not
 use super::opening::{LoadTimes, Loaded, timings};
 use super::outputs::Figure;
 use super::run_folder::{rig_path, with_run};
-use super::{Computing, RunError, opening, outputs};
+use super::{Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, opening, outputs};
 use crate::export::GltfView;
 use crate::files::{Session, will_read, write_whole};
 use crate::job::{Job, JobFiles};
+use crate::json::counted;
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
-use crate::runs::{Conditions, FiguresOut, Gltf, MountingArgs};
 use crate::scan::BeamHits;
 use crate::scan::conditions::in_words;
 use crate::scene::EgoBody;
 use crate::score::{Objective, Seen};
 use crate::search::{Evaluator, Scored};
 use crate::vehicle::{Placement, read_placements};
-use sightline_files::json::counted;
 
 /// Beams to be cast.
 #[derive(Debug, Clone, Default)]

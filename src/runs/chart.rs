@@ -11,7 +11,7 @@ use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
 use crate::files::{Input, RunDir, Session, safe_names};
 use crate::report::chart::fidelity_svg;
-use crate::report::chart_text::{ChartFrame, chart_words, charts_csv};
+use crate::report::chart_text::{chart_words, charts_csv};
 use crate::vehicle::{read_placements, table_7};
 
 /// Charts to be made, or one to go on with.
@@ -269,17 +269,7 @@ fn answer(saved: &ChartCheckpoint, found: &Chart) -> Value {
 }
 
 fn write(dir: &RunDir<ChartCheckpoint>, found: &Chart, answer: &Value) -> Result<(), RunError> {
-    let frame = ChartFrame {
-        title: &format!(
-            "{}: {} placements ranked by {}",
-            found.scene,
-            found.placements.len(),
-            found.objective
-        ),
-        edge: found.edge,
-        chosen: found.verdict.map(|verdict| verdict.setting),
-    };
-    dir.write_text("chart.svg", &fidelity_svg(&found.rated, &frame))?;
+    dir.write_text("chart.svg", &fidelity_svg(found))?;
     dir.write_text("chart.csv", &charts_csv(std::slice::from_ref(found), false))?;
     Ok(dir.write_json("chart.json", answer)?)
 }

@@ -14,7 +14,7 @@ use super::inputs::{Files, Given, fit_alone, held, name_published, no_ground, no
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
 use super::run_folder::{rig_path, with_run, with_run_vehicle};
-use super::{Computing, GRACE, RunError, opening, outputs};
+use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
 use crate::files::Session;
@@ -22,7 +22,6 @@ use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::report::coverage::near_field_svg;
 use crate::report::targets::{targets_figures, targets_svg};
-use crate::runs::{Conditions, FiguresOut};
 use crate::scan::conditions::in_words;
 use crate::scene::{Scene, Target};
 use crate::score::Objective;

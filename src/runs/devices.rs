@@ -7,15 +7,14 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::inputs::{Files, Given};
-use super::{Computing, RunError, opening};
+use super::{Computing, Conditions, RunError, opening};
 use crate::engine::gpu::{GpuBackend, SelfTest, TestedAdapter, test_adapters};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineKind};
+use crate::json::counted;
 use crate::problem::Problem;
-use crate::runs::Conditions;
 use crate::scan::conditions::in_words;
 use crate::vehicle::{Placement, random_placements_by_the_rules, read_placements};
 use crate::verify::{Verification, compared_frames, usual_placements, verify};
-use sightline_files::json::counted;
 
 /// Random placements by default.
 const RANDOM: usize = 200;

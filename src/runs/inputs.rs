@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::opening::vehicle_alone;
 use super::run_folder::{RESULT, rig_file, rig_path, vehicle_of_run};
 use super::{Computing, RunError, Watcher};
-use crate::json::{FileKind, ForeignJson};
+use crate::json::{FileKind, ForeignJson, counted};
 use crate::problem::Problem;
 use crate::scene::Scene;
 pub(super) use crate::vehicle::placement_file::file_and_name;
@@ -16,7 +16,6 @@ use crate::vehicle::{
     Sensors, Vehicle, name_lidars, read_placements, table_7_held_by,
 };
 use crate::{Note, files};
-use sightline_files::json::counted;
 
 /// Message for a file of placements that stands without a scene.
 const PLACEMENTS_ALONE: &str = "holds placements; give a scene to score them in before it, or look at requirements on level \

@@ -22,7 +22,7 @@ use crate::vehicle::TargetRule;
 
 use super::inputs::{no_run_folder, note_unpriced};
 use super::{Computing, RunError, Watcher};
-use sightline_files::json::counted;
+use crate::json::counted;
 
 /// Seconds until scoring could begin.
 #[derive(Debug, Clone, Copy, Default)]

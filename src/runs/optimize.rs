@@ -20,7 +20,7 @@ use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::record::peak_memory;
 use crate::report::words::from_here;
-use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
+use crate::report::{Figures, Looks, RunRecord, RunTimes, report_html};
 use crate::search::{
     Event, FrameChoice, LeftOut, Outcome, PATIENCE, Run, Scored, Settings, Stopped, TimeLimit, Work,
 };
@@ -252,6 +252,30 @@ impl RunSession<'_> {
         let view = GltfView { scene, frame: 0, placements, points: &[] };
         outputs::write_gltf(self.request.gltf.gltf.as_deref(), self.computing.watcher, &view)
     }
+
+    /// Work and wall times of all sittings up to now.
+    fn spent(&self) -> Spent {
+        let now = self.run.run().map(Run::times).unwrap_or_default();
+        let Spent { searched, seconds, times, ref kept } = self.earlier;
+        Spent {
+            searched: searched + now.scored,
+            seconds: seconds + now.until_swaps,
+            kept: kept.clone(),
+            times: RunTimes {
+                load: times.load + self.times.load,
+                build: times.build + self.times.build + now.frames,
+                equip: times.equip + self.run.equipped_in.as_secs_f64(),
+                search: times.search + now.search,
+                generations: times.generations + now.generations,
+                bookkeeping: times.bookkeeping + now.bookkeeping,
+                swaps: times.swaps + now.swaps,
+                bounds: times.bounds + now.bounds,
+                confirm: times.confirm + now.confirm,
+                page: times.page,
+                total: times.total + self.start.elapsed().as_secs_f64(),
+            },
+        }
+    }
 }
 
 /// One run of the program on a run folder.
@@ -300,32 +324,6 @@ fn earlier_times<T: DeserializeOwned + Default>(folder: &Path, is_new: bool) -> 
     serde_json::from_slice(&text).unwrap_or_default()
 }
 
-impl RunSession<'_> {
-    /// Work and wall times of all sittings up to now.
-    fn spent(&self) -> Spent {
-        let now = self.run.run().map(Run::times).unwrap_or_default();
-        let Spent { searched, seconds, times, ref kept } = self.earlier;
-        Spent {
-            searched: searched + now.scored,
-            seconds: seconds + now.until_swaps,
-            kept: kept.clone(),
-            times: RunTimes {
-                load: times.load + self.times.load,
-                build: times.build + self.times.build + now.frames,
-                equip: times.equip + self.run.equipped_in().as_secs_f64(),
-                search: times.search + now.search,
-                generations: times.generations + now.generations,
-                bookkeeping: times.bookkeeping + now.bookkeeping,
-                swaps: times.swaps + now.swaps,
-                bounds: times.bounds + now.bounds,
-                confirm: times.confirm + now.confirm,
-                page: times.page,
-                total: times.total + self.start.elapsed().as_secs_f64(),
-            },
-        }
-    }
-}
-
 /// Saves the state: the history first, so that it is never behind.
 fn save(sitting: &RunSession) -> Result<(), RunError> {
     if let Some(run) = sitting.run.run() {
@@ -356,22 +354,18 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     if let Some(seconds) = limit {
         settled["max_seconds"] = json!(seconds);
     }
-    let mut record = RunRecord::new(
-        outcome,
-        RunContext {
-            scene: job.scene().name(),
-            settings: settled,
-            command: command(&sitting.begun, settings, limit, in_full),
-            suite,
-            equipment: sitting.run.equipment_in_words(),
-            seed: settings.seed,
-            objective: settings.objective.to_string(),
-            conditions: sitting.begun.files.conditions.clone(),
-            rate: spent.searched as f64 / spent.seconds,
-            timings: spent.times,
-            peak_memory: peak_memory(),
-        },
-    );
+    let mut record = RunRecord {
+        settings: settled,
+        command: command(&sitting.begun, settings, limit, in_full),
+        equipment: sitting.run.equipment_in_words(),
+        seed: settings.seed,
+        objective: settings.objective.to_string(),
+        conditions: sitting.begun.files.conditions.clone(),
+        rate: spent.searched as f64 / spent.seconds,
+        timings: spent.times,
+        peak_memory: peak_memory(),
+        ..RunRecord::new(outcome, suite, job.scene().name())
+    };
     sitting.check(&record)?;
     let drawing = Instant::now();
     let (best, baselines) = (&record.best, &record.baselines);

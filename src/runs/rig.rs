@@ -7,6 +7,7 @@ use super::inputs::file_and_name;
 use super::run_folder::rig_file;
 use super::{RunError, Watcher, outputs};
 use crate::files::{Session, safe_name, shared_folder, writable_file, writable_folder};
+use crate::json::stream_text;
 use crate::rig::{
     Comparison, Exported, FormatError, ImportSettings, ImportedRig, MODELS_FILE, Models, Mounting,
     NamedText, Rig, RigFormat, RigSource, compare, default_frame, export, import, import_texts,
@@ -14,7 +15,6 @@ use crate::rig::{
 };
 use crate::scene::Scene;
 use crate::vehicle::{PlacementFileError, Vehicle, in_millimetres};
-use sightline_files::json::stream_text;
 
 /// Most bytes of a rig on standard input, as of a file.
 const MOST_INPUT: u64 = 16 << 20;

@@ -383,27 +383,7 @@ impl ScanRequest {
             ..usual
         })
     }
-}
 
-/// All placements of files, or one by its name behind a colon, each with its file.
-fn placements(given: &[String]) -> Result<Vec<(&Path, Placement)>, RunError> {
-    let mut found: Vec<(&Path, Placement)> = Vec::new();
-    for text in given {
-        let file = Path::new(file_and_name(text).0);
-        found.extend(named_placements(text)?.into_iter().map(|placement| (file, placement)));
-    }
-    for (k, (_, placement)) in found.iter().enumerate() {
-        if found[..k].iter().any(|(_, other)| other.name == placement.name) {
-            let name = &placement.name;
-            return Err(RunError::Usage(format!(
-                "--placement: `{name}` comes twice, and each is to have a folder of its own; rename one"
-            )));
-        }
-    }
-    Ok(found)
-}
-
-impl ScanRequest {
     /// Checks that `--gltf` shows one frame of one scene, and that its file can be written.
     fn check_gltf(&self, scenes: &[Scene], placements: &[Placement]) -> Result<(), RunError> {
         let (Some((path, frame)), [scene, ..]) = (&self.gltf, scenes) else { return Ok(()) };
@@ -441,4 +421,22 @@ impl ScanRequest {
         let view = GltfView { scene, frame, placements, points: &points };
         outputs::write_gltf(Some(path), watcher, &view)
     }
+}
+
+/// All placements of files, or one by its name behind a colon, each with its file.
+fn placements(given: &[String]) -> Result<Vec<(&Path, Placement)>, RunError> {
+    let mut found: Vec<(&Path, Placement)> = Vec::new();
+    for text in given {
+        let file = Path::new(file_and_name(text).0);
+        found.extend(named_placements(text)?.into_iter().map(|placement| (file, placement)));
+    }
+    for (k, (_, placement)) in found.iter().enumerate() {
+        if found[..k].iter().any(|(_, other)| other.name == placement.name) {
+            let name = &placement.name;
+            return Err(RunError::Usage(format!(
+                "--placement: `{name}` comes twice, and each is to have a folder of its own; rename one"
+            )));
+        }
+    }
+    Ok(found)
 }

@@ -14,26 +14,27 @@ use serde_json::{Value, json};
 use super::inputs::{Files, Given, fit_alone, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::run_folder::with_run;
-use super::{Computing, GRACE, RunError, TableFormat, Watcher, opening, outputs};
+use super::{
+    Computing, Conditions, GRACE, MountingArgs, RunError, TableFormat, Watcher, opening, outputs,
+};
 use crate::csv::csv;
 use crate::files::{
     FileNames, Output, Session, safe_names, shared_folder, sync_disk, writable_file, write_as,
     write_npy, write_whole,
 };
 use crate::job::{Job, JobFiles};
+use crate::json::counted;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::run_tables::{
     requirements_of, rows_with_requirements, titles_with_requirements,
 };
-use crate::runs::{Conditions, MountingArgs};
 use crate::scan::conditions::{in_words, under};
 use crate::score::{Scores, Seen};
 use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::{Placement, PlacementFileError, Vehicle};
 use listed::{listed, not_looked_closely};
 use rigs::RigFiles;
-use sightline_files::json::counted;
 
 /// Scores placements and writes the scores as they are computed, to the request's file or else to `out`. False, and a note,
 /// where there are requirements and no placement meets all of them.

@@ -10,11 +10,10 @@ use super::inputs::{
     Files, Given, can_be_read, file_and_name, fit_alone, note_repeated, note_unpriced,
 };
 use super::run_folder::{rig_path, with_run};
-use super::{Bar, Computing, GRACE, RunError, Watcher, opening};
+use super::{Bar, Computing, Conditions, GRACE, RunError, Watcher, opening};
 use crate::files;
 use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
 use crate::report::study::study_plot;
-use crate::runs::Conditions;
 use crate::scan::conditions::in_words;
 use crate::scene::Scene;
 use crate::study::{Kind, Row, StudyObserver, StudySettings, Subregion, Table, study};

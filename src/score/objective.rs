@@ -4,11 +4,10 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use sightline_files::json::nearest;
+use crate::json::{nearest, spoken};
 
 use super::over_scenes::totals;
 use super::{Guard, Scores, TaskScores};
-use crate::json::spoken;
 use crate::problem::{Content, Entropy, REPEATS, Tally};
 use crate::psog::to_nats;
 

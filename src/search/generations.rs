@@ -10,9 +10,9 @@ use sightline_cma::{CmaOptions, Ended, RestartOptions, Restarts};
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::settings::Settings;
+use crate::json::counted;
 use crate::score::{Scores, Standing};
 use crate::vehicle::{Constraints, Placement, PoseGrid};
-use sightline_files::json::counted;
 
 /// Step size at the start, in the search space scaled to [0, 1]: most of each range is reached.
 const STEP_SIZE: f64 = 0.3;

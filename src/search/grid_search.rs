@@ -32,7 +32,7 @@ pub(super) struct Places {
     clear: Vec<bool>,
     /// Kind of slot of each pose, and the LiDARs of each kind.
     kinds: Vec<usize>,
-    lidars_by_kind: Vec<usize>,
+    pub lidars_by_kind: Vec<usize>,
     /// Least distance between two LiDARs, in metres.
     least: f64,
 }
@@ -40,10 +40,6 @@ pub(super) struct Places {
 impl Places {
     pub(crate) fn kind(&self, pose: u32) -> usize {
         self.kinds[pose as usize]
-    }
-
-    pub(crate) fn lidars_by_kind(&self) -> &[usize] {
-        &self.lidars_by_kind
     }
 
     /// See [`GridSearch::fits`].
@@ -307,13 +303,7 @@ impl GridSearch {
         let b = self.standing_while(evaluator, &second, go_on)?;
         Ok(if b.is_some_and(|b| b.beats(&a)) { second } else { first })
     }
-}
 
-/// Bytes of bitmaps that are read between two questions whether to go on: less than a second's, and few in the tests of
-/// this crate.
-const BYTES_AT_ONCE: usize = if cfg!(test) { 1 << 12 } else { 1 << 30 };
-
-impl GridSearch {
     /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
     /// exist.
     pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
@@ -416,3 +406,7 @@ impl GridSearch {
         is_held.then(|| self.value(evaluator, poses)).transpose()
     }
 }
+
+/// Bytes of bitmaps that are read between two questions whether to go on: less than a second's, and few in the tests of
+/// this crate.
+const BYTES_AT_ONCE: usize = if cfg!(test) { 1 << 12 } else { 1 << 30 };

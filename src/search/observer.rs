@@ -105,7 +105,7 @@ impl fmt::Display for Work {
 pub(super) struct Watch<'a> {
     observer: &'a mut dyn Observer,
     pub(super) deadline: Option<Instant>,
-    interrupted: bool,
+    pub(super) interrupted: bool,
 }
 
 impl<'a> Watch<'a> {
@@ -131,10 +131,6 @@ impl<'a> Watch<'a> {
 
     pub(super) fn note(&mut self, sentence: &str) {
         self.tell(&Event::Note(sentence));
-    }
-
-    pub(super) fn is_interrupted(&self) -> bool {
-        self.interrupted
     }
 
     pub(super) fn why_over(&self) -> &'static str {

@@ -98,22 +98,7 @@ impl Pilot {
         frames.for_each(|frame| sum += &self.by_frame[frame][index]);
         sum
     }
-}
 
-/// Most sets of frames that are all tried; among more sets the best is found by exchanging frames.
-const ALL_SETS: u64 = 4000;
-
-/// Some frames, and the error of ranking by them.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Level {
-    /// Frames in rising order, numbered through all scenes.
-    pub frames: Vec<usize>,
-    /// Ranking error of these frames: RMS over the placements of 1 − a · score / full score, with the best a. `None` where
-    /// no placement has a score.
-    pub error: Option<f64>,
-}
-
-impl Pilot {
     /// Few frames that stand for all, then twice as many and so on to all of them.
     ///
     /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`. With several scenes
@@ -123,7 +108,7 @@ impl Pilot {
     /// there are too many to try.
     pub(crate) fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
         let choice = FrameSets::new(self, objective);
-        let count = choice.frames();
+        let count = choice.sums.len();
         let mut levels: Vec<Level> = Vec::new();
         let mut best = choice.set(choice.least());
         let mut size = best.frames.len().max(1);
@@ -141,6 +126,19 @@ impl Pilot {
         });
         levels
     }
+}
+
+/// Most sets of frames that are all tried; among more sets the best is found by exchanging frames.
+const ALL_SETS: u64 = 4000;
+
+/// Some frames, and the error of ranking by them.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Level {
+    /// Frames in rising order, numbered through all scenes.
+    pub frames: Vec<usize>,
+    /// Ranking error of these frames: RMS over the placements of 1 − a · score / full score, with the best a. `None` where
+    /// no placement has a score.
+    pub error: Option<f64>,
 }
 
 struct FrameSets<'a> {
@@ -177,12 +175,8 @@ impl<'a> FrameSets<'a> {
         let of_frame = |frame: &Vec<Tally>| frame.iter().map(sums_alone).collect();
         let sums = pilot.by_frame.iter().map(of_frame).collect();
         let mut choice = Self { pilot, objective, member_of, sums, reference: Vec::new() };
-        choice.reference = choice.values(&choice.set((0..choice.frames()).collect()), &[]);
+        choice.reference = choice.values(&choice.set((0..choice.sums.len()).collect()), &[]);
         choice
-    }
-
-    fn frames(&self) -> usize {
-        self.sums.len()
     }
 
     fn set(&self, frames: Vec<usize>) -> Set {
@@ -246,7 +240,7 @@ impl<'a> FrameSets<'a> {
     }
 
     fn best(&self, size: usize, from: Set) -> Set {
-        let count = self.frames();
+        let count = self.sums.len();
         if sets(count, size) <= ALL_SETS {
             let mut all: Vec<Set> =
                 subsets(count, size).into_iter().map(|frames| self.set(frames)).collect();

@@ -15,10 +15,10 @@ use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
 use super::on_demand::drawn;
 use super::settings::coarse_grid;
+use crate::json::counted;
 use crate::score::Objective;
 use crate::targets::CAR_WEIGHT;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
-use sightline_files::json::counted;
 
 /// Default grid of the swaps: the spacing of the published placements.
 pub(crate) const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };

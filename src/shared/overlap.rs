@@ -4,12 +4,12 @@ use serde::Serialize;
 
 use super::field_of_view::{FieldOfView, shared_directions};
 use crate::engine::{Backend, BackendError};
+use crate::json::counted;
 use crate::near_field::{place, returned_hits};
 use crate::overlap::{Pair, Shared, chain, connected_up_to, groups, surface_voxels};
 use crate::problem::{Problem, SensorBatch};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{Placement, SensorName};
-use sightline_files::json::counted;
 
 /// Least mean number of surface voxels that a pair must share to be calibrated against each other, where none is said.
 pub const LEAST_SHARED: u64 = 500;

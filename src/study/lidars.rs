@@ -3,9 +3,9 @@
 use super::scene::StudyScene;
 use super::table::{Cases, SCORES, made_large};
 use super::{Row, StudyError, Table, TablePlot, table};
+use crate::json::counted;
 use crate::search::{EquipStep, Equipped, Equipping, Event, Limits, Settings, cost_front};
 use crate::vehicle::{Constraints, Equipment, Placement, Vehicle};
-use sightline_files::json::counted;
 
 /// Numbers of LiDARs that are compared.
 const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;

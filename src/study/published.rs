@@ -3,9 +3,9 @@
 use super::scene::StudyScene;
 use super::table::{Cases, SCORES, made_large, shown_objective};
 use super::{Row, StudyError, Table, TablePlot, table};
+use crate::json::counted;
 use crate::score::{Scores, kendall_tau, mean_height, spearman};
 use crate::vehicle::{Placement, random_placements_by_the_rules};
-use sightline_files::json::counted;
 
 /// Placement, mean mIoU of four segmentation models, mean car mAP and mean pedestrian mAP of four
 /// detectors, in per cent: Place3D, NeurIPS 2024. "Ours" is Ours-seg for segmentation and Ours-det for

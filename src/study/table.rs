@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::StudyError;
 use super::scene::StudyScene;
 use crate::csv::{csv, number};
+use crate::json::distinct;
 use crate::score::{NEAR_GAIN, Objective, Scores, Seen};
 use crate::search::Evaluator;
 use crate::vehicle::Placement;
@@ -180,12 +181,7 @@ impl Table {
         if self.rows.iter().any(|row| row.values.iter().any(Option::is_some)) {
             return None;
         }
-        let mut whys: Vec<&str> = Vec::new();
-        for why in self.rows.iter().filter_map(|row| row.no_answer.as_deref()) {
-            if !whys.contains(&why) {
-                whys.push(why);
-            }
-        }
+        let whys = distinct(self.rows.iter().filter_map(|row| row.no_answer.as_deref()));
         let why = if whys.is_empty() { "no case has a number".to_owned() } else { whys.join("; ") };
         Some(format!("{}: no row has an answer: {why}", self.title))
     }

@@ -3,7 +3,7 @@
 use super::beams::PlacedTarget;
 use super::bodies::BodyPoses;
 use super::places::places_of;
-use crate::json::fixed;
+use crate::json::trimmed;
 use crate::maths;
 use crate::vehicle::{SensorPose, TargetRule, UnknownSensor};
 
@@ -100,11 +100,6 @@ pub(crate) fn missed_places(
         }
     }
     Ok(Missing::new(rule, worst).map(|missing| missing.to_string()))
-}
-
-/// A number with up to `decimals` decimals, as many as it has.
-fn trimmed(value: f64, decimals: usize) -> String {
-    fixed(value, decimals).trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// A bearing in degrees from -180 to 180, as tables have it; a rule may count from 0 to 360.

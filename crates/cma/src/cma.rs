@@ -357,29 +357,7 @@ impl Cma {
     pub fn polishing(&self) -> bool {
         self.polishing
     }
-}
 
-/// A number of the standard normal distribution.
-///
-/// The ziggurat of `rand_distr` takes numbers beyond 3.654 from the C library's logarithm, whose last bit differs
-/// between processors: they are cut to multiples of 2⁻⁴⁰.
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    const TAIL: f64 = 3.654;
-    const STEPS: f64 = (1_u64 << 40) as f64;
-    let z: f64 = StandardNormal.sample(rng);
-    if z.abs() > TAIL { (z * STEPS).round() / STEPS } else { z }
-}
-
-/// Deviations count as on their floor up to this multiple of it.
-const ON_FLOOR: f64 = 2.0;
-/// Farthest move of the best point onto a bound, as a share of the variable's range.
-const NEAR_BOUND: f64 = 0.1;
-/// Growth of the step size on a plateau that the search does not leave.
-const OFF_PLATEAU: f64 = 10.0;
-/// Longest pause between clipped points, in generations.
-const LONGEST_PAUSE: u32 = 16;
-
-impl Cma {
     /// Applies all additions after an update; `order` sorts the candidates, best first.
     fn adjust(&mut self, candidates: &[Candidate], order: &[usize]) {
         if self.progress.stuck_on_plateau() {
@@ -447,3 +425,23 @@ impl Cma {
         }
     }
 }
+
+/// A number of the standard normal distribution.
+///
+/// The ziggurat of `rand_distr` takes numbers beyond 3.654 from the C library's logarithm, whose last bit differs
+/// between processors: they are cut to multiples of 2⁻⁴⁰.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    const TAIL: f64 = 3.654;
+    const STEPS: f64 = (1_u64 << 40) as f64;
+    let z: f64 = StandardNormal.sample(rng);
+    if z.abs() > TAIL { (z * STEPS).round() / STEPS } else { z }
+}
+
+/// Deviations count as on their floor up to this multiple of it.
+const ON_FLOOR: f64 = 2.0;
+/// Farthest move of the best point onto a bound, as a share of the variable's range.
+const NEAR_BOUND: f64 = 0.1;
+/// Growth of the step size on a plateau that the search does not leave.
+const OFF_PLATEAU: f64 = 10.0;
+/// Longest pause between clipped points, in generations.
+const LONGEST_PAUSE: u32 = 16;

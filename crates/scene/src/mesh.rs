@@ -257,7 +257,8 @@ pub(crate) struct Placing {
     axes: Option<MeshAxes>,
     /// Metres a unit along the axes of the file.
     scale: DVec3,
-    pose: Pose,
+    /// Takes the scaled mesh to the frame of its owner.
+    pub pose: Pose,
     /// True where a description may name `axes`: a mesh of a URDF has none.
     takes_axes: bool,
 }
@@ -291,11 +292,6 @@ impl Placing {
     /// Axes as the file has them, and metres a unit along each.
     pub(crate) fn scaled(scale: DVec3) -> Self {
         Self { axes: None, scale, pose: Pose::IDENTITY, takes_axes: false }
-    }
-
-    /// Takes the scaled mesh to the frame of its owner.
-    pub(crate) fn pose(&self) -> &Pose {
-        &self.pose
     }
 
     /// A note on the forward axis of a glTF that neither the description nor the file names.

@@ -105,7 +105,7 @@ impl WorldDraft<'_> {
                         let z = level + STOREY * f64::from(storey);
                         let depth = 1.1 / plot.half.y;
                         let slab = plot.part([at(0.2), at(0.8)], [-1.0 - depth, -1.0]);
-                        if k % 2 == 0 && !self.over_road(&slab) {
+                        if k % 2 == 0 && !self.mask.touches(&slab, ROAD) {
                             self.model.block(&slab, [z, z + 0.95], class::BUILDING);
                         }
                     }
@@ -123,13 +123,9 @@ impl WorldDraft<'_> {
         let depth = 0.6 / plot.half.y;
         let door = self.rng.random_range(-0.7..0.5);
         let step = plot.part([door, door + 0.2], [-1.0 - depth, -1.0]);
-        if !self.over_road(&step) {
+        if !self.mask.touches(&step, ROAD) {
             self.model.block(&step, [level - 0.1, level + 0.3], class::BUILDING);
         }
-    }
-
-    fn over_road(&self, plot: &GroundRect) -> bool {
-        self.mask.touches(plot, ROAD)
     }
 
     /// A hedge, a fence or a wall at the edge of a front garden.

@@ -50,6 +50,46 @@ impl GeneratedWorld {
     pub fn trees(&self) -> &[DVec2] {
         &self.trees
     }
+
+    /// The scene of this world, whose static triangles lie in the file `mesh` beside it.
+    ///
+    /// Region, LiDAR and mount equal those of the example scenes; the LiDAR has 720 azimuth steps.
+    pub fn scene(&self, name: &str, mesh: &str) -> Value {
+        let used: BTreeSet<usize> = self.people.actors.iter().map(|a| a.model).collect();
+        let models = used.iter().map(|&m| &self.people.models[m]);
+        let shapes: BTreeMap<&str, &[BodyPart]> =
+            models.map(|m| (m.name.as_str(), m.parts.as_slice())).collect();
+        let actors: Vec<Value> = self
+            .people
+            .actors
+            .iter()
+            .enumerate()
+            .map(|(i, a)| {
+                let model = &self.people.models[a.model];
+                let track = &self.people.scene.tracks[a.track];
+                let (key, motion) = motion(track, self.frames);
+                json!({ "name": format!("{}-{i}", model.kind), "kind": model.kind,
+                    "parts": [{ "shape": model.name }], key: motion })
+            })
+            .collect();
+        let (body, _) = traffic::ego();
+        let ego = &self.people.scene.tracks[self.people.ego];
+        json!({
+            "sightline": 1,
+            "name": name,
+            "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.2, 0.2, 0.2] },
+            "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 720, "range": 100 },
+            "mount": { "min": [-0.6, -0.6, 2.2], "max": [0.6, 0.6, 2.8], "roll": [-0.3, 0.3],
+                       "min_distance": 0.2, "lidars": 4 },
+            "coverage": "first-hit",
+            "frames": self.frames,
+            "rate": RATE,
+            "ego": { "body": body, "poses": poses(ego, self.frames) },
+            "static": [mesh_shape(&self.model, mesh)],
+            "shapes": shapes,
+            "actors": actors,
+        })
+    }
 }
 
 /// A generator for one step of making a world, so that steps do not disturb each other.
@@ -223,48 +263,6 @@ impl WorldError {
             "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, and move it to the \
              origin"
         ))
-    }
-}
-
-impl GeneratedWorld {
-    /// The scene of this world, whose static triangles lie in the file `mesh` beside it.
-    ///
-    /// Region, LiDAR and mount equal those of the example scenes; the LiDAR has 720 azimuth steps.
-    pub fn scene(&self, name: &str, mesh: &str) -> Value {
-        let used: BTreeSet<usize> = self.people.actors.iter().map(|a| a.model).collect();
-        let models = used.iter().map(|&m| &self.people.models[m]);
-        let shapes: BTreeMap<&str, &[BodyPart]> =
-            models.map(|m| (m.name.as_str(), m.parts.as_slice())).collect();
-        let actors: Vec<Value> = self
-            .people
-            .actors
-            .iter()
-            .enumerate()
-            .map(|(i, a)| {
-                let model = &self.people.models[a.model];
-                let track = &self.people.scene.tracks[a.track];
-                let (key, motion) = motion(track, self.frames);
-                json!({ "name": format!("{}-{i}", model.kind), "kind": model.kind,
-                    "parts": [{ "shape": model.name }], key: motion })
-            })
-            .collect();
-        let (body, _) = traffic::ego();
-        let ego = &self.people.scene.tracks[self.people.ego];
-        json!({
-            "sightline": 1,
-            "name": name,
-            "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.2, 0.2, 0.2] },
-            "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 720, "range": 100 },
-            "mount": { "min": [-0.6, -0.6, 2.2], "max": [0.6, 0.6, 2.8], "roll": [-0.3, 0.3],
-                       "min_distance": 0.2, "lidars": 4 },
-            "coverage": "first-hit",
-            "frames": self.frames,
-            "rate": RATE,
-            "ego": { "body": body, "poses": poses(ego, self.frames) },
-            "static": [mesh_shape(&self.model, mesh)],
-            "shapes": shapes,
-            "actors": actors,
-        })
     }
 }
 

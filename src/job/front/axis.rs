@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::json::counted;
 use crate::score::{Objective, ObjectiveError, Scores};
-use sightline_files::json::counted;
 
 /// Fewest and most objectives of a front.
 const COUNT: [usize; 2] = [2, 3];

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::json::distinct;
 use crate::score::Objective;
 use crate::search::{Equipped, Limits};
 use crate::vehicle::{Equipment, Placement};
@@ -72,12 +73,7 @@ fn normal(scaled: &[Vec<f64>], axes: usize) -> Option<Vec<f64>> {
         };
         scaled.iter().min_by(order)
     };
-    let mut rows: Vec<&Vec<f64>> = Vec::new();
-    for row in (0..axes).filter_map(best_of) {
-        if !rows.contains(&row) {
-            rows.push(row);
-        }
-    }
+    let rows = distinct((0..axes).filter_map(best_of));
     if axes < 2 {
         return None;
     }

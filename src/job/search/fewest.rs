@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::points_in_words;
+use crate::json::counted;
 use crate::search::{Equipped, Event, Limits, Observer};
 use crate::vehicle::{Equipment, Vehicle};
-use sightline_files::json::counted;
 
 /// Share by which the next price is less than one that is met.
 const LESS: f64 = 1e-9;

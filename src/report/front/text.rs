@@ -4,11 +4,11 @@ use super::{
     FrontRecord, REQUIRED, all_shown, blind_in_words, copies, front_rows, has_requirements,
 };
 use crate::job::{Front, FrontPoint, FrontStopped};
+use crate::json::counted;
 use crate::report::columns::align_with_notes;
 use crate::report::svg::trimmed;
 use crate::scan::conditions::under;
 use crate::score::{Seen, percent_down, percent_up};
-use sightline_files::json::counted;
 
 /// The requirement that a point misses most, and how many it misses; `None` where it misses none.
 fn most_missed(point: &FrontPoint) -> Option<(&Seen, usize)> {

@@ -66,7 +66,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
 
 fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let unique = subject.result.map_or(&[][..], |best| &best.scores.unique_share);
-    let gains = figures.views.first().map(|view| view.gains());
+    let gains = figures.views.first().map(|view| &view.sight.gains);
     let whole = gains.map_or(0.0, |gains| gains.gained()).max(f64::MIN_POSITIVE);
     let rows = unique.iter().enumerate().map(|(index, only)| {
         let alone = gains.and_then(|gains| gains.alone.get(index)).map(|nats| nats / whole);
@@ -176,7 +176,7 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let (views, Some(result)) = (&figures.views[..], subject.result) else { return html! {} };
     let Some(first) = views.first() else { return html! {} };
     let lidars = result.placement.lidars.len();
-    let place = if views.len() > 1 { "the scene that is chosen" } else { first.scene() };
+    let place = if views.len() > 1 { "the scene that is chosen" } else { &first.scene };
     let label = format!(
         "The vehicle with {lidars} LiDARs in {place}, what is around it, and the voxels that hold information"
     );
@@ -215,7 +215,7 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
 }
 
 fn controls(subject: &Subject<'_>, figures: &Figures, lidars: usize) -> Markup {
-    let frames = figures.views.first().map_or(&[][..], |view| view.frames());
+    let frames = figures.views.first().map_or(&[][..], |view| &view.frames);
     let rival = subject.rival().map(|rival| &rival.placement.name);
     html! {
         form #controls {
@@ -223,7 +223,7 @@ fn controls(subject: &Subject<'_>, figures: &Figures, lidars: usize) -> Markup {
                 label { "Scene "
                     select name="scene" {
                         @for (index, view) in figures.views.iter().enumerate() {
-                            option value=(index) { (view.scene()) }
+                            option value=(index) { (view.scene) }
                         }
                     }
                 }

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::layout::{bar, difference, table, table_of, text};
 use super::{Figures, Subject};
+use crate::json::counted;
 use crate::report::tables::rows_by_scene;
 use crate::report::text::{Against, COUNTED_FROM, against as compared, value_in_words};
 use crate::report::view::sight::InformationShare;
@@ -11,7 +12,6 @@ use crate::report::warnings::{KINDS, kinds_beside};
 use crate::report::{RunRecord, ScoreColumn};
 use crate::score::{HOLDS, Scores, Seen, percent_down, percent_up};
 use crate::search::{MANY_SCENES, Scored};
-use sightline_files::json::counted;
 
 /// The gain over each baseline, or the near gain where that was maximized.
 pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
@@ -217,7 +217,7 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
     html! {
         p {
             "Per cent of the information there is that the beams reach, over "
-            (counted(first.gains().frames, "frame"))
+            (counted(first.sight.gains.frames, "frame"))
             @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
             ". A voxel in which several classes occur counts with the rarest of them."
             @if near_gain(ScoreColumn::argued(subject.objective)).is_some() {
@@ -225,9 +225,9 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
             }
         }
         @for view in &figures.views {
-            @if figures.views.len() > 1 { h3 { (view.scene()) } }
-            (parts("By class", rival, place, &view.gains().by_class))
-            (parts("By distance from the vehicle", rival, place, &view.gains().by_distance))
+            @if figures.views.len() > 1 { h3 { (view.scene) } }
+            (parts("By class", rival, place, &view.sight.gains.by_class))
+            (parts("By distance from the vehicle", rival, place, &view.sight.gains.by_distance))
         }
     }
 }

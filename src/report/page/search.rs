@@ -6,12 +6,12 @@ use serde_json::Value;
 use super::layout::{figure, table, text};
 use super::{Figures, Looks, Subject, report_html};
 use crate::job::{Found, Job, JobError};
+use crate::json::counted;
 use crate::report::record::{evaluations_in_words, steps_of_generations};
-use crate::report::text::{limit_of, rule_lines, told_findings};
+use crate::report::text::{finding_rows, limit_of, rule_lines};
 use crate::report::words::{climbs_in_words, frames_in_words};
-use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
+use crate::report::{RunRecord, certificate_in_words, methods_in_words};
 use crate::search::Scored;
-use sightline_files::json::counted;
 
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     html! {
@@ -61,13 +61,8 @@ fn notes(run: &RunRecord) -> Markup {
 }
 
 fn findings(run: &RunRecord) -> Markup {
-    let row = |finding: &crate::search::Finding| {
-        let mut row = vec![text(finding.property)];
-        row.push(text(optional(finding.correlation, 2)));
-        row.push(text(optional(finding.beside_height, 2)));
-        (false, row)
-    };
-    let rows: Vec<_> = told_findings(&run.findings).map(row).collect();
+    let rows = finding_rows(&run.findings).into_iter();
+    let rows: Vec<_> = rows.map(|row| (false, row.into_iter().map(text).collect())).collect();
     html! {
         @if !rows.is_empty() {
             h3 { "Properties that go with the score" }

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::layout::{figure, prose, table, table_of, text};
 use super::{Figures, Subject};
 use crate::job::Loss;
-use crate::json::fixed;
+use crate::json::{counted, fixed};
 use crate::report::ScoreColumn;
 use crate::report::coverage::{redundancy_rows, technology_rows};
 use crate::report::svg::trimmed;
@@ -13,7 +13,6 @@ use crate::report::targets::{
     overlap_in_words, range_card_rows, range_card_svgs, reach_in_words, sizes_in_words,
 };
 use crate::score::percent_down;
-use sightline_files::json::counted;
 
 /// Distances of detection, and the sectors in which the result is blind.
 pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {

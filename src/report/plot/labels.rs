@@ -15,8 +15,9 @@ pub(in crate::report) struct PlotLabels {
     points: Vec<(f64, f64)>,
     /// Points with their words; those in one place share them.
     places: Vec<((f64, f64), String)>,
-    /// Lines that explain the numbers, where the words have no room.
-    list: Option<Vec<String>>,
+    /// Lines under the chart that explain the numbers, from the left of the area on; `None` where the words stand beside
+    /// their points.
+    pub list: Option<Vec<String>>,
 }
 
 impl PlotLabels {
@@ -46,11 +47,6 @@ impl PlotLabels {
             numbered.flat_map(|item| lines(&item, letters)).collect()
         });
         Self { area, points, places, list }
-    }
-
-    /// Lines under the chart, from the left of the area on; `None` where the words stand beside their points.
-    pub(crate) fn list(&self) -> Option<&[String]> {
-        self.list.as_deref()
     }
 
     pub(crate) fn draw(&self) -> Markup {
@@ -138,7 +134,7 @@ mod tests {
         let named = |points: &[(f64, f64)], words: [&str; 2]| {
             let labels = words.into_iter().enumerate();
             let named = PlotLabels::new(points, labels, area, 900.0);
-            (named.draw().into_string(), named.list().map(<[String]>::to_vec))
+            (named.draw().into_string(), named.list.clone())
         };
         let apart = [(100.0, 300.0), (500.0, 100.0)];
         let (drawn, list) = named(&apart, ["one roof", "two doors"]);

@@ -1,9 +1,9 @@
 //! Distances of detection of a study as text; where there are few distances, the beams at each.
 
 use super::{bearing_in_words, by_placement, heading, runs_in_words};
+use crate::json::distinct;
 use crate::report::columns::align_columns;
 use crate::report::svg::trimmed;
-use crate::report::tables::distinct;
 use crate::targets::{Detection, TargetRow, TargetTable};
 
 /// Most distances at which beams are shown at each of them, in place of the distances of detection.

@@ -46,7 +46,7 @@ fn viewed() -> (Scene, Arc<Problem>, [Placement; 2], ViewData) {
 fn gains_by_class_and_by_distance_add_up_to_the_scores() {
     let (_, problem, layouts, view) = viewed();
     let scores = Evaluator::on_cpu(problem).scores(&layouts).unwrap();
-    let gains = view.gains();
+    let gains = &view.sight.gains;
     for (layout, scores) in scores.iter().enumerate() {
         let want = scores.segmentation.information_gain.unwrap();
         assert!(want > 1.0);

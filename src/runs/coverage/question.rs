@@ -1,12 +1,12 @@
 //! The question of `study targets`: its targets, distances and bearings.
 
 use super::TargetsRequest;
+use crate::json::counted;
 use crate::runs::{Computing, RunError, Watcher};
 use crate::scan::conditions::weather;
 use crate::scene::Target;
 use crate::targets::{Receiving, TargetQuestion, card_bearings};
 use crate::vehicle::{Placement, Sensors};
-use sightline_files::json::counted;
 
 /// Notes on distances that were told, and the longest range of the LiDARs where distances go to it.
 #[derive(Default)]

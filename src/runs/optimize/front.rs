@@ -12,7 +12,7 @@ use crate::files::{FileError, RunDir, Session, command_of as command_in};
 use crate::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped, Job};
 use crate::report::front::front_plot;
 use crate::report::words::{from_here, word};
-use crate::report::{FrontContext, FrontRecord, front_html};
+use crate::report::{FrontRecord, front_html};
 use crate::runs::inputs::note_unpriced;
 use crate::runs::{Computing, GRACE, RunError, Watcher, opening, outputs};
 use crate::search::{Event, Settings, TimeLimit};
@@ -105,14 +105,14 @@ pub fn front(
     folder.write_json(TIMES, &seconds)?;
     let limit = max_seconds.filter(|_| found.stopped == FrontStopped::Time);
     let (begun, objectives) = (&saved.begun, &saved.objectives);
-    let context = FrontContext {
+    let record = FrontRecord {
         scene: job.scene().name().to_owned(),
         settings: settings_json(begun, &job, objectives, limit),
         command: command_of(begun, &job, objectives, limit, in_full),
         conditions: begun.files.conditions.clone(),
         seconds,
+        ..FrontRecord::new(&found)
     };
-    let record = FrontRecord::new(&found, context);
     // The page is read where the run was made.
     let here = command_of(begun, &job, objectives, limit, from_here);
     let page = front_html(&found, &FrontRecord { command: here, ..record.clone() });

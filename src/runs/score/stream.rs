@@ -19,6 +19,7 @@ use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
 };
 use crate::job::Job;
+use crate::json::counted;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::report::run_tables::{
@@ -31,7 +32,6 @@ use crate::scan::conditions::{in_words, under};
 use crate::score::Scores;
 use crate::search::Evaluator;
 use crate::vehicle::{Placement, PlacementFileError, SensorName};
-use sightline_files::json::counted;
 
 /// Placements that are scored in one go at first.
 const FEWEST: usize = 32;

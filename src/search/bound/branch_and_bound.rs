@@ -284,7 +284,7 @@ fn by_pairs(
 
 /// The empty set, extended by bounds from pairs.
 fn root(pairs: &PairBound, places: &Places) -> Node {
-    let kinds = places.lidars_by_kind().iter().enumerate().map(|(kind, &left)| {
+    let kinds = places.lidars_by_kind.iter().enumerate().map(|(kind, &left)| {
         let poses = pairs.singles().into_iter();
         let fitting = poses.filter(|c| places.kind(c.0) == kind && places.fits(c.0, &[]));
         Candidates { left, poses: fitting.collect() }

@@ -53,9 +53,9 @@ impl<'a> FirstPoses<'a> {
         unit: f64,
         memory: u64,
     ) -> Self {
-        let poses = columns.poses() as u32;
+        let poses = columns.poses as u32;
         let of_kind = |kind: usize| (0..poses).filter(move |&pose| places.kind(pose) == kind);
-        let lidars = places.lidars_by_kind();
+        let lidars = &places.lidars_by_kind;
         let kinds = (0..lidars.len()).filter(|&kind| lidars[kind] > 0);
         let fewest = kinds.min_by_key(|&kind| of_kind(kind).count()).unwrap_or(0);
         let mut firsts: Vec<u32> = of_kind(fewest).filter(|&p| places.fits(p, &[])).collect();
@@ -84,7 +84,7 @@ impl<'a> FirstPoses<'a> {
 
     /// Bytes that a look takes beside the columns, at most.
     pub(crate) fn bytes(&self) -> u64 {
-        let poses = self.columns.poses() as u64;
+        let poses = self.columns.poses as u64;
         let overlaps = 8 * poses * (poses + self.columns.lead().len() as u64);
         rayon::current_num_threads() as u64 * (overlaps + 16 * self.most_candidates as u64)
     }
@@ -151,7 +151,7 @@ impl<'a> FirstPoses<'a> {
                 open.push(child);
             } else if self.may_meet(&mut node) {
                 self.make_exact(&mut node);
-                words += node.candidates() as u64 * self.columns.words() as u64;
+                words += node.candidates() as u64 * self.columns.words as u64;
                 looked.sets += 1;
                 open.push(node);
             }
@@ -169,13 +169,13 @@ impl<'a> FirstPoses<'a> {
     fn first(&self, at: usize) -> Node {
         let first = self.firsts[at];
         let outside = self.columns.outside(&[first]);
-        let kinds = self.places.lidars_by_kind().iter().enumerate().map(|(kind, &lidars)| {
+        let kinds = self.places.lidars_by_kind.iter().enumerate().map(|(kind, &lidars)| {
             let left = lidars - usize::from(kind == self.places.kind(first));
             let later = |&pose: &u32| {
                 let is_of_kind = left > 0 && self.places.kind(pose) == kind;
                 is_of_kind && self.rank[pose as usize] > at && self.places.fits(pose, &[first])
             };
-            let all = (0..self.columns.poses() as u32).filter(later);
+            let all = (0..self.columns.poses as u32).filter(later);
             let poses =
                 all.map(|pose| (pose, self.unit * self.columns.most(pose, &outside) as f64));
             Candidates { left, poses: poses.collect() }
@@ -207,7 +207,7 @@ impl Beside {
     fn new(firsts: &FirstPoses, first: &Node) -> Self {
         let candidates: Vec<(u32, f64)> =
             first.kinds.iter().flat_map(|kind| kind.poses.clone()).collect();
-        let mut number = vec![u32::MAX; firsts.columns.poses()];
+        let mut number = vec![u32::MAX; firsts.columns.poses];
         for (index, &(pose, _)) in candidates.iter().enumerate() {
             number[pose as usize] = index as u32;
         }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::branch_and_bound::{Effort, GainBound, bound_gain};
 use super::required::BoundRequirements;
 use super::sample::{GridSample, LipschitzBound};
-use crate::json::spoken;
+use crate::json::{counted, spoken};
 use crate::search::atlases::Atlases;
 use crate::search::climb::{Check, Moves};
 use crate::search::error::SearchError;
@@ -15,7 +15,6 @@ use crate::search::observer::{Event, Watch, Work};
 use crate::search::settings::{Settings, coarse_grid};
 use crate::search::swaps::{MISSING, SWAP_SPACING};
 use crate::vehicle::{Constraints, PoseGrid, PoseGridError};
-use sightline_files::json::counted;
 
 /// Least spacing of the bound's grid where none is given, as a multiple of that of the swaps; every pose of it is cast.
 const COARSE: u32 = 2;

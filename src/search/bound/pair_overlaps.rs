@@ -144,7 +144,7 @@ impl PairBound {
         go_on: &dyn Fn() -> bool,
         mut bound_of: impl FnMut(&Self) -> f64,
     ) -> (Self, f64) {
-        let n = columns.poses();
+        let n = columns.poses;
         let scaled = |sum: u64| worths.unit * sum as f64;
         let in_full = |sum: u64| scaled(sum) * worths.in_full;
         let groups = &columns.groups;

@@ -85,7 +85,7 @@ impl<'a> BoundRequirements<'a> {
             let all = 0..self.atlas.grid().len();
             all.filter(move |&pose| places.kind(pose) == kind && places.fits(pose, &[]))
         };
-        let kinds = places.lidars_by_kind().iter().enumerate();
+        let kinds = places.lidars_by_kind.iter().enumerate();
         let kinds: Vec<([usize; 2], Vec<u32>)> =
             kinds.map(|(kind, &lidars)| ([lidars; 2], poses(kind).collect())).collect();
         let unseen = self.atlas.out_of_reach(&kinds);

@@ -23,8 +23,8 @@ const WORDS_AT_ONCE: u64 = if cfg!(test) { 1 << 12 } else { 1 << 30 };
 /// groups by the share of some typical poses that cover it, and by worth within a group.
 #[derive(Default)]
 pub(in crate::search) struct Columns {
-    poses: usize,
-    words: usize,
+    pub poses: usize,
+    pub words: usize,
     /// `[poses × words]`.
     bitmaps: Vec<u64>,
     /// Worth of each column, and the least and the most of each word: these differ little.
@@ -195,14 +195,6 @@ impl Columns {
     /// Words that [`Self::add_overlaps`] reads of each pair.
     pub(crate) fn group_words(&self, group: usize) -> u64 {
         self.groups[group].words.len() as u64
-    }
-
-    pub(crate) fn poses(&self) -> usize {
-        self.poses
-    }
-
-    pub(crate) fn words(&self) -> usize {
-        self.words
     }
 
     /// Words of the columns that many poses cover, which have most of the overlaps.

@@ -230,7 +230,7 @@ impl Equip {
         for (block, poses) in all.chunks(CAST).enumerate() {
             let (work, done, total) = (Work::Equipment, (block * CAST) as u64, all.len() as u64);
             if !watch.tell(&Event::Progress { work, done, total }) {
-                return Ok(match watch.is_interrupted() {
+                return Ok(match watch.interrupted {
                     true => Opened::Stopped,
                     false => Opened::OutOfTime,
                 });
@@ -312,7 +312,7 @@ impl Equip {
 
     /// Ends a choice early: without a result after Ctrl-C, with the best equipment so far where the time is over.
     fn cut(&mut self, state: &Choosing, grown: Vec<Choice>, watch: &mut Watch) -> EquipStep {
-        if watch.is_interrupted() {
+        if watch.interrupted {
             return EquipStep::Stopped;
         }
         let mut ends = state.ends.clone();

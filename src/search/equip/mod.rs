@@ -264,7 +264,7 @@ impl Equipping {
         let all = chosen.into_iter().chain(allowed.iter().map(|(_, of)| &of.placement));
         let mut watch = Watch::until(observer, self.deadline.filter(|_| given.len() > 1));
         let Some(scores) = self.spare.scores(&all.cloned().collect::<Vec<_>>(), &mut watch)? else {
-            if watch.is_interrupted() {
+            if watch.interrupted {
                 return Ok(None);
             }
             watch.note(LOOK_OUT_OF_TIME);

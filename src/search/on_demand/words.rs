@@ -1,7 +1,7 @@
 //! Frames that a search chose on demand, in words.
 
 use super::{FramesOnDemand, SearchEnd};
-use sightline_files::json::counted;
+use crate::json::counted;
 
 impl FramesOnDemand {
     pub(super) fn words(&self, share: f64, end: SearchEnd) -> String {

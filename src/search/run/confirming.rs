@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::state::Run;
+use crate::json::counted;
 use crate::score::Standing;
 use crate::search::bound::Certificate;
 use crate::search::error::SearchError;
@@ -17,9 +18,7 @@ use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::{Method, PATIENCE};
 use crate::search::spread::{Gain, GainSpread, PhaseCheck, check_draws};
 use crate::search::tolerance::Tolerance;
-use crate::vehicle::Placement;
-use crate::vehicle::placement_to_nanometres;
-use sightline_files::json::counted;
+use crate::vehicle::{Placement, placement_to_nanometres};
 
 /// Says that a part of the outcome is left out for want of time.
 fn left_out(part: &str, watch: &mut Watch) {
@@ -344,7 +343,7 @@ impl Run {
     fn stopped(&self, watch: &Watch) -> Stopped {
         let generations = self.state.generations.stopped();
         let is_cut_short = generations.is_none() && self.state.settings.method != Method::Swaps;
-        if watch.is_interrupted() || self.sitting.interrupted {
+        if watch.interrupted || self.sitting.interrupted {
             return Stopped::Interrupted;
         }
         match generations {

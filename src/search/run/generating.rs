@@ -21,7 +21,7 @@ impl Run {
         }
         let is_first = self.sitting.generations == 0;
         let is_over = watch.is_over() && !is_first;
-        if watch.is_interrupted() || is_over {
+        if watch.interrupted || is_over {
             self.cut(watch);
             self.state.phase = Phase::Finalists;
             return Ok(());
@@ -38,7 +38,7 @@ impl Run {
         let settings = &self.state.settings;
         let Some(generation) = self.state.generations.step(evaluator, settings, &mut go_on)? else {
             self.cut(watch);
-            match is_first && !watch.is_interrupted() {
+            match is_first && !watch.interrupted {
                 true => self.hurry(watch),
                 false => self.state.phase = Phase::Finalists,
             }
@@ -118,7 +118,7 @@ impl Run {
             }
         }
         self.state.phase = if self.is_at_target() { Phase::Confirm } else { Phase::Swaps };
-        if watch.is_interrupted() {
+        if watch.interrupted {
             self.cut(watch);
             self.state.phase = Phase::Confirm;
         }

@@ -259,7 +259,7 @@ impl Run {
             Phase::Confirm => outcome = Some(self.confirm(&mut watch)?),
         }
         self.tell_changes(&mut watch);
-        self.sitting.interrupted |= watch.is_interrupted();
+        self.sitting.interrupted |= watch.interrupted;
         let took = start.elapsed().as_secs_f64();
         let times = &mut self.sitting.times;
         match phase {
@@ -334,8 +334,8 @@ impl Run {
     /// Snapshots `before`, the state before the phase that is aborted, for [`Self::state`].
     pub(super) fn cut_at(&mut self, before: State, watch: &Watch) {
         self.before_cut.get_or_insert(before);
-        self.sitting.interrupted |= watch.is_interrupted();
-        self.sitting.out_of_time |= !watch.is_interrupted();
+        self.sitting.interrupted |= watch.interrupted;
+        self.sitting.out_of_time |= !watch.interrupted;
     }
 
     /// True if a run that is to end does not score over all frames, because there are many; over few frames it scores

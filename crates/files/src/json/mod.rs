@@ -11,7 +11,9 @@ mod yaml;
 pub use check::{Checked, DescriptionError, Location, did_you_mean};
 pub use foreign::{is_utf_16, kind_of_bytes, leading_comment, not_json};
 pub use lidar_cast::sensor::nearest;
-pub use numbers::{Quantity, counted, fixed, quoted, shortened, spoken, written};
+pub use numbers::{
+    Quantity, counted, distinct, fixed, quoted, shortened, spoken, trimmed, written,
+};
 pub use objects::{Objects, from_text};
 pub use parse::{
     FileKind, ForeignJson, UniqueKeys, check_version, comma_too_many, parse, plain_words,

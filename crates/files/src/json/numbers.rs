@@ -35,6 +35,17 @@ pub fn quoted<T: std::fmt::Display>(names: impl IntoIterator<Item = T>) -> Strin
     names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
+/// Each of some things once, in the order in which they come.
+pub fn distinct<T: PartialEq>(all: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut once: Vec<T> = Vec::new();
+    for one in all {
+        if !once.contains(&one) {
+            once.push(one);
+        }
+    }
+    once
+}
+
 /// A number with `decimals` decimals, without the sign of a −0.
 pub fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
@@ -42,6 +53,15 @@ pub fn fixed(value: f64, decimals: usize) -> String {
         Some(digits) if digits.chars().all(|c| matches!(c, '0' | '.')) => digits.to_owned(),
         _ => text,
     }
+}
+
+/// A number without the zeros at the end of its decimals.
+pub fn trimmed(value: f64, decimals: usize) -> String {
+    let text = fixed(value, decimals);
+    if text.contains('.') {
+        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
+    }
+    text
 }
 
 /// A number of five significant digits in a sentence: 0.42855, not 4.2855e-1; with an exponent where zeros would hide it.

@@ -30,10 +30,6 @@ pub(super) struct SceneExport<'a> {
 }
 
 impl SceneExport<'_> {
-    fn version(&self) -> &'static str {
-        version(self.counts, self.planned.split)
-    }
-
     fn is_keyframe(&self, at: usize) -> bool {
         at.is_multiple_of(self.settings.keyframe_every)
     }
@@ -56,7 +52,8 @@ impl SceneExport<'_> {
 
     fn lidarseg_file(&self, at: usize) -> String {
         let token = self.sample_data_token("LIDAR_TOP", at);
-        format!("lidarseg/{}/{token}_lidarseg.bin", self.version())
+        let version = version(self.counts, self.planned.split);
+        format!("lidarseg/{version}/{token}_lidarseg.bin")
     }
 }
 

@@ -107,6 +107,74 @@ impl Bvh {
         let bvh16 = Bvh16::collapse(&nodes, &triangles);
         Self { nodes, triangles, pad, bvh16, bvh8: OnceLock::new() }
     }
+
+    /// The padded box of a triangle, which its leaf and all nodes above contain.
+    pub(crate) fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        for corner in [triangle.a, triangle.b, triangle.c] {
+            bounds.grow(corner.into());
+        }
+        Aabb { min: bounds.min - pad, max: bounds.max + pad }
+    }
+
+    /// The padded box of all triangles; none where there are none.
+    pub fn bounds(&self) -> Option<Aabb> {
+        self.nodes.first().map(|root| Aabb { min: root.min.into(), max: root.max.into() })
+    }
+
+    /// The tree that single rays go down.
+    pub(crate) fn bvh8(&self) -> &Bvh8 {
+        self.bvh8.get_or_init(|| Bvh8::collapse(&self.nodes, &self.triangles))
+    }
+
+    /// Bytes of the triangles, the binary and the wide trees.
+    pub fn bytes(&self) -> u64 {
+        let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
+        own as u64 + self.bvh16.bytes() + self.bvh8.get().map_or(0, Bvh8::bytes)
+    }
+
+    /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.
+    ///
+    /// # Errors
+    /// The first violation found, as a sentence.
+    pub fn validate(&self) -> Result<(), String> {
+        let outside = |node: usize| format!("node {node} points outside the tree");
+        let mut times = vec![0_u32; self.triangles.len()];
+        let mut stack = if self.nodes.is_empty() { vec![] } else { vec![(0_usize, 1_usize)] };
+        while let Some((index, depth)) = stack.pop() {
+            let node = self.nodes.get(index).ok_or_else(|| outside(index))?;
+            if depth > MAX_DEPTH {
+                return Err(format!(
+                    "node {index} lies {depth} deep, traversal stacks hold {MAX_DEPTH}"
+                ));
+            }
+            let outer = Aabb { min: node.min.into(), max: node.max.into() };
+            let mut inner = Aabb::EMPTY;
+            if node.count > 0 {
+                let range = node.first as usize..node.first as usize + node.count as usize;
+                let leaf = self.triangles.get(range).ok_or_else(|| outside(index))?;
+                for triangle in leaf {
+                    inner.merge(&Self::padded_box(triangle, self.pad));
+                    let slot =
+                        times.get_mut(triangle.prim as usize).ok_or_else(|| outside(index))?;
+                    *slot += 1;
+                }
+            } else {
+                for child in [node.first as usize, node.first as usize + 1] {
+                    let below = self.nodes.get(child).ok_or_else(|| outside(index))?;
+                    inner.merge(&Aabb { min: below.min.into(), max: below.max.into() });
+                    stack.push((child, depth + 1));
+                }
+            }
+            if inner.min.cmplt(outer.min).any() || inner.max.cmpgt(outer.max).any() {
+                return Err(format!("the box of node {index} does not hold its children"));
+            }
+        }
+        match times.iter().position(|&t| t != 1) {
+            Some(prim) => Err(format!("triangle {prim} is in {} leaves, not in one", times[prim])),
+            None => Ok(()),
+        }
+    }
 }
 
 /// The tree over `items`, which lie from `first` on in leaf order: its root first, siblings adjacent,
@@ -314,76 +382,6 @@ pub struct Bvh {
     pub(crate) bvh16: Bvh16,
     /// The triangles in a tree of eight-wide nodes, for single rays; made when the first one comes.
     bvh8: OnceLock<Bvh8>,
-}
-
-impl Bvh {
-    /// The padded box of a triangle, which its leaf and all nodes above contain.
-    pub(crate) fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
-        let mut bounds = Aabb::EMPTY;
-        for corner in [triangle.a, triangle.b, triangle.c] {
-            bounds.grow(corner.into());
-        }
-        Aabb { min: bounds.min - pad, max: bounds.max + pad }
-    }
-
-    /// The padded box of all triangles; none where there are none.
-    pub fn bounds(&self) -> Option<Aabb> {
-        self.nodes.first().map(|root| Aabb { min: root.min.into(), max: root.max.into() })
-    }
-
-    /// The tree that single rays go down.
-    pub(crate) fn bvh8(&self) -> &Bvh8 {
-        self.bvh8.get_or_init(|| Bvh8::collapse(&self.nodes, &self.triangles))
-    }
-
-    /// Bytes of the triangles, the binary and the wide trees.
-    pub fn bytes(&self) -> u64 {
-        let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
-        own as u64 + self.bvh16.bytes() + self.bvh8.get().map_or(0, Bvh8::bytes)
-    }
-
-    /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.
-    ///
-    /// # Errors
-    /// The first violation found, as a sentence.
-    pub fn validate(&self) -> Result<(), String> {
-        let outside = |node: usize| format!("node {node} points outside the tree");
-        let mut times = vec![0_u32; self.triangles.len()];
-        let mut stack = if self.nodes.is_empty() { vec![] } else { vec![(0_usize, 1_usize)] };
-        while let Some((index, depth)) = stack.pop() {
-            let node = self.nodes.get(index).ok_or_else(|| outside(index))?;
-            if depth > MAX_DEPTH {
-                return Err(format!(
-                    "node {index} lies {depth} deep, traversal stacks hold {MAX_DEPTH}"
-                ));
-            }
-            let outer = Aabb { min: node.min.into(), max: node.max.into() };
-            let mut inner = Aabb::EMPTY;
-            if node.count > 0 {
-                let range = node.first as usize..node.first as usize + node.count as usize;
-                let leaf = self.triangles.get(range).ok_or_else(|| outside(index))?;
-                for triangle in leaf {
-                    inner.merge(&Self::padded_box(triangle, self.pad));
-                    let slot =
-                        times.get_mut(triangle.prim as usize).ok_or_else(|| outside(index))?;
-                    *slot += 1;
-                }
-            } else {
-                for child in [node.first as usize, node.first as usize + 1] {
-                    let below = self.nodes.get(child).ok_or_else(|| outside(index))?;
-                    inner.merge(&Aabb { min: below.min.into(), max: below.max.into() });
-                    stack.push((child, depth + 1));
-                }
-            }
-            if inner.min.cmplt(outer.min).any() || inner.max.cmpgt(outer.max).any() {
-                return Err(format!("the box of node {index} does not hold its children"));
-            }
-        }
-        match times.iter().position(|&t| t != 1) {
-            Some(prim) => Err(format!("triangle {prim} is in {} leaves, not in one", times[prim])),
-            None => Ok(()),
-        }
-    }
 }
 
 /// Most nodes on a path from the root to a leaf; traversal stacks hold this many entries.

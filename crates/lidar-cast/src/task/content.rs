@@ -51,10 +51,10 @@ pub struct RequiredArea {
 pub struct Content {
     classes: Vec<String>,
     occupied: Vec<OccupiedVoxel>,
-    /// Linear indices, class after class.
-    class_voxels: Vec<u32>,
+    /// Linear indices, class after class, then area after area.
+    pub(crate) class_voxels: Vec<u32>,
     /// Where each class begins in `class_voxels`, then each area, and the end.
-    class_starts: Vec<u32>,
+    pub(crate) class_starts: Vec<u32>,
     areas: Vec<RequiredArea>,
     entropy_total: [u64; KINDS],
     has_detection: bool,
@@ -152,18 +152,6 @@ impl Content {
     /// True if any class counts as detection target.
     pub fn has_detection(&self) -> bool {
         self.has_detection
-    }
-
-    /// Voxels of all classes and areas, one set after the other.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn class_voxels(&self) -> &[u32] {
-        &self.class_voxels
-    }
-
-    /// Where each set begins in [`Self::class_voxels`], and where the last ends.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn class_starts(&self) -> &[u32] {
-        &self.class_starts
     }
 
     /// Bytes held.

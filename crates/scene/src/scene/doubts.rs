@@ -176,7 +176,7 @@ fn actors(scene: &Scene) -> Vec<String> {
 /// A doubt about a route on which no vehicle is so fast.
 fn spacing(who: &str, motion: &Motion) -> Option<String> {
     let Motion::Route(route) = motion else { return None };
-    let step = route.spacing();
+    let step = route.spacing;
     (step.abs() > LONGEST_STEP).then(|| {
         format!(
             "{who}.route.spacing is {step} m from frame to frame; lengths are in metres, {step} mm are {} m",

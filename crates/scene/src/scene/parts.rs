@@ -16,11 +16,10 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check, counted};
 
 use super::description::{BodyDescription, ShapeDescription};
-use super::doubts;
 use super::route::Motion;
 use super::shapes::Builder;
 use super::solid::{Solid, around};
-use super::{ActorKind, EgoBody, Scene};
+use super::{ActorKind, EgoBody, Scene, doubts};
 
 /// Owner of a rigid part: it moves with this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -164,6 +163,51 @@ impl Scene {
         let shapes = starts.zip(&ends).map(|(start, &end)| start..end);
         shapes.filter(|shape| !shape.is_empty()).collect()
     }
+
+    /// Tracks of the actors as listed; one without triangles is a box without extent.
+    pub fn tracks(&self) -> Vec<Track> {
+        let track = |actor: &super::Actor| {
+            let vertices = actor.parts.vertices.iter().copied();
+            let [low, high] = around(vertices).unwrap_or_default();
+            Track {
+                name: actor.name.clone(),
+                kind: actor.kind,
+                class: actor.parts.classes.first().copied().unwrap_or_default(),
+                size: high - low,
+                center: (low + high) / 2.0,
+            }
+        };
+        self.actors.iter().map(track).collect()
+    }
+
+    /// How an actor, counted as listed, moves from frame `t` to the next: takes its frame to the world's.
+    pub fn actor_glide(&self, actor: usize, t: usize) -> Glide {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.actors[actor].motion.glide(t)
+    }
+
+    /// Name of a body of the ego that moves, by its index among those; may be empty.
+    pub fn own_body_name(&self, body: usize) -> &str {
+        &self.bodies[body].name
+    }
+
+    /// How a body of the ego, by its index among those that move, goes from frame `t` to the next: takes its frame to
+    /// the ego frame.
+    pub fn own_body_glide(&self, body: usize, t: usize) -> Glide {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.bodies[body].motion.glide(t)
+    }
+
+    /// How the ego moves from frame `t` to the next: takes its frame to the world's.
+    pub fn ego_glide(&self, t: usize) -> Glide {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.ego.glide(t)
+    }
+
+    /// Origin of a part's frame in the frame of its owner: world, actor or ego.
+    pub fn part_origin(&self, part: usize) -> DVec3 {
+        self.origins[part]
+    }
 }
 
 /// Farthest that the ego may get from the middle of its way, in metres: `f32` keeps 2 mm there.
@@ -211,53 +255,6 @@ pub struct Track {
     pub size: DVec3,
     /// Middle of the box in the actor's frame.
     pub center: DVec3,
-}
-
-impl Scene {
-    /// Tracks of the actors as listed; one without triangles is a box without extent.
-    pub fn tracks(&self) -> Vec<Track> {
-        let track = |actor: &super::Actor| {
-            let vertices = actor.parts.vertices.iter().copied();
-            let [low, high] = around(vertices).unwrap_or_default();
-            Track {
-                name: actor.name.clone(),
-                kind: actor.kind,
-                class: actor.parts.classes.first().copied().unwrap_or_default(),
-                size: high - low,
-                center: (low + high) / 2.0,
-            }
-        };
-        self.actors.iter().map(track).collect()
-    }
-
-    /// How an actor, counted as listed, moves from frame `t` to the next: takes its frame to the world's.
-    pub fn actor_glide(&self, actor: usize, t: usize) -> Glide {
-        assert!(t < self.frames, "frame {t} of {}", self.frames);
-        self.actors[actor].motion.glide(t)
-    }
-
-    /// Name of a body of the ego that moves, by its index among those; may be empty.
-    pub fn own_body_name(&self, body: usize) -> &str {
-        &self.bodies[body].name
-    }
-
-    /// How a body of the ego, by its index among those that move, goes from frame `t` to the next: takes its frame to
-    /// the ego frame.
-    pub fn own_body_glide(&self, body: usize, t: usize) -> Glide {
-        assert!(t < self.frames, "frame {t} of {}", self.frames);
-        self.bodies[body].motion.glide(t)
-    }
-
-    /// How the ego moves from frame `t` to the next: takes its frame to the world's.
-    pub fn ego_glide(&self, t: usize) -> Glide {
-        assert!(t < self.frames, "frame {t} of {}", self.frames);
-        self.ego.glide(t)
-    }
-
-    /// Origin of a part's frame in the frame of its owner: world, actor or ego.
-    pub fn part_origin(&self, part: usize) -> DVec3 {
-        self.origins[part]
-    }
 }
 
 /// A body that moves against the first: a trailer that bends, a wheel that is steered.

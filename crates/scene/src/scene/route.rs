@@ -104,17 +104,13 @@ pub(crate) struct Route {
     /// Length of the line up to each point, in metres.
     along: Vec<f64>,
     start: f64,
-    spacing: f64,
+    /// Metres from frame to frame.
+    pub spacing: f64,
     /// Level on slopes, too.
     upright: bool,
 }
 
 impl Route {
-    /// Metres from frame to frame.
-    pub(crate) fn spacing(&self) -> f64 {
-        self.spacing
-    }
-
     fn new(at: &Location, route: &RouteDescription, upright: bool) -> Checked<Self> {
         let here = at.key("points");
         if route.points.len() < 2 {

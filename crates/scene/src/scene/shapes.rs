@@ -328,7 +328,7 @@ impl<'a> Builder<'a> {
             let shape = self.part(at, &part.geometry, class)?;
             let count = self.triangles + (solid.faces.len() + shape.faces.len()) as u64;
             self.check_count(at, count)?;
-            solid.append(&shape, &placing.pose().compose(&part.root_from_part));
+            solid.append(&shape, &placing.pose.compose(&part.root_from_part));
         }
         match solid.vertices.iter().all(|v| v.abs().max_element() <= check::MAX_METRES) {
             true => Ok(solid),

@@ -115,26 +115,7 @@ impl Constraints {
         let corners = self.slots.iter().flat_map(|slot| slot.region.corners());
         around(corners.map(DVec3::from)).unwrap_or_default().map(|corner| corner.to_array())
     }
-}
 
-/// Rules between the LiDARs of a placement; a search keeps them by having fewer variables.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Ties {
-    /// All LiDARs stand at one height.
-    pub equal_height: bool,
-    /// LiDARs come in pairs mirrored at the plane y = 0: y, roll and yaw change sign. An odd one lies in
-    /// the plane, with roll and yaw 0.
-    pub symmetric: bool,
-}
-
-impl Ties {
-    /// True if any rule ties LiDARs together.
-    pub fn any(&self) -> bool {
-        self.equal_height || self.symmetric
-    }
-}
-
-impl Constraints {
     /// True if a slot is for a sensor of this model.
     fn has_model(&self, slot: usize, pose: &SensorPose) -> bool {
         self.slots[slot].allows(self.model_of(pose)).is_some()
@@ -334,6 +315,23 @@ impl Constraints {
             slot.others.iter_mut().for_each(|other| other.phase = None);
         }
         changed
+    }
+}
+
+/// Rules between the LiDARs of a placement; a search keeps them by having fewer variables.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Ties {
+    /// All LiDARs stand at one height.
+    pub equal_height: bool,
+    /// LiDARs come in pairs mirrored at the plane y = 0: y, roll and yaw change sign. An odd one lies in
+    /// the plane, with roll and yaw 0.
+    pub symmetric: bool,
+}
+
+impl Ties {
+    /// True if any rule ties LiDARs together.
+    pub fn any(&self) -> bool {
+        self.equal_height || self.symmetric
     }
 }
 

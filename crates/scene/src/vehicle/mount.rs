@@ -6,7 +6,6 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::description::{KeepOutDescription, LidarDescription, MountDescription};
-use super::doubts;
 use super::equipment::{Vehicle, VehicleMount, VehicleSensor};
 use super::lidar::stated;
 use super::lidar_reading::DescribedLidar;
@@ -15,6 +14,7 @@ use super::pairing::{MIRRORED, SLACK};
 use super::sensor_file::Measures;
 use super::{
     Constraints, MAX_LIDARS, Placement, Region, Response, SensorName, SensorPose, SpinPhase, Ties,
+    doubts,
 };
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{Checked, Location};
@@ -164,6 +164,13 @@ impl Vehicle {
         }
         Ok(())
     }
+
+    /// Mount that holds each pose; none where no mount does, or where the mount has no name.
+    pub fn mount_names(&self, poses: &[SensorPose]) -> Vec<Option<&str>> {
+        let named = if self.is_nameless() { &[][..] } else { &self.mounts };
+        let regions = || named.iter().map(|mount| Arc::as_ref(&mount.region));
+        poses.iter().map(|pose| holder(regions(), pose)).collect()
+    }
 }
 
 /// True if keep-out boxes cover the whole box between two corners of the ego frame, faces aside.
@@ -228,15 +235,6 @@ impl Constraints {
             slot.map(|region| region.name.as_str()).or_else(|| holder(all.iter().copied(), pose))
         };
         placement.lidars.iter().enumerate().map(name).collect()
-    }
-}
-
-impl Vehicle {
-    /// Mount that holds each pose; none where no mount does, or where the mount has no name.
-    pub fn mount_names(&self, poses: &[SensorPose]) -> Vec<Option<&str>> {
-        let named = if self.is_nameless() { &[][..] } else { &self.mounts };
-        let regions = || named.iter().map(|mount| Arc::as_ref(&mount.region));
-        poses.iter().map(|pose| holder(regions(), pose)).collect()
     }
 }
 

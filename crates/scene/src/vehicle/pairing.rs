@@ -59,13 +59,7 @@ impl Region {
             && outlines[0].len() == outlines[1].len()
             && outlines[0].iter().all(has)
     }
-}
 
-/// Most radians by which a range of yaw about straight back may be off its own mirror image: a half turn is written in
-/// decimals.
-const OFF_BACK: f64 = 0.02;
-
-impl Region {
     /// A box whose sensors face straight back, in a frame that is turned half around: there its yaw, too, runs from -a
     /// to a, and poses can be mirrored. The range is cut to the part that is its own mirror image, a half turn where there is
     /// none, as of a fixed yaw of 3.14. `None` for any other region.
@@ -86,6 +80,10 @@ impl Region {
         Some(turned)
     }
 }
+
+/// Most radians by which a range of yaw about straight back may be off its own mirror image: a half turn is written in
+/// decimals.
+const OFF_BACK: f64 = 0.02;
 
 impl Slot {
     /// True if a mirror at the plane y = 0 shows one slot as the other.

@@ -209,24 +209,7 @@ impl Constraints {
         }
         words
     }
-}
 
-/// Steps along each field of a position.
-const STEPS: usize = 6;
-/// Most positions that the faces of keep-out boxes give; beyond it they are left out.
-const MOST_CROSSINGS: usize = 20_000;
-/// Positions drawn at random beside the regular ones.
-const DRAWN: usize = 300;
-/// Most spots of a LiDAR: the outer half, and others spread evenly.
-const MOST_SPOTS: usize = 600;
-/// Orders in which the spots are tried, and spots tried in each.
-const ORDERS: u64 = 12;
-const TRIES: usize = 400;
-
-/// Poses of a LiDAR, or of a mirrored pair, that keep the rules by themselves.
-type Spot = Vec<SensorPose>;
-
-impl Constraints {
     /// A placement that keeps every rule, its LiDARs in the order of the slots; `None` where none is found.
     ///
     /// Equal rules give equal placements. Where rules leave very little room, a placement that exists may not be found.
@@ -405,6 +388,21 @@ impl Constraints {
         false
     }
 }
+
+/// Steps along each field of a position.
+const STEPS: usize = 6;
+/// Most positions that the faces of keep-out boxes give; beyond it they are left out.
+const MOST_CROSSINGS: usize = 20_000;
+/// Positions drawn at random beside the regular ones.
+const DRAWN: usize = 300;
+/// Most spots of a LiDAR: the outer half, and others spread evenly.
+const MOST_SPOTS: usize = 600;
+/// Orders in which the spots are tried, and spots tried in each.
+const ORDERS: u64 = 12;
+const TRIES: usize = 400;
+
+/// Poses of a LiDAR, or of a mirrored pair, that keep the rules by themselves.
+type Spot = Vec<SensorPose>;
 
 /// True if all LiDARs of two spots are at least `least` metres apart.
 fn is_apart(a: &Spot, b: &Spot, least: f64) -> bool {

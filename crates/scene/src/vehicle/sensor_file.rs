@@ -11,10 +11,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::de::IgnoredAny;
-use sightline_files::Note;
-use sightline_files::json;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{Checked, DescriptionError, Location, is_utf_16, read_limited};
+use sightline_files::{Note, json};
 
 use super::doubts::of_measures;
 pub use isaac_profile::isaac_profile;

@@ -193,13 +193,13 @@ impl SceneBuffers {
             directions.extend(model.table.directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]));
         }
         let content = in_bricks(task.content(), &BitOrder::bricks(task.roi()));
-        let runs = class_runs(content.class_starts());
+        let runs = class_runs(&content.class_starts);
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
             first_directions,
             trees: Trees::new(device, &task.world().trees())?,
             occupied: device.upload("occupied voxels", content.occupied())?,
-            class_voxels: device.upload("voxels by class", content.class_voxels())?,
+            class_voxels: device.upload("voxels by class", &content.class_voxels)?,
             class_runs: device.upload("class runs", &runs)?,
             class_run_count: runs.len() as u32,
         })
