@@ -1,5 +1,6 @@
 //! Sensor files of the vendors, told apart by content.
 
+mod column_window;
 mod csv;
 mod isaac;
 mod isaac_profile;

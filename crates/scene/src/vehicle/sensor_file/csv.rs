@@ -25,9 +25,10 @@ const MOST_CELLS: usize = 32;
 
 /// Rows with their lines, counted from 1; cells without blanks and quotes. Rows without a value are left out.
 pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
-    // Old spreadsheets end lines by a carriage return alone.
-    let end = if text.contains('\n') { '\n' } else { '\r' };
-    let rows = text.split(end).enumerate().map(move |(i, line)| (i + 1, cells_of(line)));
+    // Old spreadsheets end lines by a carriage return alone; other programs may add lines of theirs.
+    let lines =
+        text.split('\n').flat_map(|line| line.strip_suffix('\r').unwrap_or(line).split('\r'));
+    let rows = lines.enumerate().map(|(i, line)| (i + 1, cells_of(line)));
     let rows = rows.filter(|(_, cells)| cells.iter().any(|cell| !cell.is_empty()));
     rows.filter_map(|(line, cells)| Some((line, without_hash(cells)?)))
 }
