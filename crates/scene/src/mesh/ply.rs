@@ -138,6 +138,9 @@ impl PlyReader {
                 ));
             }
             for property in &element.properties {
+                if property.name == "label" && property.list.is_some() {
+                    return fault("has a list `label`; write one number a row");
+                }
                 let known = match shape {
                     None => matches!(property.name.as_str(), "x" | "y" | "z" | "label"),
                     Some(_) => is_corners(property) || property.name == "label",
