@@ -242,8 +242,14 @@ impl PoseColumns {
             Ok(number) if number.abs() <= MOST => Ok(number),
             _ => Err(format!("{:?} is no number within ±1e7", short(cell(place)))),
         };
-        let frame = frame_of(Path::new(cell(self.key))).ok_or_else(|| {
-            let (name, most) = (short(cell(self.key)), u32::MAX);
+        let key = cell(self.key);
+        // A number is the frame itself: a point in it is no ending of a file.
+        let frame = match key.parse::<f64>() {
+            Ok(number) => Some(number as u32).filter(|frame| f64::from(*frame) == number),
+            Err(_) => frame_of(Path::new(key)),
+        };
+        let frame = frame.ok_or_else(|| {
+            let (name, most) = (short(key), u32::MAX);
             format!("{name:?} ends with no frame number up to {most}")
         })?;
         let mut six = [0.0; 6];
