@@ -260,6 +260,23 @@ fn a_publisher_may_be_a_command() {
     assert!(told.contains("<executable>[0]: `5 0` stands where a list of flags"), "{told}");
 }
 
+/// ROS splits the arguments of a node as a shell does, with `shlex` of Python.
+#[test]
+fn quotes_in_the_arguments_of_a_node_are_no_part_of_names() {
+    let read = |args: &str| {
+        read(&format!("<launch><node exec='static_transform_publisher' args='{args}'/></launch>"))
+    };
+    for args in [
+        "1 0 2 0 0 0 \"base_link\" \"lidar\"",
+        "--x \"1\" --z &apos;2&apos; --frame-id base\"_\"link --child-frame-id lid\\ar",
+    ] {
+        let rig = read(args).unwrap().rig;
+        assert_eq!((&rig.lidars[0].frame[..], rig.lidars[0].pose.x), ("lidar", 1.0), "{args}");
+    }
+    let open = read("1 0 2 0 0 0 base_link \"lidar").unwrap_err().to_string();
+    assert!(open.contains("stands where a text whose quotes are closed belongs"), "{open}");
+}
+
 #[test]
 fn groups_in_groups_give_their_values_back() {
     let z = |inside: &str| {
