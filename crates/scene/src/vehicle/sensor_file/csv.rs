@@ -14,12 +14,10 @@ use sightline_files::json::{Checked, Location, check};
 use sightline_files::npy::{read_header, transpose};
 
 use super::pattern::{
-    self, Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, direction,
-    quoted,
+    self, Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, degrees,
+    direction, quoted,
 };
 
-/// Largest azimuth of an array, radians: a turn as `f32` rounds it.
-const MOST_AZIMUTH: f64 = std::f64::consts::TAU + 1e-6;
 /// Most cells of a row that are looked at; tables of sensors have up to five.
 const MOST_CELLS: usize = 32;
 
@@ -415,18 +413,17 @@ pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Checked<SensorPattern> {
     };
     let directions = angles.chunks_exact(2).enumerate().map(|(i, pair)| {
         let at = at.item(i);
-        if pair[0].abs() > MOST_AZIMUTH {
-            let wanted = "an azimuth in radians within one turn: radians are expected, this looks like degrees; write \
-                          np.radians of it";
+        let [across, up] = [degrees(pair[0], 360.0), degrees(pair[1], 90.0)];
+        let expected = "radians are expected, this looks like degrees; write np.radians of it";
+        if across.abs() > 360.0 {
+            let wanted = format!("an azimuth in radians within one turn: {expected}");
             return Err(bad(&at, pair[0], wanted));
         }
-        let across = azimuth(&at, pair[0].to_degrees())?;
-        if (2.0..=90.0).contains(&pair[1].abs()) {
-            let wanted = "an elevation in radians from -1.5708 to 1.5708: radians are expected, this looks like degrees; \
-                          write np.radians of it";
+        if up.abs() > 90.0 && pair[1].abs() <= 90.0 {
+            let wanted = format!("an elevation in radians from -1.5708 to 1.5708: {expected}");
             return Err(bad(&at, pair[1], wanted));
         }
-        Ok(direction(across, check::elevation(&at, pair[1].to_degrees())?))
+        Ok(direction(azimuth(&at, across)?, check::elevation(&at, up)?))
     });
     let beams = Beams::Directions(directions.collect::<Checked<_>>()?);
     Ok(SensorPattern::new(SensorFormat::Numpy, beams))

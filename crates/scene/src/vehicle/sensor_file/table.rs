@@ -5,14 +5,14 @@
 //! (ros-drivers/velodyne, rawdata.cc).
 
 use std::collections::BTreeSet;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::pattern::{
     self, Beams, MAX_COLUMNS, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth,
-    channel, channels_of, check_count,
+    channel, channels_of, check_count, degrees,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
@@ -205,17 +205,17 @@ pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern
     }
     let channels = lasers.iter().enumerate().map(|(i, laser)| {
         let at = list.item(i);
-        let up = laser.vert_correction;
-        if up.abs() >= FRAC_PI_2 {
+        let up = (at.key("vert_correction"), degrees(laser.vert_correction, 90.0));
+        if up.1.abs() > 90.0 {
             let wanted = "an elevation in radians from -1.5708 to 1.5708: is it in degrees?";
-            return Err(bad(&at.key("vert_correction"), up, wanted));
+            return Err(bad(&up.0, laser.vert_correction, wanted));
         }
-        if laser.rot_correction.abs() > TAU {
+        let across = (at.key("rot_correction"), degrees(laser.rot_correction, 360.0));
+        if across.1.abs() > 360.0 {
             let wanted = "an azimuth in radians from -6.2832 to 6.2832: is it in degrees?";
-            return Err(bad(&at.key("rot_correction"), laser.rot_correction, wanted));
+            return Err(bad(&across.0, laser.rot_correction, wanted));
         }
-        let elevation = (&at.key("vert_correction"), up.to_degrees());
-        channel(elevation, (&at.key("rot_correction"), laser.rot_correction.to_degrees()))
+        channel((&up.0, up.1), (&across.0, across.1))
     });
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
     let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();

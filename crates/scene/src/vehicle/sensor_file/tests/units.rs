@@ -1,7 +1,7 @@
 //! Units of times and angles.
 
 use super::super::{Beams, SensorPattern};
-use super::{channels, doubts, message, read};
+use super::{channels, directions, doubts, message, read};
 
 /// 240 samples of a Livox at 240 kHz: in seconds all are one frame, in other units the first ones alone.
 #[test]
@@ -99,4 +99,33 @@ fn ends_of_lines_may_be_mixed() {
         let told = message(text + rows[3]);
         assert!(told.contains("line 4: \"x\" is not a number"), "{told}");
     }
+    let latin_1 = message(b"Channel,Elevation(\xb0),Azimuth(\xb0)\n1,15,-1\n");
+    assert_eq!(
+        latin_1,
+        "f: text that is not UTF-8, such as Latin-1, is not UTF-8 text; save the file as UTF-8"
+    );
+}
+
+/// A right angle and a turn are more than 90° and 360° as `f32`, and with four decimals.
+#[test]
+fn right_angles_and_turns_may_be_rounded() {
+    let array = |angles: [f32; 2]| {
+        let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2), }\n";
+        let length = (header.len() as u32).to_le_bytes();
+        let data = angles.map(f32::to_le_bytes).concat();
+        [b"\x93NUMPY\x02\x00", &length[..], header.as_bytes(), &data].concat()
+    };
+    let (right, turn) = (std::f32::consts::FRAC_PI_2, std::f32::consts::TAU);
+    let up = read(array([-turn, right])).unwrap();
+    assert_eq!(directions(&up)[0], super::super::pattern::direction(-360.0, 90.0));
+    let far = message(array([0.0, 1.6]));
+    assert!(far.contains("[0]: 1.6") && far.contains("an elevation in radians"), "{far}");
+    assert!(message(array([6.3, 0.0])).contains("an azimuth in radians within one turn"));
+    let lasers = |across: f64, up: f64| {
+        format!("lasers:\n- {{laser_id: 0, rot_correction: {across}, vert_correction: {up}}}\n")
+    };
+    let rounded = read(lasers(6.2832, -1.5708)).unwrap();
+    assert_eq!(channels(&rounded), [[-90.0, 360.0]]);
+    assert!(message(lasers(0.0, 1.5709)).contains("an elevation in radians from -1.5708"));
+    assert!(message(lasers(-6.2834, 0.0)).contains("an azimuth in radians from -6.2832"));
 }
