@@ -91,7 +91,10 @@ pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     };
     let mut notes: Vec<Note> =
         pattern::unknown_or_slip(at, &table.rest, PASSED, READ).into_iter().collect();
-    notes.extend(offsets_in_radians(&at.key("azimuth_offset_deg"), &offsets));
+    // `sensor info` has written the file where it names a format, in degrees.
+    let is_written = table.rest.keys().any(|key| key.as_ref() == "format");
+    let doubt = offsets_in_radians(&at.key("azimuth_offset_deg"), &offsets);
+    notes.extend(doubt.filter(|_| !is_written));
     notes.extend(pattern::rated_too_far(at, &measures, "range"));
     let sign = table.azimuth_sign.filter(|_| offsets.iter().any(|offset| *offset != 0.0));
     notes.extend(sign.map(|sentence| sign_note(&at.key("azimuth_sign"), &sentence)));
