@@ -209,15 +209,16 @@ impl PoseColumns {
     fn of(titles: &str) -> Result<(Self, Vec<String>), String> {
         let titles = titles.to_ascii_lowercase();
         let titles: Vec<&str> = titles.split(',').map(plain).collect();
+        let column = |name: &str| titles.iter().position(|title| *title == name);
+        let wanted =
+            "give a first row with frame (or file), x, y, z, roll, pitch, yaw, commas between them";
+        let key = column("frame").or(column("file")).ok_or(wanted)?;
         if let Some(k) =
             (1..titles.len().min(MOST_COLUMNS)).find(|&k| titles[..k].contains(&titles[k]))
             && !titles[k].is_empty()
         {
             return Err(format!("has two columns {:?}; leave one out", short(titles[k])));
         }
-        let column = |name: &str| titles.iter().position(|title| *title == name);
-        let wanted = "give a first row with frame (or file), x, y, z, roll, pitch, yaw";
-        let key = column("frame").or(column("file")).ok_or(wanted)?;
         let mut places = [0; 6];
         for (place, name) in places.iter_mut().zip(COLUMNS) {
             *place = column(name).ok_or_else(|| format!("has no column {name}; {wanted}"))?;
@@ -268,7 +269,8 @@ pub(super) fn read_poses(path: &Path) -> Checked<PoseTable> {
     let at = |line: usize| {
         move |fault: String| refused!("{} line {}: {fault}", path.display(), line + 1)
     };
-    let mut rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let lines = text.lines().flat_map(|line| line.split('\r'));
+    let mut rows = lines.enumerate().filter(|(_, line)| !line.trim().is_empty());
     let titles = rows.next().map_or("", |(_, line)| line);
     let (columns, unknown) = PoseColumns::of(titles).map_err(at(0))?;
     let text = format!(
