@@ -152,17 +152,25 @@ impl PlyReader {
                 }
             }
         }
-        if !unread.is_empty() {
-            let told: Vec<&str> =
-                unread.iter().take(MOST_TOLD).map(|(name, _)| name.as_str()).collect();
-            let more = if unread.len() > MOST_TOLD { " and others" } else { "" };
-            let text = format!("passed over: {}{more}", told.join(", "));
-            self.mesh.notes.push(match unread.iter().any(|(_, class)| *class) {
-                true => Note::doubt(format!("{text}; classes are read from `label` alone: rename the property that holds them")),
-                false => Note::fact(text),
-            });
-        }
+        self.note_unread(&unread);
         Ok(())
+    }
+
+    /// Notes elements and properties that are not read, a doubt where one may mean a class.
+    fn note_unread(&mut self, unread: &[(String, bool)]) {
+        if unread.is_empty() {
+            return;
+        }
+        let told: Vec<&str> =
+            unread.iter().take(MOST_TOLD).map(|(name, _)| name.as_str()).collect();
+        let more = if unread.len() > MOST_TOLD { " and others" } else { "" };
+        let text = format!("passed over: {}{more}", told.join(", "));
+        self.mesh.notes.push(match unread.iter().any(|(_, class)| *class) {
+            true => Note::doubt(format!(
+                "{text}; classes are read from `label` alone: rename the property that holds them"
+            )),
+            false => Note::fact(text),
+        });
     }
 
     fn vertices(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Parsed<()> {

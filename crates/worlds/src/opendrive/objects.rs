@@ -115,15 +115,7 @@ pub(super) fn add(
     file: &str,
 ) -> Result<(), WorldError> {
     let mesh = map.object_mesh();
-    let movers: BTreeMap<usize, u16> = origins
-        .objects
-        .iter()
-        .filter_map(|of| {
-            let own = if of.road_id.is_empty() { &of.junction_id } else { &of.road_id };
-            let owner = of.referenced_from.as_ref().unwrap_or(own);
-            Some((of.object.0, *facts.movers.get(&(owner.clone(), of.od_id.clone()))?))
-        })
-        .collect();
+    let movers = movers(origins, facts);
     let mut without_size: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut bays, mut area) = (0, 0.0);
     let mut spans = mesh.objects.iter().peekable();
@@ -172,6 +164,16 @@ pub(super) fn add(
         )));
     }
     Ok(())
+}
+
+/// Classes of vehicles and persons, by the numbers of their objects in the network.
+fn movers(origins: &Provenance, facts: &RoadFacts) -> BTreeMap<usize, u16> {
+    let class = |of: &xodr::ObjectProvenance| {
+        let own = if of.road_id.is_empty() { &of.junction_id } else { &of.road_id };
+        let owner = of.referenced_from.as_ref().unwrap_or(own);
+        facts.movers.get(&(owner.clone(), of.od_id.clone())).copied()
+    };
+    origins.objects.iter().filter_map(|of| Some((of.object.0, class(of)?))).collect()
 }
 
 /// Square metres of the box in plan around a face; infinite where it is too far from 0.
