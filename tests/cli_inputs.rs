@@ -93,11 +93,7 @@ fn wrong_placements_are_answered_with_place_and_mend() {
     let lidar = "{\"x\":0,\"y\":0,\"z\":1}";
     for (name, text, words) in [
         ("a.json", format!("[{}]", line("a")), "is a bare list; write {\"placements\""),
-        (
-            "i.json",
-            line("a"),
-            "line 1, column 7: name: belongs to a placement; write {\"placements\"",
-        ),
+        ("i.json", line("a"), "placement `a`: name: belongs to a placement; write {\"placements\""),
         (
             "k.jsonl",
             format!("{{\"placements\":[{}]}}", line("a").trim()),
