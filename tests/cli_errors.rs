@@ -307,8 +307,9 @@ fn scans_without_ground_in_the_region_are_said() {
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_told_by_every_writer() {
     let dir = corridor();
+    fs::copy(dir.path().join("corridor.psog.npz"), dir.path().join("other.psog.npz")).unwrap();
     for args in [
-        "psog merge corridor.psog.npz corridor.psog.npz --out /dev/full",
+        "psog merge corridor.psog.npz other.psog.npz --out /dev/full",
         "score scene.json placements.json --backend cpu --out /dev/full",
     ] {
         let answer = fails(&dir, args);
@@ -318,6 +319,17 @@ fn a_full_disk_is_told_by_every_writer() {
             "{args}"
         );
     }
+}
+
+#[test]
+fn a_psog_that_is_merged_twice_is_an_error() {
+    let dir = corridor();
+    let words = "psog merge corridor.psog.npz";
+    for (again, is) in [("", "is given twice"), ("./", "is the same file as corridor.psog.npz")] {
+        fails(&dir, &format!("{words} {again}corridor.psog.npz --out x.psog.npz"))
+            .says(&format!("corridor.psog.npz: {is}, and its frames count once; leave it out"));
+    }
+    assert!(!dir.path().join("x.psog.npz").exists());
 }
 
 #[test]

@@ -93,6 +93,12 @@ fn wrong_placements_are_answered_with_place_and_mend() {
     let lidar = "{\"x\":0,\"y\":0,\"z\":1}";
     for (name, text, words) in [
         ("a.json", format!("[{}]", line("a")), "is a bare list; write {\"placements\""),
+        ("i.json", line("a"), "placement `a`: name: belongs to a placement; write {\"placements\""),
+        (
+            "k.jsonl",
+            format!("{{\"placements\":[{}]}}", line("a").trim()),
+            "placements: belongs to a document; give the file the ending .json",
+        ),
         ("g.json", scene().to_string(), "g.json: is a scene; give a file of placements"),
         (
             "b.json",

@@ -96,8 +96,13 @@ fn models_and_indices_that_do_not_exist_are_refused() {
             "7=solid",
             "--sensor 7=solid: no placement of p.json has such a LiDAR; indices go from 0 to 1",
         ),
+        (
+            "0=solid --sensor 0=spinning",
+            "--sensor 0=spinning: names the model of a LiDAR a second time; give it once",
+        ),
     ] {
         fails(&dir, &format!("{SCORE} --sensor {choice}")).says(word);
+        fails(&dir, &format!("{} --sensor {choice}", SCORE.replace("score", "cast"))).says(word);
     }
     stderr(&dir, &format!("{SCORE} --sensor all=solid"))
         .says("--sensor all=solid changes nothing: every LiDAR of p.json names its model");

@@ -85,7 +85,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     let scene = loaded.job.scene();
     let soup = scene.frame(request.frame as usize, EgoBody::Include);
     let problem = evaluator.problem().clone();
-    Given::in_problem(&request.placements, &problem, computing).all(&mut placements)?;
+    Given::in_problem(&request.placements, &problem, computing).whole(&mut placements)?;
     let columns = BeamHits::of(&placements, &problem, &soup.face_class, |poses| {
         evaluator.backend_mut().hits(poses, 0)
     })?;

@@ -144,7 +144,7 @@ fn of_scene(
     let placements = match given {
         Some((file, given)) => {
             let mut given = given.to_vec();
-            Given::in_problem(file, &problem, computing).all(&mut given)?;
+            Given::in_problem(file, &problem, computing).whole(&mut given)?;
             given
         }
         None => usual(),

@@ -308,9 +308,13 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// Refuses models of `--sensor` that the vehicle does not have, whether a LiDAR would get them or not.
+    /// Refuses models of `--sensor` that the vehicle does not have, whether a LiDAR would get them or not, and two for one.
     fn check_models(&self) -> Result<(), RunError> {
-        for choice in &self.choices {
+        for (k, choice) in self.choices.iter().enumerate() {
+            if self.choices[..k].iter().any(|before| before.lidar == choice.lidar) {
+                let told = "names the model of a LiDAR a second time; give it once";
+                return Err(RunError::Usage(format!("--sensor {choice}: {told}")));
+            }
             let pose = SensorPose { sensor: choice.sensor, ..SensorPose::at(0.0, 0.0, 0.0) };
             let found = self.sensors.number(&pose);
             found.map_err(|why| RunError::Usage(format!("--sensor {choice}: {why}")))?;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::inputs::repeated;
 use super::{RunError, Watcher, opening, outputs};
 use crate::datasets::{
     CarlaSequence, CarlaTags, KittiSequence, LabelledSequence, PsogOptions, build_psog,
@@ -219,6 +220,9 @@ pub fn merge(psogs: &[PathBuf], out: &Path) -> Result<(), RunError> {
         return Err(RunError::Usage("give P-SOG files to merge".into()));
     };
     let mut sum = read_psog(first)?;
+    if let Some(what) = repeated(psogs) {
+        return Err(RunError::Usage(format!("{what}, and its frames count once; leave it out")));
+    }
     for path in rest {
         sum = sum.merge(&read_psog(path)?).map_err(|error| {
             RunError::Usage(format!("{} and {}: {error}", first.display(), path.display()))

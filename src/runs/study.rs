@@ -184,7 +184,7 @@ fn of_scenes(
     let job = opening::job(&files, computing)?.job;
     let scenes = job.scenes();
     if let Some(file) = placements {
-        Given::in_problem(file, &*job.problem()?, computing).all(&mut settings.placements)?;
+        Given::in_problem(file, &*job.problem()?, computing).whole(&mut settings.placements)?;
         if matches!(request.kind, Kind::Loss | Kind::Weather) {
             opening::note_relief(&job, watcher)?;
         }

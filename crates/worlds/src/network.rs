@@ -288,11 +288,13 @@ pub(crate) mod class {
     pub(crate) const BUILDING: u16 = id("building");
     pub(crate) const FENCE: u16 = id("fence");
     pub(crate) const OTHER: u16 = id("other");
+    pub(crate) const PEDESTRIAN: u16 = id("pedestrian");
     pub(crate) const POLE: u16 = id("pole");
     pub(crate) const ROAD_LINE: u16 = id("road_line");
     pub(crate) const ROAD: u16 = id("road");
     pub(crate) const SIDEWALK: u16 = id("sidewalk");
     pub(crate) const VEGETATION: u16 = id("vegetation");
+    pub(crate) const VEHICLE: u16 = id("vehicle");
     pub(crate) const WALL: u16 = id("wall");
     pub(crate) const TRAFFIC_SIGN: u16 = id("traffic_sign");
     pub(crate) const GROUND: u16 = id("ground");

@@ -81,7 +81,8 @@ pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
     if is_utf_16(&bytes) {
         return Err(invalid("is UTF-16 text; save it as UTF-8"));
     }
-    String::from_utf8(bytes).map_err(|_| invalid("is not UTF-8 text"))
+    let not_utf_8 = "is not UTF-8 text, such as Latin-1; save it as UTF-8";
+    String::from_utf8(bytes).map_err(|_| invalid(not_utf_8))
 }
 
 /// Reads an OpenDRIVE document; `file` names it in errors.
@@ -126,7 +127,7 @@ pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     if posts > MAX_POSTS {
         return Err(WorldError::too_large(file, "signals", posts as f64, MAX_POSTS as f64));
     }
-    objects::add(&roads, &mut network, file)?;
+    objects::add(&roads, &origins, &document, &mut network, file)?;
     Ok(network)
 }
 

@@ -84,7 +84,7 @@ impl HandoverRig {
         let mut evaluator = loaded.evaluator(computing)?;
         let file = file_and_name(&text).0;
         let problem = evaluator.shared_problem();
-        Given::in_problem(Path::new(file), &problem, computing).all([&mut placement])?;
+        Given::in_problem(Path::new(file), &problem, computing).whole([&mut placement])?;
         // Only now: warnings about a rig with an unknown model would mislead.
         warnings.iter().for_each(|words| computing.watcher.note(words));
         let sensors = problem.sensors().clone();

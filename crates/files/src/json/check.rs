@@ -10,6 +10,8 @@ pub const MAX_METRES: f64 = 1.0e9;
 
 /// Largest angle in radians; larger ones are most likely degrees.
 const MAX_RADIANS: f64 = std::f64::consts::TAU;
+/// Radians that rounding to four decimals adds at most: 3.1416 is half a turn.
+pub const ROUNDED: f64 = 5e-5;
 
 /// Longest name in characters.
 pub const MOST_CHARACTERS: usize = 200;
@@ -145,7 +147,7 @@ pub fn radians(at: &Location, value: f64) -> Checked<f64> {
     let wanted = format!(
         "an angle in radians within one turn (-6.2832 to 6.2832); {value}° are {radians:.4} rad"
     );
-    fitting(at, value, value.abs() <= MAX_RADIANS, &wanted)
+    fitting(at, value, value.abs() <= MAX_RADIANS + ROUNDED, &wanted)
 }
 
 /// A list of numbers that each pass a check.

@@ -20,5 +20,5 @@ pub use parse::{
     read_limited, read_text, refuse_comment, refuse_foreign, refuse_own_kinds, stream_text,
     unknown_key, version_1,
 };
-pub use xml::{check_xml, has_no_prefix, plain_names};
+pub use xml::{check_xml, has_no_prefix, misplaced, plain_names};
 pub use yaml::{YamlDocument, parse_documents, parse_yaml};

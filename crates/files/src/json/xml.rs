@@ -144,6 +144,41 @@ pub fn check_xml(text: &str) -> Result<(), String> {
     Ok(())
 }
 
+/// Elements that readers find by the path of their names, where they stand elsewhere or have capitals, in words. The last two
+/// names of each of `paths` tell which elements are meant, and `passed` the elements whose insides are not looked at.
+pub fn misplaced(text: &str, paths: &[&[&str]], passed: &[&str]) -> Vec<String> {
+    let (mut open, mut told): (Vec<&str>, Vec<String>) = (Vec::new(), Vec::new());
+    let (mut line, mut counted) = (1, 0);
+    for (at, tag, attributes) in parts(text) {
+        if attributes.is_none() {
+            continue;
+        }
+        if tag.starts_with('/') {
+            open.pop();
+            continue;
+        }
+        open.extend(tag.split(|c: char| c.is_whitespace() || c == '/').next());
+        let is_meant = |path: &[&str]| {
+            let end = &path[path.len().saturating_sub(2)..];
+            let own = open.iter().rev().take(end.len()).rev();
+            own.len() == end.len() && own.zip(end).all(|(own, name)| own.eq_ignore_ascii_case(name))
+        };
+        let path = paths.iter().find(|path| is_meant(path));
+        let is_inside = open.iter().any(|name| passed.contains(name));
+        if let Some(path) = path.filter(|path| !is_inside && !open.ends_with(path)) {
+            let shown = |names: &[&str]| format!("<{}>", names.join(">/<"));
+            let own = &open[open.len().saturating_sub(path.len())..];
+            line += text[counted..at].matches('\n').count();
+            counted = at;
+            told.push(format!("line {line}: {}, in place of {},", shown(own), shown(path)));
+        }
+        if tag.ends_with('/') {
+            open.pop();
+        }
+    }
+    told
+}
+
 /// Names of an element and of its attributes, with their places in the tag.
 fn names(tag: &str, from: usize) -> Vec<(usize, &str)> {
     let (mut names, mut start, mut quote) = (Vec::new(), Some(from), None);
@@ -167,7 +202,7 @@ fn names(tag: &str, from: usize) -> Vec<(usize, &str)> {
 
 #[cfg(test)]
 mod tests {
-    use super::{check_xml, plain_names};
+    use super::{check_xml, misplaced, plain_names};
 
     #[test]
     fn undeclared_prefixes_become_part_of_the_name() {
@@ -191,6 +226,31 @@ mod tests {
         ];
         for (text, wanted) in cases {
             assert_eq!(plain_names(text), wanted);
+        }
+    }
+
+    #[test]
+    fn elements_at_another_place_or_in_capitals_are_told() {
+        let paths: &[&[&str]] = &[&["robot", "joint", "parent"], &["link", "pose"]];
+        let told = |text: &str| misplaced(text, paths, &["gazebo"]).join(" ");
+        for (text, wanted) in [
+            ("<robot><joint><parent a='>'/></joint><link><pose/></link></robot>", ""),
+            ("<robot><!-- <group><joint><parent/> --><sensor><parent/></sensor></robot>", ""),
+            ("<robot><gazebo><joint><parent/></joint></gazebo></robot>", ""),
+            ("<robot><joint><![CDATA[<Parent/>]]></joint></robot>", ""),
+            (
+                "<robot>\n<group>\n<joint><parent/></joint></group></robot>",
+                "line 3: <group>/<joint>/<parent>, in place of <robot>/<joint>/<parent>,",
+            ),
+            (
+                "<robot><Joint><parent/></Joint></robot>",
+                "line 1: <robot>/<Joint>/<parent>, in place",
+            ),
+            ("<Link a='/'>\n<pose/></Link>", "line 2: <Link>/<pose>, in place of <link>/<pose>,"),
+            ("<link><Pose>0</Pose></link>", "line 1: <link>/<Pose>, in place of <link>/<pose>,"),
+        ] {
+            assert!(told(text).starts_with(wanted), "{text}: {}", told(text));
+            assert_eq!(told(text).is_empty(), wanted.is_empty(), "{text}");
         }
     }
 

@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::ground::{self, MOST_SCANS, NearRoad};
 use super::kitti::above_ground;
-use super::sequence::{entries, no_frame, two_scans};
+use super::sequence::{entries, folder_name, no_frame, two_scans};
 use super::{BoxTrack, Checked, FormatError, LabelledScan, LabelledSequence, PointLabel};
 use frames::{ActorPoints, Record, TimedPose, frame_of};
 use lidar_cast::geom::Pose;
@@ -229,7 +229,7 @@ impl CarlaSequence {
 
 impl LabelledSequence for CarlaSequence {
     fn name(&self) -> String {
-        self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+        folder_name(&self.folder)
     }
 
     fn classes(&self) -> Vec<String> {

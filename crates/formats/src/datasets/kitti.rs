@@ -9,7 +9,7 @@ use sightline_files::Note;
 use super::ground::NearRoad;
 use super::import::HEIGHT_LIMIT;
 use super::sequence::{
-    check_count, entries, no_frame, read_points, read_text, read_units, two_scans,
+    check_count, entries, folder_name, no_frame, read_points, read_text, read_units, two_scans,
 };
 use super::{BoxTrack, Checked, FormatError, LabelledScan, LabelledSequence, PointLabel, ground};
 
@@ -153,7 +153,7 @@ impl KittiSequence {
 
 impl LabelledSequence for KittiSequence {
     fn name(&self) -> String {
-        self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+        folder_name(&self.folder)
     }
 
     fn classes(&self) -> Vec<String> {

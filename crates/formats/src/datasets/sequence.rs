@@ -247,6 +247,13 @@ pub(super) fn open(path: &Path) -> Checked<File> {
     sightline_files::files::open(path).map_err(to_read)
 }
 
+/// The name of a folder, that of `.` and `..` too.
+pub(super) fn folder_name(folder: &Path) -> String {
+    let whole = if folder.file_name().is_none() { folder.canonicalize().ok() } else { None };
+    let name = whole.as_deref().unwrap_or(folder).file_name();
+    name.unwrap_or_default().to_string_lossy().into_owned()
+}
+
 pub(super) fn entries(folder: &Path) -> Checked<Vec<PathBuf>> {
     let to_read = |source| FormatError::Read { path: folder.to_owned(), source };
     let mut paths = Vec::new();

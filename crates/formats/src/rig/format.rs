@@ -293,7 +293,7 @@ pub fn export(
 ) -> Result<Exported, FormatError> {
     rig.validate()?;
     check_models(rig, models)?;
-    refuse_substitutions(rig, format)?;
+    model::refuse_names(rig, format)?;
     let one = |name: &str, text| vec![NamedText { name: name.to_owned(), text }];
     let files = match format {
         RigFormat::Autoware => {
@@ -352,26 +352,6 @@ fn lost_phases(rig: &Rig, format: RigFormat) -> Option<String> {
 
 fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
-}
-
-/// Refuses names with `$(` or `${`, for which xacro and launch files put values.
-fn refuse_substitutions(rig: &Rig, format: RigFormat) -> Checked<()> {
-    let is_robot = format == RigFormat::Urdf;
-    if !is_robot && format != RigFormat::Ros2Launch {
-        return Ok(());
-    }
-    let of_rig = is_robot.then_some(rig.name.as_str());
-    let sensors = rig.lidars.iter().filter_map(|lidar| lidar.sensor.as_deref());
-    let sensors = sensors.filter(|_| is_robot);
-    let frames = rig.lidars.iter().map(|lidar| lidar.frame.as_str());
-    let mut names = of_rig.into_iter().chain(sensors).chain(frames);
-    match names.find(|name| name.contains("$(") || name.contains("${")) {
-        Some(name) => Err(refused!(
-            "the name `{name}` holds `$(` or `${{`, for which readers of {} put a value; give another one",
-            format.name()
-        )),
-        None => Ok(()),
-    }
 }
 
 /// Refuses LiDARs without a model where there are several, and models that are none of them.

@@ -86,6 +86,17 @@ impl FrameTree {
         Ok(())
     }
 
+    /// Doubts elements that are not read where they stand, in words.
+    pub(super) fn doubt_misplaced(&mut self, file: &str, told: Vec<String>) {
+        let more = match told.len() {
+            0 | 1 => String::new(),
+            all => format!(" (and {} more)", all - 1),
+        };
+        self.notes.extend(
+            told.first().map(|first| Note::doubt(format!("{file}: {first} is not read{more}"))),
+        );
+    }
+
     /// Says that a frame stands behind a joint that moves.
     pub(super) fn moves(&mut self, frame: &str, joint: MovingJoint) {
         self.moving.insert(frame.to_owned(), joint);

@@ -304,12 +304,16 @@ fn base(
     Ok(own.to_owned())
 }
 
+/// True for the name of the frame on the ground, with a prefix or without.
+pub(super) fn is_footprint(name: &str) -> bool {
+    name.rsplit(['/', ':']).next() == Some(FOOTPRINT) || name.ends_with(&format!("_{FOOTPRINT}"))
+}
+
 /// `base_link`, or the frame on the ground below it (REP 120) where the files place one and no position of `base_link`
 /// is given: the frame of placements stands on the ground.
 fn ground(frames: &mut FrameTree, settings: &ImportSettings, file: &str) -> String {
     let names = frames.names();
-    let last = |name: &str| name.rsplit(['/', ':']).next() == Some(FOOTPRINT);
-    let found = names.iter().find(|name| last(name) || name.ends_with(&format!("_{FOOTPRINT}")));
+    let found = names.iter().find(|name| is_footprint(name));
     let below = found.and_then(|name| Some((name, frames.between(name, BASE_LINK)?)));
     match below {
         Some((name, pose)) if settings.mounting.base_link == [0.0; 3] && pose != IDENTITY => {

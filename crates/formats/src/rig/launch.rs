@@ -206,10 +206,8 @@ impl Launch<'_> {
             words.collect::<Vec<_>>().join(" ")
         };
         let args = self.resolved(&args, &at)?;
-        // A shell takes the quotes off.
-        let quotes: &[char] = if node.has_tag_name("node") { &[] } else { &['"', '\''] };
-        let bare = |word: &str| word.trim_matches(quotes).to_owned();
-        let mut words: Vec<String> = args.split_whitespace().map(bare).collect();
+        let mut words = shell_words(&args)
+            .ok_or_else(|| wrong(&at, &args, "a text whose quotes are closed"))?;
         // `tf` of ROS 1 wants a period in milliseconds behind the two frames.
         let has_period = matches!(words.len(), 9 | 10)
             && words.last().is_some_and(|word| word.parse::<f64>().is_ok())
@@ -218,6 +216,34 @@ impl Launch<'_> {
             words.pop();
         }
         publisher(words, at).map(Some)
+    }
+}
+
+/// Words of arguments as ROS splits them, like a shell: quotes and backslashes are taken off. `None` where a quote is open.
+fn shell_words(text: &str) -> Option<Vec<String>> {
+    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+    let mut signs = text.chars();
+    while let Some(sign) = signs.next() {
+        match (quote, sign) {
+            (None, '"' | '\'') => {
+                quote = Some(sign);
+                word.get_or_insert_default();
+            }
+            (None, _) if sign.is_whitespace() => words.extend(word.take()),
+            (Some(open), _) if sign == open => quote = None,
+            (None | Some('"'), '\\') => word.get_or_insert_default().push(signs.next()?),
+            _ => word.get_or_insert_default().push(sign),
+        }
+    }
+    words.extend(word);
+    quote.is_none().then_some(words)
+}
+
+/// A word as [`shell_words`] reads it.
+fn shell_quoted(word: &str) -> String {
+    match word.contains(['"', '\'', '\\']) {
+        true => format!("\"{}\"", word.replace('\\', "\\\\").replace('"', "\\\"")),
+        false => word.to_owned(),
     }
 }
 
@@ -292,7 +318,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
             text,
             "  <node pkg=\"tf2_ros\" exec=\"{PUBLISHER}\"\n        \
              args=\"{numbers}--frame-id {BASE_LINK} --child-frame-id {}\"/>",
-            yaml::escape(&lidar.frame)
+            yaml::escape(&shell_quoted(&lidar.frame))
         );
     }
     text + "</launch>\n"

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::frames::{tilt, turn};
 use super::yaml::missing;
-use super::{Checked, FormatError, RigSource};
+use super::{Checked, FormatError, RigFormat, RigSource, import, sdf, yaml};
 use crate::error::listed;
 use sightline_files::json::{self, DescriptionError, FileKind, Location};
 use sightline_scene::vehicle::{
@@ -363,5 +363,33 @@ fn asymmetry(left: &RigLidar, right: &RigLidar) -> Asymmetry {
         tilted,
         same_roll,
         models: models(left, right),
+    }
+}
+
+/// Refuses names with `$(` or `${`, for which xacro and launch files put values, and names that mean another frame.
+pub(super) fn refuse_names(rig: &Rig, format: RigFormat) -> Checked<()> {
+    let is_taken =
+        |name: &str| import::is_footprint(name) || [sdf::MODEL, yaml::KIT].contains(&name);
+    let taken = rig.lidars.iter().find(|lidar| is_taken(&lidar.frame));
+    if let Some(RigLidar { frame, .. }) = taken.filter(|_| format != RigFormat::Json) {
+        return Err(refused!(
+            "`{frame}` is the name of a frame of the vehicle, which readers take it for; give the LiDAR another one"
+        ));
+    }
+    let is_robot = format == RigFormat::Urdf;
+    if !is_robot && format != RigFormat::Ros2Launch {
+        return Ok(());
+    }
+    let of_rig = is_robot.then_some(rig.name.as_str());
+    let sensors = rig.lidars.iter().filter_map(|lidar| lidar.sensor.as_deref());
+    let sensors = sensors.filter(|_| is_robot);
+    let frames = rig.lidars.iter().map(|lidar| lidar.frame.as_str());
+    let mut names = of_rig.into_iter().chain(sensors).chain(frames);
+    match names.find(|name| name.contains("$(") || name.contains("${")) {
+        Some(name) => Err(refused!(
+            "the name `{name}` holds `$(` or `${{`, for which readers of {} put a value; give another one",
+            format.name()
+        )),
+        None => Ok(()),
     }
 }

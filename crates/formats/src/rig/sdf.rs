@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use roxmltree::{Document, Node};
 use sightline_files::Note;
-use sightline_files::json::{plain_names, written};
+use sightline_files::json::{misplaced, plain_names, written};
 use sightline_scene::vehicle::SensorPose;
 
 use super::frames::{
@@ -20,6 +20,17 @@ use crate::error::listed;
 /// Frame that everything in a model hangs on unless it says otherwise.
 pub(super) const MODEL: &str = "__model__";
 
+/// Where elements stand that are read.
+const PATHS: [&[&str]; 7] = [
+    &["model", "link", "sensor"],
+    &["model", "joint", "parent"],
+    &["model", "pose"],
+    &["link", "pose"],
+    &["joint", "pose"],
+    &["frame", "pose"],
+    &["sensor", "pose"],
+];
+
 /// Reads the links, joints, frames and sensors of the model that is the vehicle, and of the models in it.
 pub(super) fn read(
     source: &RigSource,
@@ -32,6 +43,7 @@ pub(super) fn read(
     let model = vehicle(&document, file, settings, frames)?;
     frames.name = model.attribute("name").map(str::to_owned);
     frames.model = frames.name.clone();
+    frames.doubt_misplaced(file, misplaced(&text, &PATHS, &["plugin", "state"]));
     read_model(model, "", file, frames)
 }
 
@@ -48,6 +60,7 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
     for node in model.children().filter(Node::is_element) {
         let at = yaml::place(node, file);
         let kind = node.tag_name().name();
+        doubt_origin(node, file, frames);
         let child = yaml::child(node, "child").map(yaml::text);
         if kind == "joint" {
             read_hold(node, scope, frames);
@@ -100,6 +113,16 @@ fn read_model(model: Node, scope: &str, file: &str, frames: &mut FrameTree) -> C
     Ok(())
 }
 
+/// A doubt about the `<origin>` of URDF and of the first SDF, in an element whose `<pose>` is read.
+fn doubt_origin(node: Node, file: &str, frames: &mut FrameTree) {
+    if yaml::child(node, "origin").is_some() {
+        let at = yaml::place(node, file);
+        frames.notes.push(Note::doubt(format!(
+            "{at}: <origin> is not read here; write its pose as <pose>x y z roll pitch yaw</pose>"
+        )));
+    }
+}
+
 /// The joint of an element, where it moves.
 fn moving(node: Node) -> Option<MovingJoint> {
     let name = node.attribute("name").unwrap_or_default();
@@ -140,12 +163,7 @@ pub(super) fn read_sensors(
 ) -> Checked<()> {
     for sensor in link.children().filter(|node| node.has_tag_name("sensor")) {
         let (optical, parent) = pose(sensor, file, frames)?;
-        if sensor.children().any(|node| node.has_tag_name("origin")) {
-            let at = yaml::place(sensor, file);
-            frames.notes.push(Note::doubt(format!(
-                "{at}: <origin> is not read here; write its pose as <pose>x y z roll pitch yaw</pose>"
-            )));
-        }
+        doubt_origin(sensor, file, frames);
         match parent {
             // Its own pose hangs on another frame than its link.
             Some(parent) if format!("{scope}{parent}") != name => {

@@ -10,7 +10,7 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 use sightline_files::Note;
-use sightline_files::json::{Location, has_no_prefix, plain_names, written};
+use sightline_files::json::{Location, has_no_prefix, misplaced, plain_names, written};
 use sightline_scene::vehicle::{SensorPose, UrdfJoint};
 
 use super::frames::{
@@ -51,6 +51,7 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     frames.name = robot.attribute("name").map(str::to_owned);
     refuse_links_twice(robot, file)?;
     doubt_sensors_of_links(robot, file, frames);
+    frames.doubt_misplaced(file, misplaced(&text, &[&["robot", "joint", "parent"]], &["gazebo"]));
     if robot.children().any(|node| node.has_tag_name("include")) {
         frames.notes.push(Note::doubt(format!(
             "{file}: <include> is not read; a LiDAR in it is missing. Merge the files, and read that"

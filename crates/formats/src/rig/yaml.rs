@@ -14,7 +14,7 @@ use super::frames::{FrameContent, FrameTree, IDENTITY, RigFrame, of_quaternion};
 use super::{BASE_LINK, Checked, FormatError, Mounting, NamedText, Rig, RigSource};
 
 /// Frame of Autoware's sensor kit.
-const KIT: &str = "sensor_kit_base_link";
+pub(super) const KIT: &str = "sensor_kit_base_link";
 
 /// Keys of a frame that are passed over: they say which sensor it is, and where its data go.
 const AUTOWARE_PASSED: [&str; 12] = [

@@ -87,20 +87,14 @@ impl<'a> Iterator for Lines<'a> {
     type Item = (usize, Cow<'a, [u8]>);
 
     fn next(&mut self) -> Option<Self::Item> {
-        let mut text = Cow::Borrowed(self.single()?);
-        let line = self.line;
-        let named = |text: &[u8]| {
-            let first = words(text).next().unwrap_or_default();
-            text.trim_ascii_start().starts_with(b"#")
-                || NAMED.iter().any(|name| name.eq_ignore_ascii_case(first))
-        };
-        if text.trim_ascii_end().ends_with(b"\\") && !named(&text) {
-            while let Some(head) = text.trim_ascii_end().strip_suffix(b"\\") {
-                let keep = head.len();
-                text.to_mut().truncate(keep);
-                let Some(next) = self.single() else { break };
-                text.to_mut().extend_from_slice(next);
-            }
+        let mut piece = self.single()?;
+        let (line, is_named, mut text) = (self.line, is_named(piece), Cow::Borrowed(piece));
+        while piece.trim_ascii_end().ends_with(b"\\") && !is_named && !has_comment(piece) {
+            let keep = text.trim_ascii_end().len() - 1;
+            text.to_mut().truncate(keep);
+            let Some(next) = self.single() else { break };
+            text.to_mut().extend_from_slice(next);
+            piece = next;
         }
         Some((line, text))
     }
@@ -110,6 +104,17 @@ impl<'a> Iterator for Lines<'a> {
 fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     let words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     words.take_while(|word| !word.starts_with(b"#"))
+}
+
+/// True for a statement that ends in a name or a path.
+fn is_named(text: &[u8]) -> bool {
+    let first = words(text).next().unwrap_or_default();
+    NAMED.iter().any(|name| name.eq_ignore_ascii_case(first))
+}
+
+/// True if a line has a comment, by its words.
+fn has_comment(text: &[u8]) -> bool {
+    text.split(u8::is_ascii_whitespace).any(|word| word.starts_with(b"#"))
 }
 
 /// Text of any bytes: UTF-8, or Latin-1 where it is none.
@@ -163,6 +168,10 @@ impl ObjReader {
     fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), String> {
         let mut words = words(text);
         let Some(keyword) = words.next() else { return Ok(()) };
+        if has_comment(text) && text.trim_ascii_end().ends_with(b"\\") && !is_named(text) {
+            let fault = "has a comment that ends with a backslash, which some programs join with the next line";
+            return Err(format!("{fault}; take the backslash away"));
+        }
         let is_capital = keyword.iter().any(u8::is_ascii_uppercase);
         let small = match is_capital {
             true => Cow::Owned(keyword.to_ascii_lowercase()),

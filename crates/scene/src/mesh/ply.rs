@@ -138,6 +138,9 @@ impl PlyReader {
                 ));
             }
             for property in &element.properties {
+                if property.name == "label" && property.list.is_some() {
+                    return fault("has a list `label`; write one number a row");
+                }
                 let known = match shape {
                     None => matches!(property.name.as_str(), "x" | "y" | "z" | "label"),
                     Some(_) => is_corners(property) || property.name == "label",
@@ -149,17 +152,25 @@ impl PlyReader {
                 }
             }
         }
-        if !unread.is_empty() {
-            let told: Vec<&str> =
-                unread.iter().take(MOST_TOLD).map(|(name, _)| name.as_str()).collect();
-            let more = if unread.len() > MOST_TOLD { " and others" } else { "" };
-            let text = format!("passed over: {}{more}", told.join(", "));
-            self.mesh.notes.push(match unread.iter().any(|(_, class)| *class) {
-                true => Note::doubt(format!("{text}; classes are read from `label` alone: rename the property that holds them")),
-                false => Note::fact(text),
-            });
-        }
+        self.note_unread(&unread);
         Ok(())
+    }
+
+    /// Notes elements and properties that are not read, a doubt where one may mean a class.
+    fn note_unread(&mut self, unread: &[(String, bool)]) {
+        if unread.is_empty() {
+            return;
+        }
+        let told: Vec<&str> =
+            unread.iter().take(MOST_TOLD).map(|(name, _)| name.as_str()).collect();
+        let more = if unread.len() > MOST_TOLD { " and others" } else { "" };
+        let text = format!("passed over: {}{more}", told.join(", "));
+        self.mesh.notes.push(match unread.iter().any(|(_, class)| *class) {
+            true => Note::doubt(format!(
+                "{text}; classes are read from `label` alone: rename the property that holds them"
+            )),
+            false => Note::fact(text),
+        });
     }
 
     fn vertices(&mut self, body: &mut PlyBody<'_>, element: &PlyElement) -> Parsed<()> {

@@ -119,7 +119,10 @@ impl<'a> Tokens<'a> {
     fn skip_space(&mut self) {
         let end = self.rest.iter().position(|b| !b.is_ascii_whitespace());
         let (space, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
-        self.line += space.iter().filter(|b| **b == b'\n').count();
+        let ends = |(i, b): &(usize, &u8)| {
+            **b == b'\n' || **b == b'\r' && space.get(i + 1) != Some(&b'\n')
+        };
+        self.line += space.iter().enumerate().filter(ends).count();
         self.rest = rest;
     }
 
@@ -178,7 +181,8 @@ impl TextReader {
             };
             read.map_err(|problem| {
                 // A line that ends the text begins no other.
-                let after = usize::from(words.rest.is_empty() && text.ends_with(b"\n"));
+                let is_ended = matches!(text.last(), Some(b'\n' | b'\r'));
+                let after = usize::from(words.rest.is_empty() && is_ended);
                 MeshFault::new(format!("line {}", words.line - after), problem)
             })?;
         }

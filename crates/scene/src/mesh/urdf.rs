@@ -14,7 +14,9 @@ use crate::vehicle::UrdfJoint;
 use super::{Geometry, MeshFault, OriginAngles, Parsed, RobotFile, RobotPart, RobotShapes};
 use lidar_cast::geom::Pose;
 use sightline_files::files::stays_inside;
-use sightline_files::json::{check, check_xml, counted, has_no_prefix, nearest, plain_names};
+use sightline_files::json::{
+    check, check_xml, counted, has_no_prefix, misplaced, nearest, plain_names,
+};
 
 /// Most elements, texts and comments of a file.
 const MAX_NODES: u32 = 1_000_000;
@@ -28,6 +30,14 @@ const OF_JOINT: [&str; 10] = [
 /// Elements of a shape; looks and contacts place nothing.
 const OF_SHAPE: [&str; 6] =
     ["origin", "geometry", "material", "name", "verbose", "contact_coefficients"];
+/// Where shapes and joints stand.
+const PATHS: [&[&str]; 3] = [
+    &["robot", "link", "visual", "geometry"],
+    &["robot", "link", "collision", "geometry"],
+    &["robot", "joint", "parent"],
+];
+/// Attributes of a shape's geometry.
+const OF_GEOMETRY: [&str; 5] = ["size", "radius", "length", "filename", "scale"];
 /// Largest scale of a mesh.
 const MAX_SCALE: f64 = 1.0e6;
 
@@ -156,7 +166,8 @@ impl RobotFile<'_> {
             return Err(fault("file", problem));
         }
         let includes = robot.children().filter(|node| node.has_tag_name("include")).count();
-        let strange = strange(robot);
+        let mut strange = strange(robot);
+        strange.extend(misplaced(&plain, &PATHS, &["gazebo"]));
         Ok(RobotShapes { parts, origins: self.angles(robot), missing, moved, includes, strange })
     }
 
@@ -311,7 +322,7 @@ fn document<'t>(text: &str, plain: &'t str) -> Parsed<Document<'t>> {
     Ok(document)
 }
 
-/// Elements that a joint or a shape does not have, and origins that place nothing, with their link or joint.
+/// Elements and attributes that a joint or a shape does not have, and origins that place nothing, with their link or joint.
 fn strange(robot: Node) -> Vec<String> {
     let mut told = Vec::new();
     for of in robot.children().filter(|of| of.has_tag_name("joint") || of.has_tag_name("link")) {
@@ -328,6 +339,13 @@ fn strange(robot: Node) -> Vec<String> {
             };
             let plain = odd.into_iter().filter(|tag| has_no_prefix(tag));
             told.extend(plain.map(|tag| format!("<{tag}> of {}", called(of))));
+            let shapes = node.children().filter(|node| node.has_tag_name("geometry"));
+            for shape in shapes.flat_map(|node| node.children()).filter(Node::is_element) {
+                let names = shape.attributes().map(|attribute| attribute.name());
+                let odd = names.filter(|name| !OF_GEOMETRY.contains(name) && has_no_prefix(name));
+                let tag = shape.tag_name().name();
+                told.extend(odd.map(|name| format!("`{name}` in <{tag}> of {}", called(of))));
+            }
         }
     }
     told

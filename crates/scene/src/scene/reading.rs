@@ -378,7 +378,7 @@ fn track(at: &Location, poses: &[PoseDescription]) -> Option<Note> {
         let step = two[1] - two[0];
         (step - TAU * (step / TAU).round()).abs() > 1.0
     };
-    let more_than_a_turn = |yaw: &f64| yaw.abs() > TAU + 1e-6;
+    let more_than_a_turn = |yaw: &f64| yaw.abs() > TAU + check::ROUNDED;
     let whole = yaw.iter().all(|yaw| yaw.fract() == 0.0) && yaw.iter().any(|yaw| yaw.abs() >= 2.0);
     let in_degrees = whole
         || yaw.first().is_some_and(more_than_a_turn)

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::constraints::HOLDS_NONE;
 use super::{Constraints, Lidar, Placement, Region, SensorPose};
+use sightline_files::json::check::ROUNDED;
 
 /// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.
 pub const FARTHEST: f64 = 100.0;
@@ -31,7 +32,7 @@ pub(crate) fn is_degrees(angle: f64) -> bool {
 
 /// True if an angle in radians is more than a turn.
 fn is_beyond_a_turn(angle: f64) -> bool {
-    angle.abs() > TAU + 1e-6
+    angle.abs() > TAU + ROUNDED
 }
 
 /// A sign that an angle in radians is one in degrees, in words.
@@ -186,7 +187,7 @@ pub fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
     let phase = pose.phase.map(|phase| ("phase", phase));
     let turned = radians.iter().copied().chain(phase).find_map(|(field, value)| {
         let most = if matches!(field, "yaw" | "phase") { TAU } else { PI };
-        let is_beyond = value.abs() > most + 1e-6;
+        let is_beyond = value.abs() > most + ROUNDED;
         let beyond = is_beyond.then(|| "is more than half a turn".to_owned());
         let fault = in_degrees(value).or(beyond)?;
         Some(format!(
@@ -256,6 +257,11 @@ mod tests {
         let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
         assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
         assert_eq!(of_angles("`yaw`", &[3.0, 3.3]), None);
+        // Half a turn and a whole one with four decimals.
+        let rounded = SensorPose { roll: -3.1416, yaw: 6.2832, ..SensorPose::at(0.0, 0.0, 2.0) };
+        assert_eq!(doubts_of_units(&rounded), [String::new(); 0]);
+        let beyond = SensorPose { roll: 3.1417, ..rounded };
+        assert!(doubts_of_units(&beyond)[0].starts_with("roll = 3.1417 is more than half a turn"));
         assert!(of_angles("`yaw`", &[-5.0, 5.0]).is_some());
         assert!(of_angles("`pitch`", &[0.05, 5.0]).is_some());
     }

@@ -3,6 +3,7 @@
 //! Meshes that mirrored pairs stand on are made exact images of each other, or of themselves.
 
 use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -71,10 +72,10 @@ fn direction(at: &Location, facing: &FacingDescription) -> Checked<(DVec3, f64)>
         return Err(bad(&here, format!("{:?}", facing.direction), "a direction, [0, 0, 1] for up"));
     };
     let angle = facing.angle.unwrap_or(FACING);
-    if !(angle > 0.0 && angle <= std::f64::consts::FRAC_PI_2) {
+    if !(angle > 0.0 && angle <= FRAC_PI_2 + check::ROUNDED) {
         return Err(bad(&at.key("angle"), angle, "an angle above 0 and at most π/2 radians"));
     }
-    Ok((direction, maths::cos(angle)))
+    Ok((direction, maths::cos(angle.min(FRAC_PI_2))))
 }
 
 /// Triangles that face a direction within a cosine, all of them without one, with normals at the corners that

@@ -112,6 +112,13 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
             return PlacementFileError::of(path, told);
         }
         let problem = match unknown_key(words) {
+            // A document in a `.jsonl` file, and a placement alone in another one.
+            Some(("placements", _)) if place == "placements" => {
+                "belongs to a document; give the file the ending .json".to_owned()
+            }
+            Some(("name" | "lidars", known)) if known.iter().any(|key| key == "placements") => {
+                "belongs to a placement; write {\"placements\": [ … ]} around it".to_owned()
+            }
             Some((key, known)) => {
                 let nearest = nearest(key, known.iter().map(String::as_str));
                 format!("unknown key `{key}`{}", did_you_mean(&nearest, &known))

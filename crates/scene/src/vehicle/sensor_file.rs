@@ -1,5 +1,6 @@
 //! Sensor files of the vendors, told apart by content.
 
+mod column_window;
 mod csv;
 mod isaac;
 mod isaac_profile;
@@ -65,6 +66,10 @@ fn parse_any(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<S
     let text = match std::str::from_utf8(bytes) {
         Ok(text) if !text.contains('\0') => text,
         _ if csv::is_rgl(bytes) => return csv::parse_rgl(at, bytes),
+        Err(_) if !bytes.contains(&0) => {
+            let found = "text that is not UTF-8, such as Latin-1,";
+            return Err(bad(at, found, "UTF-8 text; save the file as UTF-8"));
+        }
         _ => return Err(unknown(at)),
     };
     if table::is_velodyne(text) {

@@ -1,7 +1,7 @@
 //! Vehicle files: reading and checking them.
 
 use std::collections::HashSet;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -247,11 +247,11 @@ fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Checked<SpinPhase> {
     if from == to {
         return Ok(SpinPhase::Locked(from));
     }
-    if !(0.0..=std::f64::consts::TAU).contains(&(to - from)) {
+    if !(0.0..=TAU + check::ROUNDED).contains(&(to - from)) {
         let wanted = "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough";
         return Err(bad(at, format!("{:?}", [from, to]), wanted));
     }
-    Ok(SpinPhase::Between(from, to))
+    Ok(SpinPhase::Between(from, to.min(from + TAU)))
 }
 
 /// An area of the vehicle's surroundings that beams must pass.

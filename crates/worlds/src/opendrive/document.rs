@@ -132,6 +132,8 @@ pub(super) struct RoadFacts {
     pub profiles: BTreeMap<String, Profile>,
     /// Identifiers of the roads.
     pub roads: BTreeSet<String>,
+    /// Classes of vehicles and persons among the objects, by road or junction and identifier.
+    pub movers: BTreeMap<(String, String), u16>,
     /// The document with more points along its roads, where they need any.
     pub text: Option<String>,
     pub notes: Vec<Note>,
@@ -225,6 +227,7 @@ pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
     }
     document.notes.extend(doubts::doubts(&xml, file));
     document.notes.extend(values::notes(&xml, file));
+    document.notes.extend(objects::of_unknown_types(&xml, file));
     Ok(document)
 }
 
@@ -300,8 +303,17 @@ fn number(value: &str) -> Result<f64, &'static str> {
 }
 
 impl RoadFacts {
-    /// Notes lanes with heights and the side of the road.
+    /// Notes lanes with heights, the side of the road, and objects that are vehicles or persons.
     fn take(&mut self, node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
+        if name == "object"
+            && let Some(class) = objects::class_of_mover(node.attribute("type").unwrap_or_default())
+        {
+            let id = |node: Option<Node<'_, '_>>| node?.attribute("id").map(str::to_owned);
+            let owner = node
+                .ancestors()
+                .find(|n| ["road", "junction"].iter().any(|tag| n.has_tag_name(*tag)));
+            self.movers.extend(id(owner).zip(id(Some(node))).map(|key| (key, class)));
+        }
         if name != "road" {
             return Ok(());
         }

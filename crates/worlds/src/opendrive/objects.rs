@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use roxmltree::Node;
+use roxmltree::{Document, Node};
 use sightline_files::Note;
-use xodr::{Mesh, Object, ObjectType, Point, RoadNetwork};
+use xodr::{Mesh, Object, ObjectType, Point, Provenance, RoadNetwork};
 
-use super::document::number_or_0 as number;
+use super::document::{RoadFacts, number_or_0 as number, shown};
 use super::values;
 use crate::network::{MARK, MapShape, Network, class};
 use crate::world::WorldError;
@@ -53,6 +53,43 @@ fn class_of(object: &Object) -> u16 {
     }
 }
 
+/// Class of a vehicle or a person by the type of its object, as OpenDRIVE 1.4 has them; the library knows later types alone.
+pub(super) fn class_of_mover(kind: &str) -> Option<u16> {
+    match kind.trim() {
+        "bike" | "bus" | "car" | "motorbike" | "trailer" | "train" | "tram" | "van" => {
+            Some(class::VEHICLE)
+        }
+        "pedestrian" => Some(class::PEDESTRIAN),
+        _ => None,
+    }
+}
+
+/// Types of objects beside vehicles and persons, as the library knows them, and words for none.
+const TYPES: &[&str] = &[
+    "", "-1", "none", "obstacle", "pole", "tree", "vegetation", "barrier", "building",
+    "parkingSpace", "patch", "railing", "trafficIsland", "crosswalk", "streetLamp", "gantry",
+    "soundBarrier", "roadMark", "roadSurface", "wind",
+];
+
+/// A note of objects whose type nobody knows; a doubt where capitals alone tell it from a known one.
+pub(super) fn of_unknown_types(xml: &Document<'_>, file: &str) -> Option<Note> {
+    let types = xml.descendants().filter(|n| n.has_tag_name("object"));
+    let types = types.map(|n| n.attribute("type").unwrap_or_default().trim());
+    let unknown: Vec<&str> =
+        types.filter(|kind| !TYPES.contains(kind) && class_of_mover(kind).is_none()).collect();
+    let meant = |kind: &str| TYPES.iter().find(|known| known.eq_ignore_ascii_case(kind));
+    let slip = unknown.iter().find_map(|kind| Some((*kind, *meant(kind)?)));
+    let (first, known) = slip.or(unknown.first().map(|kind| (*kind, "")))?;
+    let (count, first) = (unknown.len(), shown(first));
+    let text = format!(
+        "{file}: {count} objects are of unknown types, `{first}` among them, and take their class from `subtype` and `name`"
+    );
+    Some(match known {
+        "" => Note::fact(text),
+        known => Note::doubt(format!("{text}; did you mean `{known}`?")),
+    })
+}
+
 /// Beginnings of names of paint in maps of CARLA, whose type is none.
 const PAINT: &[&str] = &["stencil", "chevronregion"];
 
@@ -70,8 +107,15 @@ fn is_painted(object: &Object) -> bool {
 ///
 /// # Errors
 /// Objects that are larger, or farther away, than a world can hold.
-pub(super) fn add(map: &RoadNetwork, network: &mut Network, file: &str) -> Result<(), WorldError> {
+pub(super) fn add(
+    map: &RoadNetwork,
+    origins: &Provenance,
+    facts: &RoadFacts,
+    network: &mut Network,
+    file: &str,
+) -> Result<(), WorldError> {
     let mesh = map.object_mesh();
+    let movers = movers(origins, facts);
     let mut without_size: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut bays, mut area) = (0, 0.0);
     let mut spans = mesh.objects.iter().peekable();
@@ -100,11 +144,9 @@ pub(super) fn add(map: &RoadNetwork, network: &mut Network, file: &str) -> Resul
             let what = "square metres of its objects";
             return Err(WorldError::too_large(file, what, area, MAX_AREA));
         }
-        network.shapes.push(MapShape {
-            class: class_of(object),
-            faces,
-            solid: !is_painted(object) && class_of(object) != class::ROAD,
-        });
+        let class = movers.get(&object.id.0).copied().unwrap_or_else(|| class_of(object));
+        let solid = !is_painted(object) && class != class::ROAD;
+        network.shapes.push(MapShape { class, faces, solid });
     }
     if !without_size.is_empty() {
         let list: Vec<String> = without_size
@@ -122,6 +164,16 @@ pub(super) fn add(map: &RoadNetwork, network: &mut Network, file: &str) -> Resul
         )));
     }
     Ok(())
+}
+
+/// Classes of vehicles and persons, by the numbers of their objects in the network.
+fn movers(origins: &Provenance, facts: &RoadFacts) -> BTreeMap<usize, u16> {
+    let class = |of: &xodr::ObjectProvenance| {
+        let own = if of.road_id.is_empty() { &of.junction_id } else { &of.road_id };
+        let owner = of.referenced_from.as_ref().unwrap_or(own);
+        facts.movers.get(&(owner.clone(), of.od_id.clone())).copied()
+    };
+    origins.objects.iter().filter_map(|of| Some((of.object.0, class(of)?))).collect()
 }
 
 /// Square metres of the box in plan around a face; infinite where it is too far from 0.

@@ -78,10 +78,12 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     }
     repeated(node, name)?;
     match name {
-        "object" | "objectReference" => on_its_road(node),
+        "object" | "objectReference" => on_its_road(node, BEYOND),
         "arc" => turns(node, &["curvature"]),
         "spiral" => turns(node, &["curvStart", "curvEnd"]),
         "signal" => {
+            // The library leaves out signals beyond the ends of their road, by however little.
+            on_its_road(node, 0.0)?;
             let large = |key: &&str| number(node, key).abs() > MOST_OF_A_BOARD;
             ["zOffset", "height", "width"].iter().find(|key| large(key)).map_or(Ok(()), |key| {
                 let metres = number(node, key);
@@ -210,10 +212,10 @@ fn stretches<'a, 'i: 'a>(object: Node<'a, 'i>) -> impl Iterator<Item = [f64; 2]>
     own.into_iter().chain(repeats.map(stretch))
 }
 
-/// Refuses an object that stands beyond the ends of its road.
-fn on_its_road(object: Node<'_, '_>) -> Result<(), String> {
+/// Refuses an object or a signal that stands more than `beyond` metres beyond the ends of its road.
+fn on_its_road(object: Node<'_, '_>, beyond: f64) -> Result<(), String> {
     let Some(length) = road_length(object) else { return Ok(()) };
-    let is_off = |[from, to]: &[f64; 2]| *to < -BEYOND || *from > length + BEYOND;
+    let is_off = |[from, to]: &[f64; 2]| *to < -beyond || *from > length + beyond;
     match stretches(object).find(is_off) {
         Some([from, _]) => Err(format!(
             "stands at s = {from}, off its road of {length} m; write an s of 0 to {length}"

@@ -141,12 +141,39 @@ fn words_of_a_name_tell_the_class_of_an_object() {
         assert_eq!(classed(name, "obstacle"), (wanted, true), "{name}");
     }
     assert_eq!(classed("thing", "none"), (class::STATIC, true));
+    // Types of OpenDRIVE 1.4 for what stands on the road.
+    for kind in ["car", "van", "bus", "trailer", "bike", "motorbike", "tram", "train"] {
+        assert_eq!(classed("", kind), (class::VEHICLE, true), "{kind}");
+    }
+    assert_eq!(classed("", "pedestrian"), (class::PEDESTRIAN, true));
     // Maps of CARLA name arrows, words and hatched areas on the road so.
     for name in ["Stencil_STOP", "Stencil_ArrowType4L", "ChevronRegion"] {
         for kind in ["none", "-1"] {
             assert_eq!(classed(name, kind), (class::ROAD_LINE, false), "{name}");
         }
     }
+}
+
+#[test]
+fn objects_of_unknown_types_are_told() {
+    let told = |kind: &str| {
+        let objects = format!(
+            r#"<objects><object id="1" type="{kind}" s="50" t="9" length="1" width="1" height="1"/></objects>"#
+        );
+        let notes = network(&road("RHT", "", "", &objects)).notes;
+        let of_types = notes.iter().find(|note| note.text().contains("of unknown types"));
+        of_types.map(|note| (note.is_doubt(), note.text().to_owned()))
+    };
+    for known in ["building", "none", "-1", "", "car", "parkingSpace"] {
+        assert_eq!(told(known), None, "{known}");
+    }
+    let (is_doubt, text) = told("guide-post").unwrap();
+    assert!(
+        !is_doubt && text.contains("m.xodr: 1 objects are of unknown types, `guide-post`"),
+        "{text}"
+    );
+    let (is_doubt, text) = told("Building").unwrap();
+    assert!(is_doubt && text.ends_with("did you mean `building`?"), "{text}");
 }
 
 #[test]

@@ -198,6 +198,10 @@ fn values_with_a_silent_default_are_refused() {
         (pole(500.0), "<object> with s = 500 stands at s = 500, off its road of 200 m"),
         (pole(-50.0), "stands at s = -50, off its road"),
         (
+            straight("<signals><signal id='1' s='200.001' t='-6'/></signals>", ""),
+            "<signal> with s = 200.001 stands at s = 200.001, off its road of 200 m; write an s of 0 to 200",
+        ),
+        (
             object("s='0' t='6'><repeat s='300' length='5' distance='1'/></object>"),
             "stands at s = 300, off its road",
         ),

@@ -209,15 +209,16 @@ impl PoseColumns {
     fn of(titles: &str) -> Result<(Self, Vec<String>), String> {
         let titles = titles.to_ascii_lowercase();
         let titles: Vec<&str> = titles.split(',').map(plain).collect();
+        let column = |name: &str| titles.iter().position(|title| *title == name);
+        let wanted =
+            "give a first row with frame (or file), x, y, z, roll, pitch, yaw, commas between them";
+        let key = column("frame").or(column("file")).ok_or(wanted)?;
         if let Some(k) =
             (1..titles.len().min(MOST_COLUMNS)).find(|&k| titles[..k].contains(&titles[k]))
             && !titles[k].is_empty()
         {
             return Err(format!("has two columns {:?}; leave one out", short(titles[k])));
         }
-        let column = |name: &str| titles.iter().position(|title| *title == name);
-        let wanted = "give a first row with frame (or file), x, y, z, roll, pitch, yaw";
-        let key = column("frame").or(column("file")).ok_or(wanted)?;
         let mut places = [0; 6];
         for (place, name) in places.iter_mut().zip(COLUMNS) {
             *place = column(name).ok_or_else(|| format!("has no column {name}; {wanted}"))?;
@@ -242,8 +243,14 @@ impl PoseColumns {
             Ok(number) if number.abs() <= MOST => Ok(number),
             _ => Err(format!("{:?} is no number within ±1e7", short(cell(place)))),
         };
-        let frame = frame_of(Path::new(cell(self.key))).ok_or_else(|| {
-            let (name, most) = (short(cell(self.key)), u32::MAX);
+        let key = cell(self.key);
+        // A number is the frame itself: a point in it is no ending of a file.
+        let frame = match key.parse::<f64>() {
+            Ok(number) => Some(number as u32).filter(|frame| f64::from(*frame) == number),
+            Err(_) => frame_of(Path::new(key)),
+        };
+        let frame = frame.ok_or_else(|| {
+            let (name, most) = (short(key), u32::MAX);
             format!("{name:?} ends with no frame number up to {most}")
         })?;
         let mut six = [0.0; 6];
@@ -262,7 +269,8 @@ pub(super) fn read_poses(path: &Path) -> Checked<PoseTable> {
     let at = |line: usize| {
         move |fault: String| refused!("{} line {}: {fault}", path.display(), line + 1)
     };
-    let mut rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let lines = text.lines().flat_map(|line| line.split('\r'));
+    let mut rows = lines.enumerate().filter(|(_, line)| !line.trim().is_empty());
     let titles = rows.next().map_or("", |(_, line)| line);
     let (columns, unknown) = PoseColumns::of(titles).map_err(at(0))?;
     let text = format!(

@@ -261,13 +261,18 @@ fn in_ply(folder: &Path, from: &str, to: &str) {
 }
 
 /// Words in `poses.csv`, their replacement, and the beginning of the error.
-const SPOILT_POSES: [(&str, &str, &str); 6] = [
+const SPOILT_POSES: [(&str, &str, &str); 10] = [
     ("2.4,0", "2,4,0", " line 2: has more cells than the first row; write decimals with a point"),
     ("roll", "x", " line 1: has two columns \"x\"; leave one out"),
+    ("frame,", "1,1,", " line 1: give a first row with frame (or file), x, y, z"),
+    ("\n8,110", "\r8,nan", " line 3: \"nan\" is no number within"),
     ("\n8,", "\n9,", " has no row for frame 8, whose scan is DIR/000008.bin;"),
     ("\n8,", "\n7,", " line 3: frame 7 comes twice;"),
     ("110", "nan", " line 3: \"nan\" is no number within"),
     ("\n8,", "\nlast,", " line 3: \"last\" ends with no frame number"),
+    // Numbers that are no frame, not names of files that end with one.
+    ("\n8,", "\n8.5,", " line 3: \"8.5\" ends with no frame number"),
+    ("\n8,", "\n-8,", " line 3: \"-8\" ends with no frame number"),
 ];
 
 /// Other faults planted in good scans, and how each error begins.

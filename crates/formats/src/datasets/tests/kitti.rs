@@ -58,6 +58,9 @@ fn roi() -> Roi {
 fn lidar_poses_come_from_camera_poses() {
     let folder = sequence();
     let sequence = KittiSequence::open(folder.path()).unwrap();
+    // Notes begin with the folder's name, whichever path leads there.
+    let around = KittiSequence::open(&folder.path().join("velodyne/..")).unwrap();
+    assert!(!around.name().is_empty() && around.name() == sequence.name());
     assert_eq!(sequence.frames(), [0, 2]);
     let pose = sequence.world_from_sensor(2).unwrap();
     // The camera sits at LiDAR (0.2, 0, −0.1). Two metres on, turned left by 90°: the LiDAR is

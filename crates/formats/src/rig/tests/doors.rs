@@ -260,6 +260,23 @@ fn a_publisher_may_be_a_command() {
     assert!(told.contains("<executable>[0]: `5 0` stands where a list of flags"), "{told}");
 }
 
+/// ROS splits the arguments of a node as a shell does, with `shlex` of Python.
+#[test]
+fn quotes_in_the_arguments_of_a_node_are_no_part_of_names() {
+    let read = |args: &str| {
+        read(&format!("<launch><node exec='static_transform_publisher' args='{args}'/></launch>"))
+    };
+    for args in [
+        "1 0 2 0 0 0 \"base_link\" \"lidar\"",
+        "--x \"1\" --z &apos;2&apos; --frame-id base\"_\"link --child-frame-id lid\\ar",
+    ] {
+        let rig = read(args).unwrap().rig;
+        assert_eq!((&rig.lidars[0].frame[..], rig.lidars[0].pose.x), ("lidar", 1.0), "{args}");
+    }
+    let open = read("1 0 2 0 0 0 base_link \"lidar").unwrap_err().to_string();
+    assert!(open.contains("stands where a text whose quotes are closed belongs"), "{open}");
+}
+
 #[test]
 fn groups_in_groups_give_their_values_back() {
     let z = |inside: &str| {
@@ -317,6 +334,18 @@ fn names_that_readers_replace_by_values_are_not_written() {
         }
         assert!(export(&frame, RigFormat::Ros2Launch).is_err());
     }
+    // A LiDAR called base_footprint would move all others to the ground below it.
+    for taken in ["base_footprint", "car/base_footprint", "__model__", "sensor_kit_base_link"] {
+        let mut frame = rig.clone();
+        frame.lidars[0].frame = taken.to_owned();
+        let format = RigFormat::CarlaObjects;
+        let told = export(&frame, format).unwrap_err().to_string();
+        assert!(
+            told.contains(&format!("`{taken}` is the name of a frame of the vehicle")),
+            "{told}"
+        );
+        assert!(export(&frame, RigFormat::Json).is_ok());
+    }
 }
 
 #[test]
@@ -364,4 +393,51 @@ fn files_of_other_programs_are_named() {
     );
     let launch = "launch:\n- node: {pkg: tf2_ros, exec: static_transform_publisher, args: 1 0 2 0 0 0 a b}\n";
     assert!(error(launch).contains("is a launch file in YAML"), "{}", error(launch));
+}
+
+/// Readers find elements by their names and places: in capitals or in a group a frame would be missing, or stand at 0.
+#[test]
+fn elements_in_capitals_or_at_another_place_are_doubted() {
+    let joint = |tag: &str| {
+        format!(
+            "<{tag} name='j' type='fixed'><parent link='base_link'/><child link='lidar_b'/></{tag}>"
+        )
+    };
+    let urdf = |more: &str| {
+        format!(
+            "<robot name='r'><joint name='a' type='fixed'><parent link='base_link'/><child link='lidar_a'/>\
+             <origin xyz='1 0 2'/></joint>{more}</robot>"
+        )
+    };
+    let link = "<link name='b'><pose>3 0 2 0 0 0</pose><sensor name='b' type='ray'/></link>";
+    let sdf = |more: &str| {
+        let first = link.replace("'b'", "'a'");
+        format!("<sdf version='1.9'><model name='m'>{first}{more}</model></sdf>")
+    };
+    let said = |text: &str| doubts(&read(text).unwrap());
+    let fine = [
+        urdf(""),
+        urdf("<transmission><joint name='j'><hardwareInterface/></joint></transmission>"),
+        sdf(""),
+        sdf(link),
+    ];
+    for text in fine {
+        assert_eq!(said(&text), "", "{text}");
+    }
+    let group = format!("<group>{}</group>", joint("joint"));
+    let capital = link.replace("pose>", "Pose>");
+    let origin = link.replace("<pose>3 0 2 0 0 0</pose>", "<origin xyz='3 0 2'/>");
+    for (text, told) in [
+        (urdf(&group), "line 1: <group>/<joint>/<parent>, in place of <robot>/<joint>/<parent>"),
+        (urdf(&joint("Joint")), "<robot>/<Joint>/<parent>, in place of"),
+        (sdf(&format!("<group>{link}</group>")), "<group>/<link>/<sensor>, in place of"),
+        (
+            sdf(&link.replace("link", "Link")),
+            "<Link>/<pose>, in place of <link>/<pose>, is not read (and 1 more)",
+        ),
+        (sdf(&capital), "<link>/<Pose>, in place of <link>/<pose>, is not read"),
+        (sdf(&origin), "<origin> is not read here; write its pose as <pose>"),
+    ] {
+        assert!(said(&text).contains(told), "{text}: {}", said(&text));
+    }
 }

@@ -59,6 +59,11 @@ fn obj_faults_name_their_line() {
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n",
             "line 4: refers to vertex 0, there are 3; OBJ counts from 1",
         ),
+        (
+            "v 0 0 0\nv 1 0 0 # C:\\cars\\\nv 0 1 0\n",
+            "line 2: has a comment that ends with a backslash, which some programs join with the next line; take the \
+             backslash away",
+        ),
         ("v 0 0 0\nv 1\u{a0}0 0\n", "line 2: has non-breaking spaces; write plain ones"),
         ("v 0 0 0\nv\u{a0}1 0 0\n", "line 2: has non-breaking spaces; write plain ones"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n", "line 4: refers to vertex -4, there are 3"),
@@ -68,6 +73,8 @@ fn obj_faults_name_their_line() {
     for (text, message) in cases {
         assert_eq!(obj_error(text), message, "{text:?}");
     }
+    let joined = obj_error("v 0 0 0\nf 1 \\\n1 # of \\\n1\n");
+    assert_begins!(joined, "line 2: has a comment that ends with a backslash");
     for (bytes, line) in [(&b"v 0 0 0\r\n\0\xfe"[..], "line 2"), (b"\xff\xfev\0", "line 1")] {
         assert_eq!(obj::read(bytes).unwrap_err().element, line);
     }

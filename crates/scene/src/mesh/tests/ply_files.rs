@@ -55,6 +55,7 @@ fn ply_faults_are_told_before_memory_is_spent() {
         (of_nothing, "element none", "without properties"),
         (twice, "element vertex", "twice"),
         (with("uchar label", "text label"), "header line 9", "unknown type \"text\""),
+        (with("uchar label", "list uchar int label"), "element face", "has a list `label`"),
         (with("ascii", "ASCII"), "header line 2", "write ascii, binary"),
         (plural, "face 0", "there are 0; name the element of points `vertex`"),
         (with("double x", "double X"), "element vertex", "name them so, in small letters"),

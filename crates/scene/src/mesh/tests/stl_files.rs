@@ -150,6 +150,8 @@ fn faults_of_texts_name_their_line() {
         ("solid empty\nendsolid\n".to_owned(), "file: holds no triangle"),
     ];
     for (text, told) in cases {
-        assert_holds!(stl_error(text.as_bytes()), told);
+        for end in ["\n", "\r\n", "\r"] {
+            assert_holds!(stl_error(text.replace('\n', end).as_bytes()), told);
+        }
     }
 }

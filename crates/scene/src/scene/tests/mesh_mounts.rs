@@ -43,6 +43,15 @@ const ROOF: &str = r#""mesh": { "file": "roof.obj", "facing": { "direction": [0,
     "within": { "min": [-0.7, -0.55, 1], "max": [0.9, 0.55, 2] } },
     "offset": [0, 0.2], "roll": [-0.2, 0.2], "yaw": [-1, 1]"#;
 
+#[test]
+fn a_right_angle_with_four_decimals_is_one() {
+    let with = |angle: &str| {
+        let roof = ROOF.replace("[0, 0, 1] }", &format!("[0, 0, 1], \"angle\": {angle} }}"));
+        Region::clone(&van(&roof).unwrap().constraints().slots[0].region).corners()
+    };
+    assert_eq!(with("1.5708"), with("1.5707963267948966"));
+}
+
 fn roof() -> Region {
     Region::clone(&van(ROOF).unwrap().constraints().slots[0].region)
 }

@@ -86,6 +86,38 @@ fn a_robot_is_the_body_as_its_shapes_written_out() {
     assert!(!doubts(&without).contains("no beam meets them"), "{}", doubts(&without));
 }
 
+/// Shapes in a group or in capitals would be missing, and a word such as `units` does nothing.
+#[test]
+fn shapes_at_another_place_and_unknown_words_are_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    package(folder.path());
+    let file = folder.path().join("car/urdf/car.urdf");
+    let fixed = fs::read_to_string(&file).unwrap();
+    let visual = r#""urdf": {"file": "car/urdf/car.urdf", "packages": ".", "without": ["lidar"]}"#;
+    let link = r#"<link name="x"><visual><geometry><box size="1 1 1"/></geometry></visual></link>"#;
+    let more = |more: &str| fixed.replace("</robot>", &format!("{more}</robot>"));
+    for (text, wanted) in [
+        (
+            more(&format!("<group>{link}</group>")),
+            "<group>/<link>/<visual>/<geometry>, in place of",
+        ),
+        (more(&link.replace("link", "Link")), "<robot>/<Link>/<visual>/<geometry>, in place of"),
+        (
+            fixed.replace("<mesh ", "<mesh units=\"mm\" "),
+            "`units` in <mesh> of link `base` is not known",
+        ),
+        (fixed.replace("<mesh ", "<mesh my:units=\"mm\" "), ""),
+        (more(&format!("<gazebo>{link}</gazebo>")), ""),
+    ] {
+        fs::write(&file, text).unwrap();
+        let told = super::doubts(&with_body(folder.path(), visual).unwrap());
+        assert!(
+            told.contains(wanted) && (told.contains("not known") != wanted.is_empty()),
+            "{wanted}: {told}"
+        );
+    }
+}
+
 #[test]
 fn a_package_without_its_xml_is_refused_and_found_with_it_or_in_packages() {
     let folder = tempfile::tempdir().unwrap();

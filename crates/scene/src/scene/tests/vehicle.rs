@@ -32,6 +32,11 @@ fn a_vehicle_brings_sensors_mounts_and_body() {
     assert_eq!(phases, [SpinPhase::Free, SpinPhase::Locked(0.1)]);
     let chosen = read(&with(&VEHICLE.replace("\"phase\": 0.1", "\"phase\": [0, 0.1]"))).unwrap();
     assert_eq!(chosen.vehicle().sensors[1].phase, SpinPhase::Between(0.0, 0.1));
+    // A turn with four decimals is a turn, for phases and for mounts.
+    let rounded = VEHICLE.replace("\"phase\": 0.1", "\"phase\": [-3.1416, 3.1416]");
+    let turn = read(&with(&rounded.replace("[-0.2, 0.2]", "[-3.1416, 6.2832]"))).unwrap();
+    let whole = SpinPhase::Between(-3.1416, std::f64::consts::TAU - 3.1416);
+    assert_eq!(turn.vehicle().sensors[1].phase, whole);
     let models = scene.sensors().unwrap();
     assert_eq!((models.table(0).directions().len(), models.table(1).directions().len()), (240, 63));
     assert_eq!(models.longest_range(), 80.0);

@@ -14,20 +14,19 @@ use sightline_files::json::{Checked, Location, check};
 use sightline_files::npy::{read_header, transpose};
 
 use super::pattern::{
-    self, Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, direction,
-    quoted,
+    self, Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count, degrees,
+    direction, quoted,
 };
 
-/// Largest azimuth of an array, radians: a turn as `f32` rounds it.
-const MOST_AZIMUTH: f64 = std::f64::consts::TAU + 1e-6;
 /// Most cells of a row that are looked at; tables of sensors have up to five.
 const MOST_CELLS: usize = 32;
 
 /// Rows with their lines, counted from 1; cells without blanks and quotes. Rows without a value are left out.
 pub(super) fn rows(text: &str) -> impl Iterator<Item = (usize, Vec<&str>)> {
-    // Old spreadsheets end lines by a carriage return alone.
-    let end = if text.contains('\n') { '\n' } else { '\r' };
-    let rows = text.split(end).enumerate().map(move |(i, line)| (i + 1, cells_of(line)));
+    // Old spreadsheets end lines by a carriage return alone; other programs may add lines of theirs.
+    let lines =
+        text.split('\n').flat_map(|line| line.strip_suffix('\r').unwrap_or(line).split('\r'));
+    let rows = lines.enumerate().map(|(i, line)| (i + 1, cells_of(line)));
     let rows = rows.filter(|(_, cells)| cells.iter().any(|cell| !cell.is_empty()));
     rows.filter_map(|(line, cells)| Some((line, without_hash(cells)?)))
 }
@@ -414,18 +413,17 @@ pub(super) fn parse_npy(at: &Location, bytes: &[u8]) -> Checked<SensorPattern> {
     };
     let directions = angles.chunks_exact(2).enumerate().map(|(i, pair)| {
         let at = at.item(i);
-        if pair[0].abs() > MOST_AZIMUTH {
-            let wanted = "an azimuth in radians within one turn: radians are expected, this looks like degrees; write \
-                          np.radians of it";
+        let [across, up] = [degrees(pair[0], 360.0), degrees(pair[1], 90.0)];
+        let expected = "radians are expected, this looks like degrees; write np.radians of it";
+        if across.abs() > 360.0 {
+            let wanted = format!("an azimuth in radians within one turn: {expected}");
             return Err(bad(&at, pair[0], wanted));
         }
-        let across = azimuth(&at, pair[0].to_degrees())?;
-        if (2.0..=90.0).contains(&pair[1].abs()) {
-            let wanted = "an elevation in radians from -1.5708 to 1.5708: radians are expected, this looks like degrees; \
-                          write np.radians of it";
+        if up.abs() > 90.0 && pair[1].abs() <= 90.0 {
+            let wanted = format!("an elevation in radians from -1.5708 to 1.5708: {expected}");
             return Err(bad(&at, pair[1], wanted));
         }
-        Ok(direction(across, check::elevation(&at, pair[1].to_degrees())?))
+        Ok(direction(azimuth(&at, across)?, check::elevation(&at, up)?))
     });
     let beams = Beams::Directions(directions.collect::<Checked<_>>()?);
     Ok(SensorPattern::new(SensorFormat::Numpy, beams))

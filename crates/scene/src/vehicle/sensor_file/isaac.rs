@@ -3,6 +3,8 @@
 //! Degrees, counter-clockwise from +x. A rotary profile applies its firing pattern `reportRateBaseHz` (later
 //! `patternFiringRateHz`) times a second and turns `scanRateBaseHz` times; several emitter states take turns.
 
+use std::f64::consts::{FRAC_PI_2, TAU};
+
 use serde::Deserialize;
 use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check};
@@ -440,6 +442,13 @@ fn solid_state(
         notes.push(Note::fact(format!(
             "{} of {count} emitters point into the profile's window from {from} to {to} degrees; they are cast.",
             directions.len()
+        )));
+    }
+    let largest = |angles: &[f64]| angles.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+    let [across, up] = [&state.azimuth_deg, &state.elevation_deg].map(|list| largest(list));
+    if count > 1 && across.max(up) > 0.0 && across <= TAU && up <= FRAC_PI_2 {
+        notes.push(Note::doubt(format!(
+            "{at}: azimuths reach {across:.3} and elevations {up:.3} degrees: radians? Write degrees."
         )));
     }
     let states = profile.emitter_states.len();

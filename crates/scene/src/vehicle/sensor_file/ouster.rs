@@ -9,6 +9,7 @@ use sightline_files::json::check::bad;
 use sightline_files::json::{Checked, Location, check};
 use sightline_files::{Note, json};
 
+use super::column_window::{ColumnWindow, TURN};
 use super::pattern::{
     self, Answer, Beams, MAX_COLUMNS, Measures, Passed, Rest, SensorFormat, SensorPattern,
     channels_of, quoted,
@@ -393,9 +394,19 @@ fn window(
         stated.map(|columns| ColumnWindow::of_columns(&at.key("column_window"), columns, steps));
     // Firmware 1 counts hundredths of a degree, later ones thousandths.
     let unit = if facts.is_firmware_1 { 10.0 } else { 1.0 };
-    let of_angles = facts.azimuth_window.map(|angles| angles.map(|angle| unit * angle));
-    let of_angles =
-        of_angles.map(|angles| ColumnWindow::of_angles(&at.key("azimuth_window"), angles, steps));
+    let window_at = at.key("azimuth_window");
+    let angles = facts.azimuth_window;
+    if let Some(ends) = angles.filter(|[from, to]| from != to && from.max(*to) <= 360.0) {
+        let wanted = "two angles in thousandths of a degree, 360000 a turn: are these degrees?";
+        return Err(bad(&window_at, format!("{ends:?}"), wanted));
+    }
+    if angles == Some([0.0, TURN / 10.0]) && !facts.is_firmware_1 && stated.is_none() {
+        notes.push(Note::doubt(format!(
+            "{window_at}: 0 to 36 degrees, as thousandths of a degree; hundredths, a whole turn? Write [0, 360000]."
+        )));
+    }
+    let of_angles = angles
+        .map(|angles| ColumnWindow::of_angles(&window_at, angles.map(|angle| unit * angle), steps));
     let (stated, of_angles) = (stated.transpose()?, of_angles.transpose()?);
     if let (Some(columns), Some(angles)) = (stated, of_angles)
         && !columns.is_near(&angles, steps)
@@ -431,70 +442,4 @@ fn offsets_dropped(facts: &Facts) -> Vec<Note> {
         )
     });
     origin.into_iter().chain(height).map(Note::fact).collect()
-}
-
-/// A turn in thousandths of a degree.
-const TURN: f64 = 360_000.0;
-
-/// Columns that follow each other.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct ColumnWindow {
-    first: u32,
-    /// How many, at most a turn.
-    count: u32,
-}
-
-impl ColumnWindow {
-    /// First and last column, both valid; the window goes through column 0 where the first one is larger.
-    fn of_columns(at: &Location, [first, last]: [u64; 2], steps: u32) -> Checked<Self> {
-        let most = u64::from(steps) - 1;
-        let first = check::count(&at.item(0), first, 0, most)?;
-        let last = check::count(&at.item(1), last, 0, most)?;
-        Ok(Self { first, count: (last + steps - first) % steps + 1 })
-    }
-
-    /// Angles in thousandths of a degree, counter-clockwise in the frame of the columns: column m of W stands at
-    /// 360·(1 − m/W) degrees. The file `2_5_0_os-992146000760-128.json` of ouster-sdk has both spellings of a window.
-    fn of_angles(at: &Location, angles: [f64; 2], steps: u32) -> Checked<Self> {
-        for (i, angle) in angles.into_iter().enumerate() {
-            if !(0.0..=TURN).contains(&angle) {
-                return Err(bad(&at.item(i), angle, "thousandths of a degree from 0 to 360000"));
-            }
-        }
-        let [from, to] = angles;
-        let span = if from < to { to - from } else { to + TURN - from };
-        if from == to || span >= TURN {
-            return Ok(Self { first: 0, count: steps });
-        }
-        let column = |angle: f64| f64::from(steps) * (1.0 - angle / TURN);
-        // A millionth of a column keeps columns at the very ends.
-        let first = (column(to) - 1e-6).ceil();
-        let last = (column(to) + f64::from(steps) * span / TURN + 1e-6).floor();
-        if last < first {
-            let wanted = format!("a window that holds a column; there are {steps} a turn");
-            return Err(bad(at, format!("{angles:?}"), wanted));
-        }
-        let count = ((last - first) as u32 + 1).min(steps);
-        Ok(Self { first: first as u32 % steps, count })
-    }
-
-    /// True if two windows differ by no more than a column at either end.
-    fn is_near(&self, other: &Self, steps: u32) -> bool {
-        let ahead = |a: u32, b: u32| (a + steps - b) % steps;
-        let apart = |a: u32, b: u32| ahead(a, b).min(ahead(b, a));
-        let end = |window: &Self| (window.first + window.count) % steps;
-        let whole = |window: &Self| window.count + 1 >= steps;
-        whole(self) && whole(other)
-            || apart(self.first, other.first) <= 1 && apart(end(self), end(other)) <= 1
-    }
-
-    /// Azimuths of the last and of the first column in the sensor's frame: columns count clockwise.
-    fn azimuths(&self, steps: u32) -> [f64; 2] {
-        let step = 360.0 / f64::from(steps);
-        let last = (self.first + self.count - 1) % steps;
-        // Column 0 looks to the back.
-        let from = 180.0 - f64::from(last) * step;
-        let span = f64::from(self.count - 1) * step;
-        if from + span > 360.0 { [from - 360.0, from - 360.0 + span] } else { [from, from + span] }
-    }
 }

@@ -172,6 +172,17 @@ pub(super) fn azimuth(at: &Location, value: f64) -> Checked<f64> {
     Err(bad(at, value, "an azimuth from -360 to 360 degrees"))
 }
 
+/// Degrees of an angle in radians, without the part that rounding adds beyond `most`: π/2 as `f32`, and as 1.5708, is
+/// more than a right angle.
+pub(super) fn degrees(radians: f64, most: f64) -> f64 {
+    let degrees = radians.to_degrees();
+    if degrees.abs() <= most + check::ROUNDED.to_degrees() {
+        degrees.clamp(-most, most)
+    } else {
+        degrees
+    }
+}
+
 /// Channels of two lists of the same length: elevations, and offsets counted by `sign`.
 pub(super) fn channels_of(
     [elevation_at, offset_at]: [&Location; 2],

@@ -5,14 +5,14 @@
 //! (ros-drivers/velodyne, rawdata.cc).
 
 use std::collections::BTreeSet;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::pattern::{
     self, Beams, MAX_COLUMNS, Measures, Passed, Rest, SensorFormat, SensorPattern, azimuth,
-    channel, channels_of, check_count,
+    channel, channels_of, check_count, degrees,
 };
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
@@ -91,7 +91,10 @@ pub(super) fn parse(at: &Location, text: &str) -> Checked<SensorPattern> {
     };
     let mut notes: Vec<Note> =
         pattern::unknown_or_slip(at, &table.rest, PASSED, READ).into_iter().collect();
-    notes.extend(offsets_in_radians(&at.key("azimuth_offset_deg"), &offsets));
+    // `sensor info` has written the file where it names a format, in degrees.
+    let is_written = table.rest.keys().any(|key| key.as_ref() == "format");
+    let doubt = offsets_in_radians(&at.key("azimuth_offset_deg"), &offsets);
+    notes.extend(doubt.filter(|_| !is_written));
     notes.extend(pattern::rated_too_far(at, &measures, "range"));
     let sign = table.azimuth_sign.filter(|_| offsets.iter().any(|offset| *offset != 0.0));
     notes.extend(sign.map(|sentence| sign_note(&at.key("azimuth_sign"), &sentence)));
@@ -205,17 +208,17 @@ pub(super) fn parse_velodyne(at: &Location, text: &str) -> Checked<SensorPattern
     }
     let channels = lasers.iter().enumerate().map(|(i, laser)| {
         let at = list.item(i);
-        let up = laser.vert_correction;
-        if up.abs() >= FRAC_PI_2 {
+        let up = (at.key("vert_correction"), degrees(laser.vert_correction, 90.0));
+        if up.1.abs() > 90.0 {
             let wanted = "an elevation in radians from -1.5708 to 1.5708: is it in degrees?";
-            return Err(bad(&at.key("vert_correction"), up, wanted));
+            return Err(bad(&up.0, laser.vert_correction, wanted));
         }
-        if laser.rot_correction.abs() > TAU {
+        let across = (at.key("rot_correction"), degrees(laser.rot_correction, 360.0));
+        if across.1.abs() > 360.0 {
             let wanted = "an azimuth in radians from -6.2832 to 6.2832: is it in degrees?";
-            return Err(bad(&at.key("rot_correction"), laser.rot_correction, wanted));
+            return Err(bad(&across.0, laser.rot_correction, wanted));
         }
-        let elevation = (&at.key("vert_correction"), up.to_degrees());
-        channel(elevation, (&at.key("rot_correction"), laser.rot_correction.to_degrees()))
+        channel((&up.0, up.1), (&across.0, across.1))
     });
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
     let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();

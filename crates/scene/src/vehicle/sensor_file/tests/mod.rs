@@ -2,7 +2,7 @@
 
 mod own_word;
 mod samples;
-mod times;
+mod units;
 
 use super::{Beams, SensorPattern, parse};
 use sightline_files::json::{Checked, Location};
