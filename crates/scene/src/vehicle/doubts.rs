@@ -258,9 +258,11 @@ mod tests {
         assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
         assert_eq!(of_angles("`yaw`", &[3.0, 3.3]), None);
         // Half a turn and a whole one with four decimals.
-        let rounded = SensorPose { roll: -3.1416, yaw: 6.2832, ..SensorPose::at(0.0, 0.0, 2.0) };
+        let [half, turn, more]: [f64; 3] =
+            ["3.1416", "6.2832", "3.1417"].map(|text| text.parse().unwrap());
+        let rounded = SensorPose { roll: -half, yaw: turn, ..SensorPose::at(0.0, 0.0, 2.0) };
         assert_eq!(doubts_of_units(&rounded), [String::new(); 0]);
-        let beyond = SensorPose { roll: 3.1417, ..rounded };
+        let beyond = SensorPose { roll: more, ..rounded };
         assert!(doubts_of_units(&beyond)[0].starts_with("roll = 3.1417 is more than half a turn"));
         assert!(of_angles("`yaw`", &[-5.0, 5.0]).is_some());
         assert!(of_angles("`pitch`", &[0.05, 5.0]).is_some());

@@ -35,7 +35,8 @@ fn a_vehicle_brings_sensors_mounts_and_body() {
     // A turn with four decimals is a turn, for phases and for mounts.
     let rounded = VEHICLE.replace("\"phase\": 0.1", "\"phase\": [-3.1416, 3.1416]");
     let turn = read(&with(&rounded.replace("[-0.2, 0.2]", "[-3.1416, 6.2832]"))).unwrap();
-    let whole = SpinPhase::Between(-3.1416, std::f64::consts::TAU - 3.1416);
+    let half: f64 = "3.1416".parse().unwrap();
+    let whole = SpinPhase::Between(-half, std::f64::consts::TAU - half);
     assert_eq!(turn.vehicle().sensors[1].phase, whole);
     let models = scene.sensors().unwrap();
     assert_eq!((models.table(0).directions().len(), models.table(1).directions().len()), (240, 63));

@@ -121,11 +121,11 @@ fn right_angles_and_turns_may_be_rounded() {
     let far = message(array([0.0, 1.6]));
     assert!(far.contains("[0]: 1.6") && far.contains("an elevation in radians"), "{far}");
     assert!(message(array([6.3, 0.0])).contains("an azimuth in radians within one turn"));
-    let lasers = |across: f64, up: f64| {
+    let lasers = |across: &str, up: &str| {
         format!("lasers:\n- {{laser_id: 0, rot_correction: {across}, vert_correction: {up}}}\n")
     };
-    let rounded = read(lasers(6.2832, -1.5708)).unwrap();
+    let rounded = read(lasers("6.2832", "-1.5708")).unwrap();
     assert_eq!(channels(&rounded), [[-90.0, 360.0]]);
-    assert!(message(lasers(0.0, 1.5709)).contains("an elevation in radians from -1.5708"));
-    assert!(message(lasers(-6.2834, 0.0)).contains("an azimuth in radians from -6.2832"));
+    assert!(message(lasers("0", "1.5709")).contains("an elevation in radians from -1.5708"));
+    assert!(message(lasers("-6.2834", "0")).contains("an azimuth in radians from -6.2832"));
 }
