@@ -9,6 +9,7 @@ use crate::cli_interrupted::spawn;
 pub(crate) fn world() -> TempDir {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
+    fs::copy(at("corridor.psog.npz"), at("again.psog.npz")).unwrap();
     write(&dir, "m.obj", "v 4 -2 0\nv 4 2 0\nv 4 0 3\nv 6 0 3\nf 1 2 3\nf 2 3 4\n");
     let altitudes: Vec<f64> = (0..16).map(|k| 2.0 - f64::from(k)).collect();
     let sensor = json!({ "beam_altitude_angles": altitudes, "beam_azimuth_angles": vec![0.0; 16],
@@ -63,7 +64,7 @@ const COMMANDS: &[(&str, &[&str])] = &[
         &["town.json", "m.obj", "p.json"],
     ),
     ("psog build town.json --out", &["town.json", "m.obj"]),
-    ("psog merge corridor.psog.npz corridor.psog.npz --out", &["corridor.psog.npz"]),
+    ("psog merge corridor.psog.npz again.psog.npz --out", &["corridor.psog.npz"]),
     ("sensor info ouster.json --out", &["ouster.json"]),
     ("rig export p.json:p --format urdf --out", &["p.json"]),
     (

@@ -1,7 +1,9 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
+mod cheaper;
 mod checks;
 mod fewest;
+mod told;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -15,8 +17,10 @@ use crate::search::{
     Settings, State, Stopped, Suite, TimeLimit,
 };
 use crate::vehicle::{Constraints, Placement, Vehicle, random_placements_by_the_rules};
+use cheaper::is_met;
 use checks::check_equipped;
 use fewest::{Fewest, Next, taken};
+use told::{tell_equipment, tell_given};
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -95,7 +99,8 @@ pub struct JobRun<'a> {
     equipping: Option<Equipping>,
     /// The search of placements, once the sensors are chosen.
     run: Option<Run>,
-    /// The last search, whose result missed a requirement: it stands where more sensors are not searched.
+    /// The last search, whose result missed a requirement: it stands where more sensors are not searched. Or, where a cheaper
+    /// rig of as many sensors is searched, the one whose result met all.
     before: Option<Before>,
     /// Result of an earlier sitting; see [`Self::keep`].
     kept: Option<Placement>,
@@ -204,7 +209,7 @@ impl JobRun<'_> {
             return step;
         };
         let Some(outcome) = run.step(observer)? else { return Ok(JobStep::On) };
-        let Some(outcome) = self.met_or_last(outcome, observer) else { return Ok(JobStep::On) };
+        let Some(outcome) = self.met_or_last(outcome, observer)? else { return Ok(JobStep::On) };
         self.done(outcome, observer)
     }
 
@@ -223,16 +228,22 @@ impl JobRun<'_> {
         stopped: Option<Stopped>,
         observer: &mut dyn Observer,
     ) -> Result<Option<JobStep>, JobError> {
-        let Some(Before { state, run, mut outcome }) = self.before.take() else { return Ok(None) };
+        let Some(before) = self.before.take() else { return Ok(None) };
+        let mut outcome = self.restore(before);
+        let untried = self.state.fewest.as_ref().map(Fewest::untried);
+        outcome.untried = stopped.and(untried);
+        outcome.stopped = stopped.unwrap_or(outcome.stopped);
+        self.done(outcome, observer).map(Some)
+    }
+
+    /// Goes back to a search that has come to its end.
+    fn restore(&mut self, Before { state, run, outcome }: Before) -> Outcome {
         let equipment = state.equipped.as_ref().map(|equipped| &equipped.equipment);
         let equipment = equipment.map(|equipment| self.vehicle.constraints(equipment));
         self.suite =
             equipment.map_or_else(|| self.suite.clone(), |of| self.suite.with_equipment(&of));
-        let untried = state.fewest.as_ref().map(Fewest::untried);
         (self.state, self.run) = (state, Some(run));
-        outcome.untried = stopped.and(untried);
-        outcome.stopped = stopped.unwrap_or(outcome.stopped);
-        self.done(outcome, observer).map(Some)
+        outcome
     }
 
     /// The end of a search: prices, ranges and self-hits join its result.
@@ -250,19 +261,21 @@ impl JobRun<'_> {
         &mut self,
         mut outcome: Outcome,
         observer: &mut dyn Observer,
-    ) -> Option<Outcome> {
-        let Some(fewest) = &self.state.fewest else { return Some(outcome) };
+    ) -> Result<Option<Outcome>, JobError> {
+        let Some(fewest) = &self.state.fewest else { return Ok(Some(outcome)) };
         let allowed = fewest.limits.sensors;
-        let is_met = outcome.best.as_ref().is_some_and(|best| best.scores.missing() <= 0.0);
         let is_over = outcome.stopped.is_unfinished() || self.is_late;
-        if is_met || allowed >= self.vehicle.most_sensors(self.job.most_money()) {
-            return Some(outcome);
+        if is_met(&outcome) || self.has_met() {
+            return self.met_or_cheaper(outcome, observer);
+        }
+        if allowed >= self.vehicle.most_sensors(self.job.most_money()) {
+            return Ok(Some(outcome));
         }
         if is_over {
             let untried = fewest.untried();
             observer.on(&Event::Note(&format!("{untried} were not tried")));
             outcome.untried = Some(untried);
-            return Some(outcome);
+            return Ok(Some(outcome));
         }
         let words = format!(
             "no placement of {} was found that meets all requirements; one more is allowed",
@@ -273,10 +286,12 @@ impl JobRun<'_> {
         more.searched.clone_from(&fewest.searched);
         more.searched.extend(self.state.equipped.iter().map(|equipped| equipped.equipment.clone()));
         let state = JobState { equipped: None, fewest: Some(more), course: self.job.equipping() };
-        let (before, Some(run)) = (self.state(), self.run.take()) else { return Some(outcome) };
+        let (before, Some(run)) = (self.state(), self.run.take()) else {
+            return Ok(Some(outcome));
+        };
         self.before = Some(Before { state: before, run, outcome });
         (self.state, self.equipping) = (state, None);
-        None
+        Ok(None)
     }
 
     /// Goes on with the choice of sensors.
@@ -305,13 +320,22 @@ impl JobRun<'_> {
             let (budget, least) = (self.limits().budget, vehicle.cost(&least));
             return Err(SearchError::Budget { budget, least }.into());
         }
-        tell_equipment(vehicle, &found, observer);
-        self.equipping = None;
-        self.suite = self.suite.with_equipment(&vehicle.constraints(&found.equipment));
-        self.state.equipped = Some(found);
         self.before = None;
-        self.search()?;
+        self.search_with(found, observer)?;
         Ok(JobStep::On)
+    }
+
+    /// Begins the search of placements of chosen sensors.
+    fn search_with(
+        &mut self,
+        chosen: Equipped,
+        observer: &mut dyn Observer,
+    ) -> Result<(), JobError> {
+        tell_equipment(self.vehicle, &chosen, observer);
+        self.equipping = None;
+        self.suite = self.suite.with_equipment(&self.vehicle.constraints(&chosen.equipment));
+        self.state.equipped = Some(chosen);
+        self.search()
     }
 
     /// Limits of the choice of sensors.
@@ -355,6 +379,9 @@ impl JobRun<'_> {
                     return Ok(ControlFlow::Break(JobStep::Stopped));
                 };
                 tell_given(name.map(|_| "the result of an earlier sitting"), observer);
+                // A choice under a lower price was cut: the best under the prices before stands.
+                let held = self.state.fewest.as_mut().and_then(Fewest::take);
+                let found = held.unwrap_or(found);
                 return Ok(ControlFlow::Continue(Equipped { is_cut: true, ..found }));
             }
         };
@@ -409,7 +436,12 @@ impl JobRun<'_> {
 
     /// Checkpoint of the search. If the time ended while sensors were chosen, it is the state before the end of that
     /// choice.
+    ///
+    /// While a cheaper rig is searched than one that has met all requirements, it is the state before that search.
     pub fn state(&self) -> JobState {
+        if let Some(before) = self.before.as_ref().filter(|_| self.has_met()) {
+            return before.state.clone();
+        }
         match &self.run {
             Some(run) if !self.is_late => JobState {
                 equipped: self.state.equipped.clone(),
@@ -449,34 +481,6 @@ impl JobRun<'_> {
         let settings = self.run?.state().settings().clone();
         Some(Found { outcome, suite: self.suite, settings, equipment, equipped, equipping })
     }
-}
-
-/// Notes a placement that replaces the sensors chosen, by its name.
-fn tell_given(name: Option<&str>, observer: &mut dyn Observer) {
-    if let Some(name) = name {
-        observer.on(&Event::Note(&format!(
-            "{name} is better over few frames than the rig chosen: its sensors and poses are taken"
-        )));
-    }
-}
-
-/// Notes the chosen sensors, and how far they miss the requirements.
-fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observer) {
-    let words = format!("equipment: {}", found.words_with_price(vehicle));
-    observer.on(&Event::Note(&words));
-    if found.missing > 0.0 {
-        observer.on(&Event::Note(&format!(
-            "first estimate, over few frames: the sensors chosen miss the requirements by {} percentage points, summed; the \
-             search tries to close the gap",
-            points_in_words(found.missing)
-        )));
-    }
-}
-
-/// A missing share in percentage points, which is more than 0.
-fn points_in_words(missing: f64) -> String {
-    let points = format!("{:.1}", 100.0 * missing);
-    if points == "0.0" { "less than 0.1".to_owned() } else { points }
 }
 
 /// Seed of the random placement that is tried before one is worked out.

@@ -1,8 +1,9 @@
-//! The fewest sensors with which all requirements are met: choices under growing numbers and falling prices.
+//! The fewest sensors with which all requirements are met: choices under growing numbers and falling prices. Among the
+//! choices of one number whose placements may meet all, the cheapest that does is found by bisection over their prices.
 
 use serde::{Deserialize, Serialize};
 
-use super::points_in_words;
+use super::told::points_in_words;
 use crate::json::counted;
 use crate::search::{Equipped, Event, Limits, Observer};
 use crate::vehicle::{Equipment, Vehicle};
@@ -18,9 +19,10 @@ const NEARLY: f64 = 0.3;
 pub(in crate::job) struct Fewest {
     /// Limits of the choice under way.
     pub limits: Limits,
-    /// Equipment with the fewest sensors so far that meets the requirements on the grid; the choice now looks for a cheaper
-    /// one.
-    held: Option<Equipped>,
+    /// Choices of this number that miss little or nothing on the grid. Once one is taken, those cheaper than it, the cheapest
+    /// last.
+    #[serde(default)]
+    open: Vec<Equipped>,
     /// Equipment whose placements were searched, and none met all requirements.
     #[serde(default)]
     pub searched: Vec<Equipment>,
@@ -38,12 +40,18 @@ impl Fewest {
     /// A choice that begins with `least` sensors.
     pub(super) fn new(budget: f64, least: usize) -> Self {
         let limits = Limits { budget, sensors: least.max(1) };
-        Self { limits, held: None, searched: Vec::new() }
+        Self { limits, open: Vec::new(), searched: Vec::new() }
     }
 
     /// Rigs of more sensors than the choice under way allows, in words.
     pub(super) fn untried(&self) -> String {
         format!("rigs of more than {}", counted(self.limits.sensors, "sensor"))
+    }
+
+    /// Cheaper rigs that may meet all requirements, in words; `None` where there are none.
+    pub(super) fn untried_cheaper(&self) -> Option<String> {
+        let number = || format!("cheaper rigs of {}", counted(self.limits.sensors, "sensor"));
+        (!self.open.is_empty()).then(number)
     }
 
     /// True for sensors whose placements were searched, in whatever order.
@@ -57,25 +65,46 @@ impl Fewest {
         self.searched.iter().any(|known| sorted(known) == sorted(equipment))
     }
 
-    /// Looks at the result of a choice under [`Self::limits`]. Where all is met on the grid, a cheaper choice is looked for,
-    /// down to `cheapest`; where little is missing, the search of placements may close the gap. Else, and for equipment that
-    /// was searched before, one sensor more is allowed, up to `most`.
+    /// Looks at the result of a choice under [`Self::limits`]. Where little is missing on the grid, so that the search of
+    /// placements may close the gap, a cheaper choice is looked for, down to `cheapest`; then the one that misses least is
+    /// taken. Where all miss much, and for equipment that was searched before, one sensor more is allowed, up to `most`.
     pub(super) fn next(&mut self, found: Equipped, most: usize, cheapest: f64) -> Next {
-        let was_searched = self.was_searched(&found.equipment);
-        match &self.held {
-            _ if found.missing <= 0.0 && !was_searched => {
-                let is_cheapest = found.cost <= cheapest;
-                self.limits.budget = found.cost * (1.0 - LESS);
-                self.held = Some(found.clone());
-                if is_cheapest { Next::Take(Box::new(found)) } else { Next::Again(self.limits) }
+        let is_new = !found.equipment.is_empty() && !self.was_searched(&found.equipment);
+        if is_new && found.missing <= NEARLY {
+            let is_cheapest = found.cost <= cheapest;
+            self.limits.budget = found.cost * (1.0 - LESS);
+            self.open.push(found);
+            if !is_cheapest {
+                return Next::Again(self.limits);
             }
-            Some(held) => Next::Take(Box::new(held.clone())),
-            None if (found.missing > NEARLY || was_searched) && self.limits.sensors < most => {
-                self.limits.sensors += 1;
-                Next::Again(self.limits)
+        } else if self.open.is_empty() {
+            if self.limits.sensors >= most {
+                return Next::Take(Box::new(found));
             }
-            None => Next::Take(Box::new(found)),
+            self.limits.sensors += 1;
+            return Next::Again(self.limits);
         }
+        self.take().map_or(Next::Again(self.limits), |taken| Next::Take(Box::new(taken)))
+    }
+
+    /// Takes the choice that misses least, the cheapest of equal ones; cheaper ones stay open.
+    pub(super) fn take(&mut self) -> Option<Equipped> {
+        let missing = |of: &Equipped| of.missing.max(0.0);
+        let by = |a: &Equipped, b: &Equipped| {
+            missing(a).total_cmp(&missing(b)).then(a.cost.total_cmp(&b.cost))
+        };
+        let taken = self.open.iter().cloned().min_by(by)?;
+        self.open.retain(|of| of.cost < taken.cost);
+        self.open.sort_by(|a, b| b.cost.total_cmp(&a.cost));
+        Some(taken)
+    }
+
+    /// Leaves open what is cheaper than equipment whose placement meets all, or dearer than one whose placement does not. Next
+    /// is the middle of it.
+    pub(super) fn cheaper(&mut self, searched: &Equipped, is_met: bool) -> Option<Equipped> {
+        self.open
+            .retain(|of| if is_met { of.cost < searched.cost } else { of.cost > searched.cost });
+        self.open.get(self.open.len() / 2).cloned()
     }
 }
 
