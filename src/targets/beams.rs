@@ -172,16 +172,19 @@ impl TargetSite {
         Self { receiving, ..self }
     }
 
-    /// A copy whose own bodies stand in other poses, one for each body; `None` where their number is another.
+    /// A copy whose own bodies stand in other poses, one for each body; `None` where their number is another. In a scene
+    /// they are the last that stand there.
     pub(super) fn with_bodies_at(&self, poses: &[Pose]) -> Option<Self> {
-        let bodies = self.body.instances();
-        if bodies.len() != poses.len() {
+        let all = self.body.instances();
+        let others = all.len().checked_sub(poses.len())?;
+        if others > 0 && self.surface.is_none() {
             return None;
         }
-        let bodies = bodies.iter().zip(poses);
+        let (others, bodies) = all.split_at(others);
         let at = |(of, &ego_from_instance)| Instance { ego_from_instance, ..Instance::clone(of) };
-        let body = Frame::new(bodies.map(at));
-        Some(Self { plan: Arc::new(BodyPlan::of(&body)), body, ..self.clone() })
+        let own = Frame::new(bodies.iter().zip(poses).map(at));
+        let body = Frame::new(others.iter().chain(own.instances()).cloned());
+        Some(Self { plan: Arc::new(BodyPlan::of(&own)), body, ..self.clone() })
     }
 
     /// True if the own bodies of both stand alike.
