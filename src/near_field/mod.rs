@@ -50,7 +50,7 @@ pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 
 #[cfg(test)]
-pub(crate) use zone::{BlindLane, BlindZone, LostGround};
+pub(crate) use zone::{BlindLane, BlindZone, LostGround, in_frame};
 
 #[cfg(test)]
 mod tests;
