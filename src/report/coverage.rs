@@ -49,10 +49,7 @@ pub(crate) fn near_field_text(all: &[NearField]) -> String {
     });
     let ground = table_text(&titles, ground);
     let standards = Standard::ALL.map(|(_, name)| name);
-    let moves = all.iter().find(|near| near.worst_frame.is_some());
-    let over = moves.map_or(String::new(), |near| format!(", mean over {} frames", near.frames));
-    let own = format!("own body %, by LiDAR{over}");
-    let titles = [&["placement"][..], &standards, &[&own]].concat();
+    let titles = [&["placement"][..], &standards, &["own body %, by LiDAR"]].concat();
     let poles = all.iter().map(|near| {
         let mut row = vec![near.name.clone()];
         row.extend(Standard::ALL.map(|(standard, _)| {
@@ -65,7 +62,11 @@ pub(crate) fn near_field_text(all: &[NearField]) -> String {
     });
     let poles = table_text(&titles, poles);
     let (worst, lost) = (worst_text(all), lost_text(all));
-    format!("{ground}{worst}{lost}\n{poles}{}\n{POLES}\n", seen_ground())
+    let moves = all.iter().find(|near| near.worst_frame.is_some());
+    let own = moves.map_or(String::new(), |near| {
+        format!("own body % is a mean over {} frames\n", near.frames)
+    });
+    format!("{ground}{worst}{lost}\n{poles}{own}{}\n{POLES}\n", seen_ground())
 }
 
 /// Lines on the frames in which bodies that move leave most ground unseen; empty where none moves.

@@ -411,7 +411,7 @@ fn bending(yaw: f64) -> Arc<Problem> {
           "bodies": [{{ "parts": [{{ "class": "vehicle", "box": {{ "min": [-8, -1, 0.2], "max": [-1, 1, 3.5] }} }}],
             "poses": [{{ "x": 0, "y": 0 }}, {{ "x": 0, "y": 0, "yaw": {yaw} }}] }}] }},
         "vehicle": {{
-          "sensors": [{{ "name": "a", "lidar": {{ "channels": 32, "fov": [-30, 0], "azimuth_steps": 360, "range": 100 }} }}],
+          "sensors": [{{ "name": "a", "phase": 0, "lidar": {{ "channels": 32, "fov": [-30, 0], "azimuth_steps": 360, "range": 100 }} }}],
           "mounts": [{{ "name": "top", "min": [0, -1, 1.6], "max": [2, 1, 2.5], "count": [1, 2] }}],
           "require": [{{ "target": "adult", "within": 20, "share": 0.99 }},
                       {{ "target": "adult", "within": 20, "share": 0.99, "ground": "scene" }}] }} }}"#

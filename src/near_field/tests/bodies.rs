@@ -68,7 +68,7 @@ fn a_trailer_that_bends_wastes_in_each_frame_as_one_that_stands_so() {
         format!("% of its beams at the own vehicle in frame {}, more than 25 %", frame.unwrap());
     assert!(guards[0].to_string().ends_with(&words), "{}", guards[0]);
     let text = crate::report::coverage::near_field_text(std::slice::from_ref(&near));
-    assert!(text.contains("own body %, by LiDAR, mean over 3 frames"), "{text}");
+    assert!(text.contains("own body % is a mean over 3 frames"), "{text}");
     let svg = crate::report::coverage::near_field_svg(site.footprint(), &[(&placement, &near)]);
     for words in
         ["body of frame 0; blind zone of frames", "blind zone over ground that most frames see"]

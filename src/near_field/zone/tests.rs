@@ -154,13 +154,13 @@ fn ground_under_own_bodies_is_no_part_of_the_blind_area() {
     let (footprint, ground) = ground();
     // Nothing is seen behind; ahead all from 3 m on. A trailer that bends stands over two lanes, from 1 to 4 m ahead and from
     // 2 to 4 m behind.
-    let seen: Vec<Cell> = ground.iter().filter(|cell| cell.centre[0] > 5.0).copied().collect();
     let under = |cell: &&Cell| {
         let [x, y] = cell.centre;
         y > 0.5 && ((3.0..6.0).contains(&x) || (-6.0..-4.0).contains(&x))
     };
     let own: Vec<Cell> = ground.iter().filter(under).copied().collect();
     let ground: Vec<Cell> = ground.iter().filter(|cell| !under(cell)).copied().collect();
+    let seen: Vec<Cell> = ground.iter().filter(|cell| cell.centre[0] > 5.0).copied().collect();
     let zone = BlindZone::new(&footprint, [&ground, &seen, &own]);
     // Ahead six lanes end at 3.125 m, two at 4.125 m after 1 m and before 3 m of the trailer. Behind all reach 10 m.
     let want = 0.25 * (6.0 * 3.125 + 2.0 * (4.125 - 3.0) + 8.0 * 10.0 - 2.0 * 2.0);
