@@ -117,7 +117,7 @@ fn a_hand_over_has_the_body_of_its_frame() {
             boxes.lines().filter(|line| line.contains("m") && !line.starts_with('#')).collect();
         // The body: edges of the blind zone follow from cells, whose hits rounding decides.
         let drawn = read("drawing.svg");
-        let words = format!("Blind depths count from the box around the vehicle of frame {frame}");
+        let words = format!(", frame {frame}; depths from the vehicle's box in that frame<");
         assert_eq!(drawn.contains(&words), of_frame);
         let body = drawn.split("<path ").filter(|path| path.contains("#c8d2dc"));
         (boxes.join("\n"), body.map(str::to_owned).collect::<Vec<_>>())
