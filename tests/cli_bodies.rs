@@ -107,13 +107,18 @@ fn a_hand_over_has_the_body_of_its_frame() {
     let files = |scene: &str, frame: &str| {
         let args =
             format!("rig handover {scene} p.json --frame {frame} --backend cpu --out h --force");
-        printed(&dir, &args);
+        let [told, _] = printed(&dir, &args);
+        // One pose for all frames is none that moves.
+        let of_frame = scene == "bends.json";
+        assert_eq!(told.contains(&format!("in its mask of frame {frame}, ")), of_frame, "{told}");
         let read = |name: &str| fs::read_to_string(dir.path().join("h").join(name)).unwrap();
         let boxes = read("crop_boxes.yaml");
         let boxes: Vec<&str> =
             boxes.lines().filter(|line| line.contains("m") && !line.starts_with('#')).collect();
         // The body: edges of the blind zone follow from cells, whose hits rounding decides.
         let drawn = read("drawing.svg");
+        let words = format!(", frame {frame}; depths from the vehicle's box in that frame<");
+        assert_eq!(drawn.contains(&words), of_frame);
         let body = drawn.split("<path ").filter(|path| path.contains("#c8d2dc"));
         (boxes.join("\n"), body.map(str::to_owned).collect::<Vec<_>>())
     };

@@ -102,7 +102,7 @@ fn tells_no_more(guard: &Guard, known: &Guard) -> bool {
             Guard::RedundantLidar { lidar, share },
             Guard::RedundantLidar { lidar: known, share: least },
         ) => lidar == known && share >= least,
-        (Guard::SelfHit { lidar, share }, Guard::SelfHit { lidar: known, share: most }) => {
+        (Guard::SelfHit { lidar, share, .. }, Guard::SelfHit { lidar: known, share: most, .. }) => {
             lidar == known && share <= most
         }
         (Guard::InScene { scene, guard }, Guard::InScene { scene: known, guard: of_known }) => {
@@ -324,7 +324,7 @@ mod tests {
             Scores { near_gain: Some(near_gain), guards, ..scores(100, 50, None) }
         };
         let unseen = |share| Guard::ClassUnseen { class: "car".into(), share };
-        let own = |lidar, share| Guard::SelfHit { lidar, share };
+        let own = |lidar, share| Guard::SelfHit { lidar, share, frame: None };
         let there =
             |share| Guard::InScene { scene: "street".into(), guard: Box::new(own(0, share)) };
         let hits = |hit_share| Guard::FewHits { hit_share, reference: 0.9 };

@@ -162,10 +162,11 @@ fn run_handover(args: &Asked<HandoverRequest>) -> Result<Exit, RunError> {
             let (placement, price) = (&made.placement, made.price);
             let priced = if price > 0.0 { format!(", sensors for {price}") } else { String::new() };
             outln!("{}: {} files of {placement}{priced}", made.out.display(), made.files.len())?;
+            let frame = made.frame.map_or(String::new(), |frame| format!(" of frame {frame}"));
             for (k, [own, all]) in made.own_beams.iter().enumerate() {
                 let share = percent_up(*own as f64 / *all as f64);
                 outln!(
-                    "  LiDAR {k}: {own} of {all} beams end at the own body in its mask, {share:.1} %"
+                    "  LiDAR {k}: {own} of {all} beams end at the own body in its mask{frame}, {share:.1} %"
                 )?;
             }
         }

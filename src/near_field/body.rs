@@ -190,29 +190,33 @@ pub const FEW_PLACEMENTS: usize = 64;
 
 /// Share of each LiDAR's beams that end at the own body in the first frame of a problem of the scene;
 /// zeros where beams end at nothing. The body stands nearest and is the same in every frame, so that one
-/// frame tells; of bodies that move the largest share of all frames counts.
+/// frame tells; of bodies that move the largest share of all frames counts, with the number of its first frame.
 fn own_shares(
     scene: &Scene,
     problem: &Problem,
     engine: &mut dyn Backend,
     placement: &Placement,
-) -> Result<Vec<f64>, BackendError> {
+) -> Result<Vec<(f64, Option<usize>)>, BackendError> {
     let own = scene.triangles(EgoBody::Exclude);
     if !problem.ends_at_hits() || scene.triangles(EgoBody::Include) == own {
-        return Ok(vec![0.0; placement.lidars.len()]);
+        return Ok(vec![(0.0, None); placement.lidars.len()]);
     }
     let batch = SensorBatch::new(problem, &placement.lidars, None)?;
     let frames = match scene.has_moving_bodies() {
         true => problem.distinct_frames().into_iter().map(|(frame, _)| frame).collect(),
         false => vec![0],
     };
-    let mut shares = vec![0.0_f64; batch.len()];
+    let mut shares = vec![(0.0_f64, None); batch.len()];
     for frame in frames {
         let hits = engine.hits(&placement.lidars, frame)?;
-        for (lidar, share) in shares.iter_mut().enumerate() {
+        let number = scene.has_moving_bodies().then(|| problem.number_of(frame));
+        for (lidar, most) in shares.iter_mut().enumerate() {
             let hits = &hits[batch.beams_of(lidar)];
             let own = hits.iter().filter(|hit| hit.is_hit() && hit.prim as usize >= own);
-            *share = share.max(own.count() as f64 / hits.len() as f64);
+            let share = own.count() as f64 / hits.len() as f64;
+            if share > most.0 {
+                *most = (share, number);
+            }
         }
     }
     Ok(shares)
@@ -232,8 +236,8 @@ pub fn self_hits(
     placement: &Placement,
 ) -> Result<Vec<Guard>, BackendError> {
     let shares = own_shares(scene, problem, engine, placement)?;
-    let much = shares.into_iter().enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
-    Ok(much.map(|(lidar, share)| Guard::SelfHit { lidar, share }).collect())
+    let much = shares.into_iter().enumerate().filter(|(_, (share, _))| *share > MOST_SELF_HITS);
+    Ok(much.map(|(lidar, (share, frame))| Guard::SelfHit { lidar, share, frame }).collect())
 }
 
 /// Share of a LiDAR's beams at the own body above which its mount is said to look into it.

@@ -116,6 +116,14 @@ impl CellGrid {
         from.iter().zip(&down).map(point).collect()
     }
 
+    /// Numbers of the cells whose centres lie under or over bodies between two heights.
+    pub(super) fn covered(&self, bodies: &Frame, [low, high]: [f64; 2]) -> Vec<usize> {
+        let at = |&Cell { centre: [x, y], .. }: &Cell| DVec3::new(x, y, high + STEP);
+        let from: Vec<DVec3> = self.cells.iter().map(at).collect();
+        let hits = vertical(bodies, &from, -DVec3::Z, high - low + 2.0 * STEP);
+        (0..).zip(hits).filter(|(_, hit)| hit.is_hit()).map(|(cell, _)| cell).collect()
+    }
+
     /// Points [`HEIGHT`] above the wheel plane over the cells' centres.
     fn above(&self, wheels: &WheelPlane) -> Vec<DVec3> {
         let at = |&Cell { centre: [x, y], .. }: &Cell| DVec3::new(x, y, wheels.at([x, y]) + HEIGHT);

@@ -12,7 +12,7 @@ use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, groun
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
-use crate::problem::{Problem, SensorBatch, ground_triangles};
+use crate::problem::{Frame, Instance, Problem, SensorBatch, ground_triangles};
 use crate::scene::{Ground, Scene};
 use crate::score::{Scores, WorstFrame};
 use crate::vehicle::{BeamTable, Placement, SensorPose};
@@ -86,6 +86,9 @@ pub struct NearField {
     /// Blind zone: ground between the body and the nearest ground seen. Where bodies move, each side has the lanes of the
     /// frame in which they are deepest.
     pub zone: BlindZone,
+    /// Frames that means are over.
+    #[serde(skip)]
+    pub frames: u64,
     /// Shares of beams by the surface they end at, for each LiDAR.
     pub beams: Vec<BeamShares>,
     /// Every pole of the preset.
@@ -360,12 +363,27 @@ impl NearSite {
     }
 
     /// Blind zone over the frames of a pose of the bodies.
-    fn zone(&self, sums: &FrameSums) -> BlindZone {
+    fn zone(&self, sums: &FrameSums, pose: usize) -> BlindZone {
         let is_seen = |&cell: &usize| 2 * sums.seen[cell] >= sums.ground[cell];
         let cells = |cell: usize| self.cells.cells[cell];
         let seen: Vec<Cell> = sums.counting().filter(is_seen).map(cells).collect();
         let ground: Vec<Cell> = sums.counting().map(cells).collect();
-        BlindZone::new(&self.footprint, &ground, &seen)
+        let own = self.under_own_bodies(pose).into_iter().map(cells);
+        BlindZone::new(&self.footprint, [&ground, &seen, &own.collect::<Vec<_>>()])
+    }
+
+    /// Numbers of the cells under the own bodies in one of several poses, high or low; none where they do not move.
+    fn under_own_bodies(&self, pose: usize) -> Vec<usize> {
+        let frame = self.frames[self.poses[pose][0]].0;
+        let Some(geometry) = self.problem.geometry(frame).filter(|_| self.poses.len() > 1) else {
+            return Vec::new();
+        };
+        let own = |of: &&Instance| of.first_prim as usize >= self.is_ground.len();
+        let own = Frame::new(geometry.instances().iter().filter(own).cloned());
+        let heights = own.corners().map(|at| at.z);
+        let [low, high] = heights
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)]);
+        self.cells.covered(&own, [low, high])
     }
 
     /// Shares of the poses of the bodies with least ground seen; `None` for a single pose.
@@ -389,7 +407,8 @@ impl NearSite {
     ) -> NearField {
         let frames: u64 = self.frames.iter().map(|(_, weight, _)| weight).sum();
         let blind: u64 = sums.counting().map(|cell| sums.ground[cell] - sums.seen[cell]).sum();
-        let zones = by_pose.iter().enumerate().map(|(k, of)| (self.first_frame(k), self.zone(of)));
+        let zones =
+            by_pose.iter().enumerate().map(|(k, of)| (self.first_frame(k), self.zone(of, k)));
         let shares = |beams: &[u64; 4]| {
             let all = beams.iter().sum::<u64>().max(1) as f64;
             let [ground, own, other, nothing] = beams.map(|count| count as f64 / all);
@@ -406,6 +425,7 @@ impl NearSite {
             worst_frame: self.worst_frame(by_pose),
             blind_area: blind as f64 / frames as f64 * CELL * CELL,
             zone: BlindZone::worst(&self.footprint, zones.collect()),
+            frames,
             beams: beams.iter().map(shares).collect(),
             poles,
             cells: sums.counting().map(cell).collect(),

@@ -49,6 +49,7 @@ pub use look::{NearField, NearSite};
 pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 
+pub(crate) use zone::in_frame;
 #[cfg(test)]
 pub(crate) use zone::{BlindLane, BlindZone, LostGround};
 

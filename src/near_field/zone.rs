@@ -18,10 +18,17 @@ pub struct BlindLane {
     pub along: [f64; 2],
     /// Metres from the edge to the middle of its nearest cell seen; `None` where none is within 10 m.
     pub depth: Option<f64>,
+    /// Metres of the way from the edge to that cell, or to 10 m, under an own body that moves: no blind ground.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub own_body: f64,
     /// Stretches of 1 m or more without a seen cell that begin right behind a seen one: start and end, metres from the
     /// edge.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<[f64; 2]>,
+}
+
+fn is_zero(metres: &f64) -> bool {
+    *metres == 0.0
 }
 
 /// The longest stretch of ground on one side that is lost again behind the nearest cell seen.
@@ -137,7 +144,7 @@ pub struct BlindZone {
     pub lanes: Vec<BlindLane>,
     /// Outline of all lanes and the box around the body in the ego frame, metres; lanes that do not end reach 10 m.
     pub polygon: Vec<[f64; 2]>,
-    /// Square metres of all lanes.
+    /// Square metres of all lanes, without ground under own bodies that move.
     pub area: f64,
     /// Depth ahead of the front edge, metres: that of the deepest lane; `None` where a lane does not end.
     pub ahead: Option<f64>,
@@ -189,10 +196,10 @@ impl BlindZone {
         self.worst_frames.get(side).map_or(String::new(), |frame| in_frame(*frame))
     }
 
-    /// The zone before cells that are seen, among those that are ground.
-    pub(super) fn new(footprint: &Footprint, ground: &[Cell], seen: &[Cell]) -> Self {
+    /// The zone before cells that are seen, among those that are ground; `own` lie under own bodies that move.
+    pub(super) fn new(footprint: &Footprint, [ground, seen, own]: [&[Cell]; 3]) -> Self {
         let sides = ROUND.map(|(side, rising, _)| {
-            let mut lanes = lanes(footprint, ground, seen, side);
+            let mut lanes = lanes(footprint, [ground, seen, own], side);
             if !rising {
                 lanes.reverse();
             }
@@ -216,7 +223,7 @@ impl BlindZone {
                 let [a, b] = [a, b].map(|(_, zone)| zone.deepest(side));
                 a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
             });
-            let Some((frame, zone)) = deepest.filter(|(_, zone)| zone.deepest(side)[1] > 0.0)
+            let Some((frame, zone)) = deepest.filter(|(_, zone)| zone.deepest(side)[0] > 0.0)
             else {
                 continue;
             };
@@ -287,18 +294,29 @@ impl BlindZone {
     }
 }
 
-/// Square metres of a lane; one that does not end reaches 10 m.
+/// Square metres of a lane without ground under own bodies that move; one that does not end reaches 10 m.
 fn lane_area(lane: &BlindLane) -> f64 {
-    (lane.along[1] - lane.along[0]) * lane.depth.unwrap_or(NEAR)
+    (lane.along[1] - lane.along[0]) * (lane.depth.unwrap_or(NEAR) - lane.own_body)
+}
+
+/// Metres of a lane up to a depth in cells whose middles lie at some distances.
+fn metres_within(depth: Option<f64>, middles: &[f64]) -> f64 {
+    let depth = depth.unwrap_or(NEAR);
+    let within = |at: &f64| (at + CELL / 2.0).min(depth) - (at - CELL / 2.0).max(0.0);
+    middles.iter().map(|at| within(at).max(0.0)).sum()
 }
 
 /// Lanes before one edge, by rising place along it.
-fn lanes(footprint: &Footprint, ground: &[Cell], seen: &[Cell], side: Side) -> Vec<BlindLane> {
+fn lanes(footprint: &Footprint, [ground, seen, own]: [&[Cell]; 3], side: Side) -> Vec<BlindLane> {
     let mut cells: BTreeMap<i64, Vec<(f64, bool)>> = BTreeMap::new();
     for (some, are_seen) in [(ground, false), (seen, true)] {
         for (lane, distance) in some.iter().filter_map(|cell| lane_before(footprint, cell, side)) {
             cells.entry(lane).or_default().push((distance, are_seen));
         }
+    }
+    let mut own_bodies: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
+    for (lane, distance) in own.iter().filter_map(|cell| lane_before(footprint, cell, side)) {
+        own_bodies.entry(lane).or_default().push(distance);
     }
     let ([low, high], other) = (footprint.bounds(), 1 - outward(side).0);
     let (low, high) = (low[other], high[other]);
@@ -309,12 +327,14 @@ fn lanes(footprint: &Footprint, ground: &[Cell], seen: &[Cell], side: Side) -> V
         _ => end,
     };
     let lane = |(lane, mut cells): (i64, Vec<(f64, bool)>)| {
+        let under = own_bodies.get(&lane).map_or(&[][..], Vec::as_slice);
         let along = [lane, lane + 1].map(|k| snapped(CELL * k as f64));
         // Seen cells are in both lists: each stays once, as seen.
         cells.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         cells.dedup_by_key(|cell| cell.0);
         let depth = cells.iter().find(|(_, is_seen)| *is_seen).map(|cell| cell.0);
-        BlindLane { side: side.name(), along, depth, lost: lost_stretches(&cells) }
+        let own_body = metres_within(depth, under);
+        BlindLane { side: side.name(), along, depth, own_body, lost: lost_stretches(&cells) }
     };
     cells.into_iter().map(lane).collect()
 }

@@ -20,6 +20,8 @@ const COLUMNS: usize = 3;
 /// Pixels of a metre, and of the lines of words over a drawing.
 const SCALE: f64 = 14.0;
 const TITLE: f64 = 56.0;
+/// Pixels of the lines on frames where bodies move.
+const FRAMES: f64 = 32.0;
 /// Most characters of a line over a drawing: the drawing of the smallest body is 294 pixels wide.
 const LONGEST_LINE: usize = 36;
 /// Metres ahead of the body at which the arrow to the front begins: behind the farthest pole.
@@ -60,7 +62,11 @@ pub(crate) fn near_field_text(all: &[NearField]) -> String {
     });
     let poles = table_text(&titles, poles);
     let (worst, lost) = (worst_text(all), lost_text(all));
-    format!("{ground}{worst}{lost}\n{poles}{}\n{POLES}\n", seen_ground())
+    let moves = all.iter().find(|near| near.worst_frame.is_some());
+    let own = moves.map_or(String::new(), |near| {
+        format!("own body % is a mean over {} frames\n", near.frames)
+    });
+    format!("{ground}{worst}{lost}\n{poles}{own}{}\n{POLES}\n", seen_ground())
 }
 
 /// Lines on the frames in which bodies that move leave most ground unseen; empty where none moves.
@@ -112,23 +118,26 @@ pub(super) fn seen_of(near: &NearField, standard: Standard) -> [usize; 2] {
 pub(crate) fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -> String {
     let [low, high] = footprint.bounds();
     let size = [0, 1].map(|k| (high[k] - low[k] + 2.0 * NEAR + 1.0) * SCALE);
+    let moves = all.iter().any(|(_, near)| !near.zone.worst_frames.is_empty());
+    let title = if moves { TITLE + FRAMES } else { TITLE };
     let at = |[x, y]: [f64; 2]| {
-        ((x - low[0] + NEAR + 0.5) * SCALE, TITLE + (high[1] - y + NEAR + 0.5) * SCALE)
+        ((x - low[0] + NEAR + 0.5) * SCALE, title + (high[1] - y + NEAR + 0.5) * SCALE)
     };
     let columns = all.len().clamp(1, COLUMNS);
     let rows = all.len().div_ceil(columns);
     let drawing = html! {
         @for (k, (placement, near)) in all.iter().enumerate() {
             @let left = (k % columns) as f64 * size[0];
-            @let top = (k / columns) as f64 * (size[1] + TITLE);
+            @let top = (k / columns) as f64 * (size[1] + title);
             g transform={ "translate(" (px(left)) " " (px(top)) ")" } {
                 (panel(footprint, placement, near, &at))
             }
         }
-        g transform={ "translate(8 " (px(rows as f64 * (size[1] + TITLE) + 18.0)) ")" } { (legend()) }
+        g transform={ "translate(8 " (px(rows as f64 * (size[1] + title) + 18.0)) ")" } { (legend(moves)) }
     };
     let width = (columns as f64 * size[0]).max(LEGEND).round();
-    let height = (rows as f64 * (size[1] + TITLE) + 84.0).round();
+    let below = if moves { 106.0 } else { 84.0 };
+    let height = (rows as f64 * (size[1] + title) + below).round();
     page([width, height], "Ground near the vehicle that is not seen, from above", &drawing)
 }
 
@@ -151,6 +160,7 @@ fn panel(
     html! {
         text x="8" y="18" font-weight="600" { (shortened(&near.name, LONGEST_LINE)) }
         @for (words, y) in words.iter().zip(["34", "50"]) { text x="8" y=(y) fill=(SOFT) { (words) } }
+        @for (words, y) in frames_in_words(near).iter().zip(["66", "82"]) { text x="8" y=(y) fill=(SOFT) { (words) } }
         path d=(unseen(near, at)) stroke=(UNSEEN) stroke-width=(px(CELL * SCALE)) {}
         @for within in [RING, NEAR] {
             polygon points=(corners(around(footprint, within).into_iter().map(at))) fill="none"
@@ -169,6 +179,16 @@ fn panel(
             rect x=(px(x - 3.0)) y=(px(y - 3.0)) width="6" height="6" fill=(SECOND) stroke="#fff" {}
         }
         (front(footprint, at))
+    }
+}
+
+/// Frames that a drawing is of, where bodies move.
+fn frames_in_words(near: &NearField) -> Vec<String> {
+    let sides = near.zone.worst_frames.iter().map(|(side, frame)| format!("{side} {frame}"));
+    let sides: Vec<String> = sides.collect();
+    match sides.is_empty() {
+        true => Vec::new(),
+        false => vec!["body of frame 0; blind zone of frames".to_owned(), sides.join(", ")],
     }
 }
 
@@ -210,7 +230,8 @@ fn around(footprint: &Footprint, within: f64) -> Vec<[f64; 2]> {
     turns.filter_map(farthest).collect()
 }
 
-fn legend() -> Markup {
+/// `moves` where bodies of the vehicle move: blind zones may then lie over ground that other frames see.
+fn legend(moves: bool) -> Markup {
     let dots = [(GOOD, "pole with 5 beams or more", 0.0), (INK, "pole with fewer", 215.0)];
     html! {
         @for (colour, words, x) in dots {
@@ -231,6 +252,10 @@ fn legend() -> Markup {
         text x="96" y="44" { "own body" }
         path d="M200 39h14" stroke=(GREY) stroke-dasharray="3 3" {}
         text x="219" y="44" { "3 m and 10 m from the body" }
+        @if moves {
+            rect x="0" y="54" width="12" height="12" fill=(ACCENT) fill-opacity=".18" stroke=(ACCENT) {}
+            text x="17" y="64" { "blind zone over ground that most frames see, or over the own body of its frame" }
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::csv::{csv, number};
 use crate::json::{counted, fixed};
 use crate::rig::{Asymmetry, Comparison, MovedLidar};
 use crate::score::{Objective, Scores, Standing, percent_down};
-use crate::targets::RangeCard;
+use crate::targets::{AS_IN_FRAME_0, RangeCard};
 use crate::vehicle::{Placement, Vehicle};
 
 /// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
@@ -41,8 +41,9 @@ fn card_in_words(card: &RangeCard) -> String {
     });
     let each: Vec<String> = each.collect();
     format!(
-        "distances from the origin met in all {} directions: {}",
+        "distances from the origin met in all {} directions{}: {}",
         card.targets.first().map_or(0, |target| target.bearings.len()),
+        if card.bodies_move { AS_IN_FRAME_0 } else { "" },
         each.join(", ")
     )
 }
@@ -291,6 +292,10 @@ mod tests {
         let card = RangeCard { targets, ..RangeCard::default() };
         let want = "distances from the origin met in all 2 directions: car 7.5–110 m, adult 5 m, child none, pole 20–30, 40–60 m, tyre none";
         assert_eq!(card_in_words(&card), want);
+        let card = RangeCard { bodies_move: true, ..card };
+        let first =
+            "distances from the origin met in all 2 directions, own bodies as in frame 0: car";
+        assert!(card_in_words(&card).starts_with(first), "{}", card_in_words(&card));
     }
 
     #[test]

@@ -82,6 +82,9 @@ pub struct HandoverMade {
     pub price: f64,
     /// Guards `self_hit` of its LiDARs in this frame, in words.
     pub guards: Vec<String>,
+    /// The frame of the masks, where bodies move.
+    #[serde(skip)]
+    pub frame: Option<u32>,
 }
 
 /// Names and bytes of the files of the folder.
@@ -138,6 +141,7 @@ pub fn handover(
         own_beams: masks.iter().map(SelfHitMask::counts).collect(),
         price,
         guards,
+        frame: rig.frame_in_words().map(|_| request.frame),
     })
 }
 

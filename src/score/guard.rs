@@ -6,6 +6,7 @@ use serde::{Serialize, Serializer};
 
 use super::percent_up;
 use crate::maths;
+use crate::near_field::in_frame;
 use crate::problem::{Content, Entropy, Tally};
 use crate::targets::BlindSector;
 use crate::vehicle::{Constraints, Placement, Region, SensorName, SensorPose, Slot};
@@ -82,6 +83,8 @@ pub enum Guard {
         lidar: usize,
         /// Share of its beams that end at the own body.
         share: f64,
+        /// Number of the frame where bodies move: the first with this share.
+        frame: Option<usize>,
     },
     /// A car stands there and hardly a beam meets it; see [`crate::targets`].
     BlindSector(BlindSector),
@@ -174,10 +177,11 @@ impl std::fmt::Display for Guard {
                 "below_ground: LiDAR {lidar} is {depth:.2} m below the ground; heights are counted from the ground below \
                  the vehicle"
             ),
-            Self::SelfHit { lidar, share } => write!(
+            Self::SelfHit { lidar, share, frame } => write!(
                 f,
-                "self_hit: LiDAR {lidar} ends {:.1} % of its beams at the own vehicle, more than {:.0} %",
+                "self_hit: LiDAR {lidar} ends {:.1} % of its beams at the own vehicle{}, more than {:.0} %",
                 percent_up(*share),
+                frame.map_or(String::new(), in_frame),
                 100.0 * MOST_SELF_HITS
             ),
             Self::BlindSector(sector) => write!(f, "BLIND: {sector}"),

@@ -14,7 +14,7 @@ use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
 use crate::geom::Pose;
 use crate::maths;
-use crate::near_field::WheelPlane;
+use crate::near_field::{WheelPlane, bodies_move};
 use crate::problem::{
     Air, DevicePose, Frame, Instance, Problem, beam_direction, beam_origin, own_bodies,
 };
@@ -41,6 +41,8 @@ pub struct TargetSite {
     receiving: Option<Receiving>,
     /// Surface on which targets stand; `None` for level ground.
     surface: Option<Arc<SiteSurface>>,
+    /// True where own bodies move in the frames of the problem.
+    bodies_move: bool,
 }
 
 /// Surface of a scene in a frame, on which targets stand.
@@ -133,14 +135,15 @@ impl TargetSite {
     pub fn new(sensors: Sensors, body: Frame) -> Self {
         let finders = sensors.models().iter().map(|_| OnceLock::new()).collect();
         let plan = Arc::new(BodyPlan::of(&body));
-        Self { sensors, finders, body, plan, receiving: None, surface: None }
+        Self { sensors, finders, body, plan, receiving: None, surface: None, bodies_move: false }
     }
 
     /// Models and own body of a problem. In weather a beam counts if enough light comes back. A problem of a mirror
     /// image would give another vehicle's body.
     pub fn of(problem: &Problem) -> Self {
         let receiving = problem.air().map(|air| Receiving(Through::Air(air.clone())));
-        Self::new(problem.sensors().clone(), problem.body().clone()).receiving(receiving)
+        let site = Self::new(problem.sensors().clone(), problem.body().clone());
+        Self { bodies_move: bodies_move(problem), ..site }.receiving(receiving)
     }
 
     /// Site of a problem whose rules place targets on the surface of its scene, with all that is there in the way; `None`
@@ -172,21 +175,29 @@ impl TargetSite {
         Self { receiving, ..self }
     }
 
-    /// A copy whose own bodies stand in other poses, one for each body; `None` where their number is another.
+    /// A copy whose own bodies stand in other poses, one for each body; `None` where their number is another. In a scene
+    /// they are the last that stand there.
     pub(super) fn with_bodies_at(&self, poses: &[Pose]) -> Option<Self> {
-        let bodies = self.body.instances();
-        if bodies.len() != poses.len() {
+        let all = self.body.instances();
+        let others = all.len().checked_sub(poses.len())?;
+        if others > 0 && self.surface.is_none() {
             return None;
         }
-        let bodies = bodies.iter().zip(poses);
+        let (others, bodies) = all.split_at(others);
         let at = |(of, &ego_from_instance)| Instance { ego_from_instance, ..Instance::clone(of) };
-        let body = Frame::new(bodies.map(at));
-        Some(Self { plan: Arc::new(BodyPlan::of(&body)), body, ..self.clone() })
+        let own = Frame::new(bodies.iter().zip(poses).map(at));
+        let body = Frame::new(others.iter().chain(own.instances()).cloned());
+        Some(Self { plan: Arc::new(BodyPlan::of(&own)), body, ..self.clone() })
     }
 
     /// True if the own bodies of both stand alike.
     pub(super) fn stands_as(&self, other: &Self) -> bool {
         self.body == other.body
+    }
+
+    /// True where own bodies move in the frames of the problem that this is made of.
+    pub(super) fn bodies_move(&self) -> bool {
+        self.bodies_move
     }
 
     /// The sensor models.

@@ -1,6 +1,8 @@
 //! Rules of a vehicle as the bound of a search asks for them: upper bounds on their shares.
 
-use super::bodies::mean;
+use std::ops::Range;
+
+use super::bodies::{RuleSite, mean};
 use super::rules::Rule;
 use super::sight::{Sight, SightBeams};
 use crate::vehicle::GroundAsked;
@@ -10,7 +12,7 @@ impl Sight {
     /// distance. Lanes of a blind zone end where several cells are seen, so that a LiDAR may add more to it beside others.
     pub(crate) fn bounded_rules(&self) -> impl Iterator<Item = (usize, &str, f64)> {
         let rules = self.rules.iter().enumerate().filter(|(_, rule)| match rule {
-            Rule::Target(_, sites) => sites.iter().any(|places| !places.is_empty()),
+            Rule::Target(_, sites) => sites.iter().any(|site| !site.places.is_empty()),
             Rule::Ground(rule, _) => matches!(rule.asked, GroundAsked::Within(_)),
             Rule::Overlap(_) => false,
         });
@@ -26,12 +28,24 @@ impl Sight {
         match &self.rules[rule] {
             // A loss leaves less than all see.
             // The mean over poses of the bodies is not below the worst of them.
-            Rule::Target(_, sites) => mean(sites.iter().map(|places| {
-                if places.is_empty() { 1.0 } else { self.soft(all, places.clone()) }
-            })),
+            Rule::Target(_, sites) => {
+                self.over_sites(
+                    sites,
+                    |places| {
+                        if places.is_empty() { 1.0 } else { self.soft(all, places) }
+                    },
+                )
+            }
             Rule::Ground(_, number) => self.ground_share(all, *number),
             Rule::Overlap(_) => 1.0,
         }
+    }
+
+    /// Mean over scenes of the mean over poses of the bodies, of a number of the places of a rule on a target.
+    pub(super) fn over_sites(&self, sites: &[RuleSite], of: impl Fn(Range<usize>) -> f64) -> f64 {
+        let scenes: Vec<_> = sites.chunk_by(|a, b| a.pose.scene == b.pose.scene).collect();
+        let of = |site: &RuleSite| of(site.places.clone());
+        mean(scenes.into_iter().map(|sites| mean(sites.iter().map(&of))))
     }
 
     /// True if there are rules other than those on overlap.

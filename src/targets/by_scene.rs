@@ -1,5 +1,6 @@
 //! Rules of a vehicle in each of several scenes.
 
+use super::bodies::worst_frame;
 use super::rules::{Looked, Rule};
 use super::sight::{Sight, SightBeams};
 use crate::score::{Seen, WorstFrame};
@@ -21,8 +22,8 @@ impl Sight {
             for (scene, of_scene) in by_scene.iter_mut().enumerate() {
                 let position = match rule {
                     Rule::Target(rule, sites) if rule.on_scene => {
-                        let site = self.bodies.numbers(rule).nth(scene);
-                        sites.iter().position(|of| Some(self.places[of.start].site) == site)
+                        let mut of_scenes = sites.chunk_by(|a, b| a.pose.scene == b.pose.scene);
+                        of_scenes.position(|sites| sites[0].pose.scene == scene)
                     }
                     Rule::Target(..) => None,
                     Rule::Ground(..) | Rule::Overlap(_) => Some(scene),
@@ -39,23 +40,36 @@ impl Sight {
                     (lost.intact, lost.intact_frame) = (intact[position], intact_frame);
                 }
                 if let Rule::Target(_, sites) = rule {
-                    seen.places = rule.places_at(&sites[position..=position]);
+                    let mut of_scenes = sites.chunk_by(|a, b| a.pose.scene == b.pose.scene);
+                    let sites = of_scenes.nth(position);
+                    seen.places = sites.and_then(|sites| rule.places_at(sites));
                 }
             }
         }
         by_scene
     }
 
-    /// Frame in which bodies that move leave least of a rule's ground in one scene without a LiDAR; `None` of other rules.
+    /// Frame in which bodies that move leave least of a rule's ground, or of its target, in one scene without a LiDAR; `None`
+    /// of other rules.
     fn worst_frame_in(
         &self,
         looked: &Looked<'_>,
         lost: Option<usize>,
         (rule, scene): (&Rule, usize),
     ) -> Option<WorstFrame> {
-        let Rule::Ground(_, number) = rule else { return None };
-        let all = Self::sum_without(looked.each, lost);
-        let (scene, bits) = self.ground_of(&all).nth(scene).filter(|(scene, _)| scene.moves())?;
-        scene.worst_frame(*number, bits)
+        let all = || Self::sum_without(looked.each, lost);
+        match rule {
+            Rule::Target(_, sites) => {
+                let sites = sites.chunk_by(|a, b| a.pose.scene == b.pose.scene).nth(scene)?;
+                worst_frame(sites, &self.by_site(&all(), sites))
+            }
+            Rule::Ground(_, number) => {
+                let all = all();
+                let mut scenes = self.ground_of(&all);
+                let (scene, bits) = scenes.nth(scene).filter(|(scene, _)| scene.moves())?;
+                scene.worst_frame(*number, bits)
+            }
+            Rule::Overlap(_) => None,
+        }
     }
 }

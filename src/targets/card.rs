@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use serde::Serialize;
 
+use super::AS_IN_FRAME_0;
 use super::beams::{PlacedTarget, TargetSite};
 use crate::maths;
 use crate::scene::{Target, preset_targets};
@@ -49,6 +50,9 @@ pub struct RangeCard {
     /// distances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reach: Option<f64>,
+    /// True where bodies of the vehicle move: they stand as in frame 0.
+    #[serde(skip)]
+    pub bodies_move: bool,
 }
 
 /// Distances at which one target is met.
@@ -97,6 +101,9 @@ pub struct BlindSector {
     pub worst: f64,
     /// First and last of neighbouring distances at which a car is lost there, metres.
     pub lost: Vec<[f64; 2]>,
+    /// True where bodies of the vehicle move: they stand as in frame 0.
+    #[serde(skip)]
+    pub bodies_move: bool,
 }
 
 impl BlindSector {
@@ -144,7 +151,7 @@ impl BlindSector {
     /// A sector in which a car is lost at all of the distances, worst in its middle.
     pub(crate) fn lost(bearings: [f64; 2], distances: [f64; 2]) -> Self {
         let worst = bearings[0] + 0.5 * (bearings[1] - bearings[0]).rem_euclid(360.0);
-        Self { bearings, distances, worst, lost: vec![distances] }
+        Self { bearings, distances, worst, lost: vec![distances], bodies_move: false }
     }
 }
 
@@ -157,6 +164,7 @@ impl std::fmt::Display for BlindSector {
         };
         let lost: Vec<String> = self.lost.iter().map(run).collect();
         let lost = lost.join(" and ");
+        let frame = if self.bodies_move { AS_IN_FRAME_0 } else { "" };
         // Each neighbouring sector has a bearing at which a car is lost; other bearings may meet it.
         let within = match self.degrees() {
             degrees if degrees >= 360.0 => format!("in every sector of {SECTOR}°"),
@@ -170,7 +178,7 @@ impl std::fmt::Display for BlindSector {
         };
         write!(
             f,
-            "{sides} ({within}), worst at {worst}°: a car there at {lost} m from the origin is met by fewer than \
+            "{sides} ({within}{frame}), worst at {worst}°: a car there at {lost} m from the origin is met by fewer than \
              {CARD_BEAMS} beams"
         )
     }
@@ -253,14 +261,17 @@ impl RangeCard {
         // A range is an f32: 30.2 is not to read 30.2000008.
         let metres = |range: f64| (1e3 * range).round() / 1e3;
         let blind_between = [near, metres(range).clamp(near, far)];
-        let blind = blind_sectors(&met[0], &distances, blind_between);
+        let bodies_move = site.bodies_move();
+        let mut blind = blind_sectors(&met[0], &distances, blind_between);
+        blind.iter_mut().for_each(|sector| sector.bodies_move = bodies_move);
         let mut reach: f64 = 0.0;
         for lidar in lidars {
             let model = site.sensors().number(lidar)?;
             reach = reach.max(f64::from(site.sensors().table(model).range()));
         }
         let reach = Some(metres(reach)).filter(|&reach| reach < blind_between[1]);
-        Ok(Self { beams: CARD_BEAMS, distances, targets: ranges, blind_between, blind, reach })
+        let (beams, targets) = (CARD_BEAMS, ranges);
+        Ok(Self { beams, distances, targets, blind_between, blind, reach, bodies_move })
     }
 
     /// Distances in words between which a car counts as lost: `between 5 and 50 m`, or less far where no sensor reaches 50 m.
@@ -347,7 +358,7 @@ fn blind_sectors(
         let there: Vec<Option<bool>> =
             distances_of.iter().map(|d| Some(lost[worst].contains(d))).collect();
         let lost = runs(&there, distances_of);
-        BlindSector { bearings, distances, worst: turned(worst), lost }
+        BlindSector { bearings, distances, worst: turned(worst), lost, bodies_move: false }
     };
     if is_blind.iter().all(|blind| *blind) {
         return vec![span(0, BEARINGS)];

@@ -50,5 +50,8 @@ pub(crate) use relief::Relief;
 pub use sight::{CAR_WEIGHT, Sight, SightBeams};
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
 
+/// Words on a range card where bodies of the vehicle move.
+pub(crate) const AS_IN_FRAME_0: &str = ", own bodies as in frame 0";
+
 #[cfg(test)]
 mod tests;

@@ -97,7 +97,7 @@ fn factors(rule: &TargetRule) -> [usize; 2] {
 }
 
 /// A rule at places closer together than its own, as [`factors`] says, with the worst LiDAR lost where the rule says so. Where
-/// the own bodies move, in the worst of their poses; on the ground of scenes, a mean over these.
+/// the own bodies move, in the worst of their poses; on the ground of scenes, a mean over scenes.
 ///
 /// # Errors
 /// A model that the vehicle does not have.
@@ -106,13 +106,13 @@ pub(crate) fn look_between(
     rule: &TargetRule,
     lidars: &[SensorPose],
 ) -> Result<Between, UnknownSensor> {
-    let look = |(site, _)| CloseLook::new(site, rule, lidars);
+    let look = |(site, scene)| CloseLook::new(site, rule, lidars).map(|look| (scene, look));
     let mut looks = bodies.each(rule).map(look).collect::<Result<Vec<_>, _>>()?;
-    looks.retain(|look| !(rule.on_scene && look.count == 0));
-    let share = |lost| together(rule, looks.iter().map(|look| look.share(rule, lost)));
+    looks.retain(|(_, look)| !(rule.on_scene && look.count == 0));
+    let share = |lost| together(looks.iter().map(|(scene, look)| (*scene, look.share(rule, lost))));
     let lost = (0..lidars.len()).filter(|_| rule.without_any_one).map(Some);
     let found = lost.map(share).fold(share(None), f64::min);
-    Ok(Between { places: looks.iter().map(|look| look.count).sum(), found })
+    Ok(Between { places: looks.iter().map(|(_, look)| look.count).sum(), found })
 }
 
 /// Beams of each LiDAR at free places of a rule, closer together than its own: `[lidars][count]`.

@@ -1,10 +1,8 @@
 //! Requirements beyond any rig: too few beams even from the best pose of every mount, ground that no pose sees, or no place
 //! that counts.
 
-use std::ops::Range;
-
 use super::beams::TargetSite;
-use super::bodies::{BodyPoses, together};
+use super::bodies::{BodyPoses, RuleSite, together};
 use super::places::places_of;
 use super::rules::Rule;
 use super::sight::{Sight, SightBeams};
@@ -114,12 +112,12 @@ impl Sight {
     fn target_bound(
         &self,
         rule: &TargetRule,
-        sites: &[Range<usize>],
+        sites: &[RuleSite],
         used: &[&MountPoses<'_>],
     ) -> Option<OutOfReach> {
         let mut beams = 0;
         // Share of some places that all LiDARs may meet, then without one of each mount.
-        let bound = |places: &Range<usize>| {
+        let bound = |RuleSite { places, .. }: &RuleSite| {
             let mut met = vec![0; used.len() + 1];
             for place in places.clone() {
                 let best: Vec<u32> = used.iter().map(|mount| mount.best_at(place)).collect();
@@ -135,7 +133,8 @@ impl Sight {
             met.into_iter().map(share).collect::<Vec<f64>>()
         };
         let bounds: Vec<Vec<f64>> = sites.iter().map(bound).collect();
-        let share_of = |lost: usize| together(rule, bounds.iter().map(|of| of[lost]));
+        let scenes = || sites.iter().map(|site| site.pose.scene);
+        let share_of = |lost: usize| together(scenes().zip(bounds.iter().map(|of| of[lost])));
         let whole = share_of(0);
         let after_loss = (1..=used.len()).map(share_of).min_by(f64::total_cmp);
         let after_loss = after_loss.filter(|left| rule.without_any_one && *left < whole);

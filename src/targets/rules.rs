@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::beams::LookingOut;
-use super::bodies::{mean, together, worst_frame};
+use super::bodies::{RuleSite, by_scene, mean, together, worst_frame};
 use super::missing::Missing;
 use super::places::place_count;
 use super::sight::{Sight, SightBeams};
@@ -25,8 +25,8 @@ const PARTIAL: f64 = 0.1;
 
 /// A rule of the vehicle.
 pub(super) enum Rule {
-    /// On a target, with its places beside the own bodies in each of their poses, or in each scene that has some.
-    Target(TargetRule, Vec<Range<usize>>),
+    /// On a target, with its places beside the own bodies in each of their poses, in each scene that has some.
+    Target(TargetRule, Vec<RuleSite>),
     /// On the ground, with its number among these.
     Ground(GroundRule, usize),
     /// On the overlap of LiDARs.
@@ -66,9 +66,9 @@ impl Rule {
     }
 
     /// Places of a target at some of its sites.
-    pub(super) fn places_at(&self, sites: &[Range<usize>]) -> Option<RulePlaces> {
+    pub(super) fn places_at(&self, sites: &[RuleSite]) -> Option<RulePlaces> {
         let Self::Target(rule, _) = self else { return None };
-        let judged: usize = sites.iter().map(Range::len).sum();
+        let judged: usize = sites.iter().map(|site| site.places.len()).sum();
         let left_out = (sites.len() * place_count(rule)).saturating_sub(judged);
         Some(RulePlaces { judged, left_out, on_scene: rule.on_scene })
     }
@@ -149,13 +149,13 @@ impl Sight {
         self.worst_ground(all, number, false).map(|(scene, bits)| scene.missing(number, bits))
     }
 
-    /// Share of places of a target that are met with the bodies in each of their poses, or in each scene.
-    fn by_site(&self, all: &SightBeams, poses: &[Range<usize>]) -> Vec<f64> {
-        poses.iter().map(|places| self.hard(all, places.clone())).collect()
+    /// Share of places of a target that are met with the bodies in each of their poses, scene after scene.
+    pub(super) fn by_site(&self, all: &SightBeams, sites: &[RuleSite]) -> Vec<f64> {
+        sites.iter().map(|site| self.hard(all, site.places.clone())).collect()
     }
 
-    /// Frame in which bodies that move leave least of a rule's target or ground without a LiDAR; of ground in the scene with
-    /// least of it where they move.
+    /// Frame in which bodies that move leave least of a rule's target or ground without a LiDAR, in the scene with least of
+    /// it where they move.
     fn worst_frame(
         &self,
         looked: &Looked<'_>,
@@ -164,9 +164,8 @@ impl Sight {
     ) -> Option<WorstFrame> {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
-            Rule::Target(rule, sites) if sites.len() > 1 => {
-                let frames = self.bodies.each(rule).map(|(_, frame)| frame);
-                worst_frame(rule, frames.zip(self.by_site(&all(), sites)))
+            Rule::Target(_, sites) if sites.len() > 1 => {
+                worst_frame(sites, &self.by_site(&all(), sites))
             }
             Rule::Ground(_, number) if self.ground.iter().any(RequiredGround::moves) => {
                 let all = all();
@@ -189,8 +188,8 @@ impl Sight {
         of_scene.collect()
     }
 
-    /// Shares of a rule that are met: of a target in each pose of the bodies or each scene with a place for it, of the others
-    /// in each scene. Scenes without the ground that it asks for count as not seen.
+    /// Shares of a rule that are met: of a target in the worst pose of the bodies, on level ground or in each scene with a
+    /// place for it, of the others in each scene. Scenes without the ground that it asks for count as not seen.
     pub(super) fn each_share(
         &self,
         looked: &Looked<'_>,
@@ -199,7 +198,11 @@ impl Sight {
     ) -> Vec<f64> {
         let all = || Self::sum_without(looked.each, lost);
         match rule {
-            Rule::Target(_, sites) => self.by_site(&all(), sites),
+            Rule::Target(_, sites) => {
+                let scenes = sites.iter().map(|site| site.pose.scene);
+                let least = by_scene(scenes.zip(self.by_site(&all(), sites)));
+                least.into_iter().map(|(_, share)| share).collect()
+            }
             Rule::Ground(_, number) => {
                 self.ground_of(&all()).map(|scene| seen_in(scene, *number)).collect()
             }
@@ -211,11 +214,7 @@ impl Sight {
 
     /// Share of a rule that is met, from [`Self::each_share`].
     fn met_share(&self, looked: &Looked<'_>, lost: Option<usize>, rule: &Rule) -> f64 {
-        let each = self.each_share(looked, lost, rule).into_iter();
-        match rule {
-            Rule::Target(rule, _) => together(rule, each),
-            Rule::Ground(..) | Rule::Overlap(_) => mean(each),
-        }
+        mean(self.each_share(looked, lost, rule).into_iter())
     }
 
     /// Like [`Self::met_share`], rising with every beam or cell.
@@ -224,9 +223,7 @@ impl Sight {
             Rule::Overlap(rule) => {
                 mean(looked.overlaps.iter().map(|shares| part_connected(shares, rule.share)))
             }
-            Rule::Target(_, poses) => {
-                mean(poses.iter().map(|places| self.soft(all, places.clone())))
-            }
+            Rule::Target(_, sites) => self.over_sites(sites, |places| self.soft(all, places)),
             Rule::Ground(_, number) => self.over_scenes(all, |s, bits| s.share(*number, bits).soft),
         }
     }
@@ -296,11 +293,12 @@ impl Sight {
         let looking = self.looking_out_of(lidars)?;
         let share = |(rule, is_wanted): (&Rule, &bool)| match rule {
             Rule::Target(rule, sites) if *is_wanted => {
-                let of_site = |places: &Range<usize>| {
-                    self.after_losses(&looking, rule, (places.clone(), order))
+                let of_site = |site: &RuleSite| {
+                    self.after_losses(&looking, rule, (site.places.clone(), order))
                 };
                 let each: Vec<Vec<f64>> = sites.iter().map(of_site).collect();
-                let after = |lost: usize| together(rule, each.iter().map(|shares| shares[lost]));
+                let scenes = || sites.iter().map(|site| site.pose.scene);
+                let after = |lost| together(scenes().zip(each.iter().map(|shares| shares[lost])));
                 (0..each.first().map_or(0, Vec::len)).map(after).fold(1.0, f64::min)
             }
             _ => 1.0,
@@ -347,8 +345,8 @@ impl Sight {
 
     /// Every rule with its share, for the beams of each LiDAR; mounts have no names.
     ///
-    /// The share of a target is the share of its places at which enough beams meet it, in the worst pose of the own bodies,
-    /// or on the surface of scenes a mean. Other rules: the share of the ground that is seen, or the largest overlap at which
+    /// The share of a target is the share of its places at which enough beams meet it, in the worst pose of the own bodies;
+    /// on the surface of scenes a mean over these. Other rules: the share of the ground that is seen, or the largest overlap at which
     /// pairs connect all LiDARs, each a mean over scenes. For a rule that must hold without any one LiDAR it is the least
     /// share over the LiDARs left out.
     pub(crate) fn rules_met(&self, each: &[&SightBeams]) -> Vec<Seen> {
@@ -402,7 +400,8 @@ impl Sight {
         self.missing_in(looked, lost, (rule, worst))
     }
 
-    /// Missing part of a rule in one of the poses or scenes that [`Self::each_share`] counts, in words.
+    /// Missing part of a rule at one of the shares that [`Self::each_share`] counts, in words: of a target in the first of the
+    /// poses of the bodies that leave least.
     pub(super) fn missing_in(
         &self,
         looked: &Looked<'_>,
@@ -417,7 +416,9 @@ impl Sight {
                 let is_met = |place: usize| {
                     all.beams.get(place).is_some_and(|&beams| beams >= self.enough[place])
                 };
-                let places = sites[at].clone().map(|place| (self.places[place].at, is_met(place)));
+                let site = self.worst_site(&all, sites, at)?;
+                let places = site.places.clone();
+                let places = places.map(|place| (self.places[place].at, is_met(place)));
                 Missing::new(rule, places).map(|missing| format!("{missing}{}", self.beyond(rule)))
             }
             Rule::Ground(_, number) => {
@@ -426,6 +427,18 @@ impl Sight {
                 Some(scene.missing(*number, bits))
             }
         }
+    }
+
+    /// The first of the sites in one scene at which least of a target is met; scenes without a place for it are not counted.
+    fn worst_site<'a>(
+        &self,
+        all: &SightBeams,
+        sites: &'a [RuleSite],
+        scene: usize,
+    ) -> Option<&'a RuleSite> {
+        let of_scene = sites.chunk_by(|a, b| a.pose.scene == b.pose.scene).nth(scene)?;
+        let share = |site: &&RuleSite| self.hard(all, site.places.clone());
+        of_scene.iter().min_by(|a, b| share(a).total_cmp(&share(b)))
     }
 
     /// Words on distances of a rule that lie beyond the range of every sensor; empty where none do.
@@ -454,7 +467,7 @@ impl Sight {
             let (share, _) = self.least(&looked, rule);
             let room = match rule {
                 Rule::Target(rule, poses) if roomy && rule.share > 0.0 => {
-                    let places = poses.iter().map(Range::len).max().unwrap_or(0);
+                    let places = poses.iter().map(|site| site.places.len()).max().unwrap_or(0);
                     (rule.share + ROOM / places.max(1) as f64).min(1.0)
                 }
                 _ => 0.0,

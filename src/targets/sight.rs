@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::beams::{LookingOut, PlacedTarget, TargetSite};
-use super::bodies::{BodyPoses, SitePlace};
+use super::bodies::{BodyPoses, RuleSite, SitePlace, SitePose};
 use super::card::{CARD_BEAMS, card_targets, position};
 use super::places::places_of;
 use super::rules::Rule;
@@ -106,10 +106,13 @@ impl Sight {
             None => 0..0,
         };
         for rule in problem.target_rules() {
-            let in_pose = |site| group(site, &rule.target, places_of(rule), rule.beams);
-            let mut sites: Vec<Range<usize>> = bodies.numbers(rule).map(in_pose).collect();
+            let in_pose = |pose: &SitePose| {
+                let places = group(pose.site, &rule.target, places_of(rule), rule.beams);
+                RuleSite { places, pose: *pose }
+            };
+            let mut sites: Vec<RuleSite> = bodies.of_rule(rule).iter().map(in_pose).collect();
             // A mirror image may have no free ground where its scene has some.
-            sites.retain(|places| !(rule.on_scene && places.is_empty()));
+            sites.retain(|site| !(rule.on_scene && site.places.is_empty()));
             rules.push(Rule::Target(rule.clone(), sites));
         }
         let ground_in = |&(problem, is_mirrored)| RequiredGround::of(problem, is_mirrored);
@@ -151,7 +154,9 @@ impl Sight {
         let (mut places, mut found) = (Vec::new(), SightBeams::default());
         for (rule, _) in self.rules.iter().zip(wanted).filter(|(_, is_wanted)| **is_wanted) {
             match rule {
-                Rule::Target(_, poses) => places.extend(poses.iter().cloned().flatten()),
+                Rule::Target(_, sites) => {
+                    places.extend(sites.iter().flat_map(|site| site.places.clone()));
+                }
                 Rule::Ground(..) if found.ground.is_empty() => found.ground = self.cells(lidar)?,
                 Rule::Overlap(_) if found.surfaces.frames.is_empty() => {
                     found.surfaces = self.surfaces(lidar)?;
@@ -316,7 +321,10 @@ mod tests {
             assert_eq!(sight.shares(&[&few[0], &few[1]], &wanted), expected, "{wanted:?}");
             assert_eq!(few[0].ground.is_empty(), !wanted[2]);
             let Rule::Target(_, cars) = &sight.rules[0] else { panic!("the car comes first") };
-            assert_eq!(few[0].beams[cars[0].clone()].iter().any(|beams| *beams > 0), wanted[0]);
+            assert_eq!(
+                few[0].beams[cars[0].places.clone()].iter().any(|beams| *beams > 0),
+                wanted[0]
+            );
         }
     }
 
@@ -338,7 +346,7 @@ mod tests {
             let met = sight.rules_met(&each);
             // Two places more are wanted of a rule on targets.
             let places = |k: usize| match &sight.rules[k] {
-                Rule::Target(_, poses) => poses[0].len() as f64,
+                Rule::Target(_, poses) => poses[0].places.len() as f64,
                 _ => panic!("targets come first"),
             };
             let lacks =

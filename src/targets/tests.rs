@@ -398,3 +398,72 @@ fn a_mirror_image_without_free_ground_counts_for_nothing() {
     let between = look_between(&bodies, rule, &[SensorPose::at(0.0, 0.0, 1.8)]).unwrap();
     assert_eq!(between.found, 0.0);
 }
+
+/// A scene of a flat road with a trailer behind a cab, straight in its first frame and bent by `yaw` in the second, whose
+/// vehicle asks for the same target on level ground and on the scene's.
+fn bending(yaw: f64) -> Arc<Problem> {
+    let text = format!(
+        r#"{{ "sightline": 1, "frames": 2, "coverage": "first-hit",
+        "roi": {{ "min": [-8, -8, -1], "max": [8, 8, 3], "voxel": [1, 1, 1] }},
+        "static": [{{ "class": "road", "plane": {{ "min": [-99, -99], "max": [99, 99], "z": 0 }} }}],
+        "ego": {{ "poses": [{{ "x": 0, "y": 0, "z": 0 }}, {{ "x": 0, "y": 0, "z": 0 }}],
+          "body": [{{ "class": "vehicle", "box": {{ "min": [0, -1, 0.2], "max": [2, 1, 1.5] }} }}],
+          "bodies": [{{ "parts": [{{ "class": "vehicle", "box": {{ "min": [-8, -1, 0.2], "max": [-1, 1, 3.5] }} }}],
+            "poses": [{{ "x": 0, "y": 0 }}, {{ "x": 0, "y": 0, "yaw": {yaw} }}] }}] }},
+        "vehicle": {{
+          "sensors": [{{ "name": "a", "phase": 0, "lidar": {{ "channels": 32, "fov": [-30, 0], "azimuth_steps": 360, "range": 100 }} }}],
+          "mounts": [{{ "name": "top", "min": [0, -1, 1.6], "max": [2, 1, 2.5], "count": [1, 2] }}],
+          "require": [{{ "target": "adult", "within": 20, "share": 0.99 }},
+                      {{ "target": "adult", "within": 20, "share": 0.99, "ground": "scene" }}] }} }}"#
+    );
+    let scene = Scene::from_json(&text, Path::new(""), "bends.json").unwrap();
+    let roi = scene.roi().grid().unwrap();
+    let psog = Psog::new(roi, 2, scene.classes().to_vec(), vec![], vec![]).unwrap();
+    Arc::new(Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0, 1]).unwrap())
+}
+
+#[test]
+fn a_target_on_the_ground_of_a_scene_counts_in_the_worst_pose_of_the_bodies() {
+    let (bends, straight) = (bending(0.9), bending(0.0));
+    let image = Arc::new(bends.mirrored());
+    let lidar = SensorPose::at(1.0, 0.0, 1.8);
+    let met = |scenes: &[(&Arc<Problem>, bool)]| {
+        let sight = Sight::of(scenes.iter().copied(), false).unwrap();
+        let seen = sight.beams(&lidar).unwrap();
+        let met = sight.rules_met(&[&seen]);
+        let by_scene = sight.in_each_scene(&[&seen], &met, scenes.len());
+        let order = sight.most_beams_first(&[&seen]);
+        let again = sight.shares_on_targets(&[lidar], &order, &[true; 2]).unwrap();
+        assert_eq!(again, [met[0].share, met[1].share]);
+        (met, by_scene)
+    };
+    let (plain, _) = met(&[(&straight, false)]);
+    assert!(plain[0].share == plain[1].share && plain[1].worst_frame.is_none(), "{plain:?}");
+    // Range cards have the bodies as in frame 0, and say so.
+    let card = |problem: &Problem| RangeCard::new(&TargetSite::of(problem), &[lidar]).unwrap();
+    let [moves, stands] = [&bends, &straight].map(|problem| card(problem));
+    let sector = moves.blind[0].to_string();
+    assert!(sector.contains(", own bodies as in frame 0), worst at"), "{sector}");
+    assert_eq!(sector.replace(AS_IN_FRAME_0, ""), stands.blind[0].to_string());
+    // The road is flat: the scene's ground is level.
+    let (met_bent, by_scene) = met(&[(&bends, false)]);
+    let [level, on_scene] = &met_bent[..] else { panic!("two rules") };
+    assert!(level.share == on_scene.share && level.share < plain[0].share, "{met_bent:?}");
+    assert_eq!(on_scene.worst_frame.map(|worst| worst.frame), Some(1));
+    assert_eq!(on_scene.worst_frame, level.worst_frame);
+    assert_eq!(on_scene.missing, level.missing);
+    assert_eq!(by_scene[0][1].share, on_scene.share);
+    assert_eq!(by_scene[0][1].worst_frame, on_scene.worst_frame);
+    // Over scenes the mean of the worst of each counts.
+    let (both, by_scene) = met(&[(&bends, false), (&straight, false)]);
+    assert_eq!(both[1].share, f64::midpoint(on_scene.share, plain[1].share));
+    assert_eq!(both[1].worst_frame, on_scene.worst_frame);
+    assert_eq!(by_scene[1][1].worst_frame, None);
+    // A mirror image bends to the other side, and is asked for the other side's places.
+    let (mirrored, _) = met(&[(&image, true)]);
+    assert_eq!(mirrored[1].share, on_scene.share);
+    let rule = &bends.target_rules()[1];
+    let bodies = BodyPoses::of(TargetSite::of(&bends), [(&*bends, false)]);
+    let between = look_between(&bodies, rule, &[lidar]).unwrap();
+    assert!((between.found - on_scene.share).abs() < 0.05, "{between:?}");
+}

@@ -47,8 +47,8 @@ fn a_trailer_that_bends_wastes_in_each_frame_as_one_that_stands_so() {
     let scene = bending();
     let problem = whole(&scene);
     let placement = one(sensor().1);
-    let near = NearSite::new(&scene, &problem).unwrap();
-    let near = near.look(&mut cpu(&problem), &placement).unwrap();
+    let site = NearSite::new(&scene, &problem).unwrap();
+    let near = site.look(&mut cpu(&problem), &placement).unwrap();
     let alone: Vec<f64> =
         ANGLES.map(|yaw| look(&standing(yaw), sensor().0, sensor().1).beams[0].own).to_vec();
     let mean = alone.iter().sum::<f64>() / 3.0;
@@ -59,8 +59,25 @@ fn a_trailer_that_bends_wastes_in_each_frame_as_one_that_stands_so() {
     // The guard tells of the worst frame.
     let guards = self_hits(&scene, &problem, &mut cpu(&problem), &placement).unwrap();
     let worst = alone.iter().copied().fold(0.0, f64::max);
-    let [crate::score::Guard::SelfHit { share, .. }] = guards[..] else { panic!("{alone:?}") };
+    let [crate::score::Guard::SelfHit { share, frame, .. }] = guards[..] else {
+        panic!("{alone:?}")
+    };
     assert!((share - worst).abs() < 2e-3, "{share} {alone:?}");
+    assert_eq!(frame, alone.iter().position(|share| *share == worst));
+    let words =
+        format!("% of its beams at the own vehicle in frame {}, more than 25 %", frame.unwrap());
+    assert!(guards[0].to_string().ends_with(&words), "{}", guards[0]);
+    let text = crate::report::coverage::near_field_text(std::slice::from_ref(&near));
+    assert!(text.contains("own body % is a mean over 3 frames"), "{text}");
+    let svg = crate::report::coverage::near_field_svg(site.footprint(), &[(&placement, &near)]);
+    for words in
+        ["body of frame 0; blind zone of frames", "blind zone over ground that most frames see"]
+    {
+        assert!(svg.contains(words), "{words}");
+    }
+    let still = look(&standing(0.6), sensor().0, sensor().1);
+    let svg = crate::report::coverage::near_field_svg(site.footprint(), &[(&placement, &still)]);
+    assert!(!svg.contains("frame 0") && !svg.contains("most frames"));
 }
 
 #[test]
@@ -103,6 +120,34 @@ fn each_side_of_the_blind_zone_is_that_of_its_worst_frame() {
         differs |= alone.iter().any(|near| depth(near) < deepest);
     }
     assert!(differs, "a side is blinder in one frame than in another");
+    // No ground of its area lies under the trailer where it stands, 6 by 2.5 m from 1 m before its hitch.
+    let mut under = 0.0;
+    for (side, frame) in &near.zone.worst_frames {
+        let (sin, cos) = ANGLES[*frame].sin_cos();
+        let bounds = NearSite::new(&scene, &all).unwrap().footprint().bounds();
+        for lane in near.zone.lanes.iter().filter(|lane| lane.side == *side) {
+            let [from, to] = lane.along;
+            let steps = (1e3 * lane.depth.unwrap_or(10.0)) as usize;
+            let is_under = |k: &usize| {
+                let (out, along) = (1e-3 * (*k as f64 + 0.5), 0.5 * (from + to));
+                let [x, y] = match *side {
+                    "ahead" => [bounds[1][0] + out, along],
+                    "behind" => [bounds[0][0] - out, along],
+                    "left" => [along, bounds[1][1] + out],
+                    _ => [along, bounds[0][1] - out],
+                };
+                let (forward, left) = ((x + 2.0) * cos + y * sin, y * cos - (x + 2.0) * sin);
+                (-5.0..1.0).contains(&forward) && left.abs() < 1.25
+            };
+            let metres = 1e-3 * (0..steps).filter(is_under).count() as f64;
+            assert!((metres - lane.own_body).abs() < 0.26, "{side} {frame} {lane:?}: {metres}");
+            under += (to - from) * metres;
+        }
+    }
+    let whole = |lane: &BlindLane| (lane.along[1] - lane.along[0]) * lane.depth.unwrap_or(10.0);
+    let whole: f64 = near.zone.lanes.iter().map(whole).sum();
+    assert!((whole - under - near.zone.area).abs() < 1.5, "{whole} {under} {}", near.zone.area);
+    assert!(under > 5.0, "{under} m² lie under the trailer");
     // Shares stay means, and the worst frame stands beside them.
     let shares = alone.each_ref().map(|near| near.near_field);
     assert!((near.near_field - shares.iter().sum::<f64>() / 3.0).abs() < 1e-12, "{shares:?}");

@@ -155,7 +155,10 @@ fn a_sensor_close_above_the_roof_wastes_beams_and_says_so() {
     let wasted = ends.iter().filter(|end| end.is_none()).count() as f64 / ends.len() as f64;
     assert!(wasted > crate::score::MOST_SELF_HITS && wasted < 0.9, "{wasted}");
     let guards = self_hits(&scene, &problem, &mut engine, &one(SensorPose::at(0.0, 0.0, 1.6)));
-    let [crate::score::Guard::SelfHit { lidar: 0, share }] = guards.unwrap()[..] else { panic!() };
+    let [crate::score::Guard::SelfHit { lidar: 0, share, frame: None }] = guards.unwrap()[..]
+    else {
+        panic!()
+    };
     assert!((share - wasted).abs() < 1e-12);
     let high = self_hits(&scene, &problem, &mut engine, &one(SensorPose::at(0.0, 0.0, 2.7)));
     assert_eq!(high.unwrap(), []);

@@ -29,10 +29,10 @@ fn a_wedge_that_does_not_end_has_no_depth_and_the_deepest_lane_counts() {
         [_, y] => y > -0.75,
     };
     let seen: Vec<Cell> = ground.iter().filter(is_seen).copied().collect();
-    let zone = BlindZone::new(&footprint, &ground, &seen);
+    let zone = BlindZone::new(&footprint, [&ground, &seen, &[]]);
     assert_eq!(zone.ahead, Some(3.0 + CELL / 2.0));
     assert_eq!((zone.behind, zone.left), (None, None));
-    let all = BlindZone::new(&footprint, &ground, &ground);
+    let all = BlindZone::new(&footprint, [&ground, &ground, &[]]);
     assert_eq!((all.ahead, all.behind), (Some(CELL / 2.0), Some(CELL / 2.0)));
 }
 
@@ -45,7 +45,7 @@ fn ground_lost_again_behind_a_slit_is_told_and_gaps_between_rings_are_not() {
         [x, y] => x > -3.25 || y < -0.5,
     };
     let seen: Vec<Cell> = ground.iter().filter(is_seen).copied().collect();
-    let zone = BlindZone::new(&footprint, &ground, &seen);
+    let zone = BlindZone::new(&footprint, [&ground, &seen, &[]]);
     assert_eq!((zone.ahead, zone.behind), (Some(CELL / 2.0), Some(CELL / 2.0)));
     let (side, frame) = ("behind", None);
     let want = LostGround { side, from: 1.25, to: 10.0, lanes: 6, of: 8, frame };
@@ -122,7 +122,7 @@ fn the_outline_is_as_deep_as_each_side_is_said_to_be_and_holds_no_seen_cell() {
         [_, y] => y > 0.0,
     };
     let seen: Vec<Cell> = ground.iter().filter(is_seen).copied().collect();
-    let zone = BlindZone::new(&footprint, &ground, &seen);
+    let zone = BlindZone::new(&footprint, [&ground, &seen, &[]]);
     let within = |of: &dyn Fn(&[f64; 2]) -> bool| -> Vec<[f64; 2]> {
         zone.polygon.iter().copied().filter(|corner| of(corner)).collect()
     };
@@ -147,4 +147,27 @@ fn the_outline_is_as_deep_as_each_side_is_said_to_be_and_holds_no_seen_cell() {
     let sum: f64 = ends().map(|(a, b)| 0.5 * (a[0] * b[1] - b[0] * a[1])).sum();
     let body = (high[0] - low[0]) * (high[1] - low[1]);
     assert!((sum - body - zone.area).abs() < 1e-9, "{sum} {body} {}", zone.area);
+}
+
+#[test]
+fn ground_under_own_bodies_is_no_part_of_the_blind_area() {
+    let (footprint, ground) = ground();
+    // Nothing is seen behind; ahead all from 3 m on. A trailer that bends stands over two lanes, from 1 to 4 m ahead and from
+    // 2 to 4 m behind.
+    let under = |cell: &&Cell| {
+        let [x, y] = cell.centre;
+        y > 0.5 && ((3.0..6.0).contains(&x) || (-6.0..-4.0).contains(&x))
+    };
+    let own: Vec<Cell> = ground.iter().filter(under).copied().collect();
+    let ground: Vec<Cell> = ground.iter().filter(|cell| !under(cell)).copied().collect();
+    let seen: Vec<Cell> = ground.iter().filter(|cell| cell.centre[0] > 5.0).copied().collect();
+    let zone = BlindZone::new(&footprint, [&ground, &seen, &own]);
+    // Ahead six lanes end at 3.125 m, two at 4.125 m after 1 m and before 3 m of the trailer. Behind all reach 10 m.
+    let want = 0.25 * (6.0 * 3.125 + 2.0 * (4.125 - 3.0) + 8.0 * 10.0 - 2.0 * 2.0);
+    assert!((zone.area - want).abs() < 1e-9, "{} is not {want}", zone.area);
+    assert_eq!((zone.ahead, zone.behind), (Some(4.125), None));
+    let json = serde_json::to_value(&zone.lanes).unwrap();
+    let own: Vec<&serde_json::Value> =
+        json.as_array().unwrap().iter().filter_map(|lane| lane.get("own_body")).collect();
+    assert_eq!(own, [3.0, 3.0, 2.0, 2.0]);
 }

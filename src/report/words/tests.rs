@@ -197,7 +197,8 @@ fn nothing_to_gain_is_compared_without_shares() {
 #[test]
 fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     let left = Some(2.0);
-    let lane = |side, depth| BlindLane { side, along: [0.0, 0.25], depth, lost: vec![] };
+    let lane =
+        |side, depth| BlindLane { side, along: [0.0, 0.25], depth, own_body: 0.0, lost: vec![] };
     let zone = BlindZone {
         lanes: vec![lane("ahead", None), lane("behind", None), lane("behind", Some(0.125))],
         left,

@@ -265,7 +265,9 @@ impl Handed {
         };
         let mut about = about(run, text, &request.held);
         let place = if on_level_ground { "level ground" } else { scene.name() };
-        about.push(format!("Blind zone and masks: {place}, frame {}", request.frame));
+        let moves = scene.has_moving_bodies();
+        let outline = if moves { "; depths from the vehicle's box in that frame" } else { "" };
+        about.push(format!("Blind zone and masks: {place}, frame {}{outline}", request.frame));
         Ok(Self { placement, text: text.clone(), scene, about, warnings, of_run })
     }
 }

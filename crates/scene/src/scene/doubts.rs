@@ -1,10 +1,13 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
+mod riding;
+mod shared;
 pub(super) mod size;
 mod standing;
 
 use glam::DVec3;
 
+pub(super) use self::shared::Filled;
 use super::route::Motion;
 use super::settings::doubts_of_scan;
 use super::{Coverage, Ground, Scene, Solid, around};
@@ -43,7 +46,7 @@ impl Scene {
         let mut of_body: Vec<String> = own.into_iter().collect();
         of_body.extend(standing::of_ground(scene, "ego body", &scene.body));
         for (i, other) in scene.bodies.iter().enumerate() {
-            let who = format!("ego's body {i} that moves");
+            let who = format!("ego's {}", scene.own_body_in_words(i));
             let scale = places.scales.others.get(i).copied().flatten();
             let own = body(&who, &other.parts, scale);
             of_body.extend(own.or_else(|| standing::of_ground(scene, &who, &other.parts)));
@@ -66,6 +69,7 @@ impl Scene {
         let mut all = in_file(&places.body, of_body);
         all.extend(in_file(&places.scene, doubts));
         all.extend(standing::mounts(scene, &places.mounts).into_iter().map(Note::doubt));
+        all.extend(riding::mounts(scene, &places.mounts).into_iter().map(Note::fact));
         all.extend(standing::apart(scene, &places.vehicle).map(Note::doubt));
         all.extend(no_body(scene, places));
         all

@@ -37,6 +37,9 @@ pub enum PartOwner {
 /// Poses of a body that are looked at for doubts.
 const MOST_POSES: usize = 40;
 
+/// Share of the smaller volume of two bodies from which on no hitch explains that they overlap.
+const MOST_SHARED: f64 = 0.5;
+
 /// End of a note on a body that moves in frames, and not on level ground.
 const HELD_STILL: &str = "level ground takes the body as in frame 0";
 
@@ -186,6 +189,14 @@ impl Scene {
         self.actors[actor].motion.glide(t)
     }
 
+    /// A body of the ego that moves in words, by its index among those: its name, else its number.
+    pub(crate) fn own_body_in_words(&self, body: usize) -> String {
+        match self.own_body_name(body) {
+            "" => format!("body {body} that moves"),
+            name => format!("body `{name}`"),
+        }
+    }
+
     /// Name of a body of the ego that moves, by its index among those; may be empty.
     pub fn own_body_name(&self, body: usize) -> &str {
         &self.bodies[body].name
@@ -289,8 +300,8 @@ impl OwnBody {
     /// Note for commands that take the body as it stands in frame 0.
     pub(crate) fn note(&self) -> Note {
         Note::fact(format!(
-            "{}: moves from frame to frame; the outline for the near field, its poles, and targets on level ground \
-             take it as in frame 0",
+            "{}: moves from frame to frame; the outline for the near field, its poles, the range card and `study targets` \
+             on level ground take it as in frame 0, requirements on targets in each of its poses",
             self.at
         ))
     }
@@ -319,21 +330,21 @@ impl OwnBodies {
         if !first.is_empty() {
             check_area(&at.key("body"), &body)?;
         }
-        let first = doubts::corners(&body);
+        let first = doubts::Filled::of(&body).filter(|_| !others.is_empty());
         let mut own = Self { body, ..Self::default() };
         for (i, body) in others.iter().enumerate() {
-            own.add(builder, at.key("bodies").item(i), body, first)?;
+            own.add(builder, at.key("bodies").item(i), body, first.as_ref())?;
         }
         Ok(own)
     }
 
-    /// Adds a body beside the first, whose box has the corners `first`.
+    /// Adds a body beside the first.
     fn add(
         &mut self,
         builder: &mut Builder<'_>,
         at: Location,
         body: &BodyDescription,
-        first: Option<[DVec3; 2]>,
+        first: Option<&doubts::Filled>,
     ) -> Checked<()> {
         let name = check::name(&at.key("name"), body.name.clone().unwrap_or_default())?;
         if body.parts.is_empty() {
@@ -379,16 +390,18 @@ impl OwnBodies {
     }
 }
 
-/// A doubt about a body that stands over the middle of the first one, whose box is given, in one of its poses.
-fn covers(at: &Location, parts: &Solid, motion: &Motion, first: [DVec3; 2]) -> Option<Note> {
+/// A doubt about a body that takes up most of the room of the first one, or lies in it for the most part, in one of its
+/// poses.
+fn covers(at: &Location, parts: &Solid, motion: &Motion, first: &doubts::Filled) -> Option<Note> {
     let Motion::Poses(poses) = motion else { return None };
-    let middle = 0.5 * (first[0] + first[1]);
-    let covering = |pose: &Pose| doubts::inside(parts, pose.inverse().apply(middle));
-    let pose = poses.iter().take(MOST_POSES).position(covering)?;
+    let body = doubts::Filled::of(parts)?;
+    let mut shares = poses.iter().take(MOST_POSES).map(|pose| first.shared(&body, pose));
+    let (pose, share) = shares.by_ref().enumerate().find(|(_, share)| *share > MOST_SHARED)?;
     Some(Note::doubt(format!(
-        "{}: stands over the middle of the first body; `x`, `y` and `yaw` say where the origin of its own shapes lies in the \
-         ego frame",
-        at.key("poses").item(pose)
+        "{}: {:.0} % of the smaller one of this body and the first body lie in both; `x`, `y` and `yaw` say where the \
+         origin of its own shapes lies in the ego frame",
+        at.key("poses").item(pose),
+        100.0 * share
     )))
 }
 

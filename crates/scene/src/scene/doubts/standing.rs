@@ -21,19 +21,19 @@ const TOUCH: f64 = 0.05;
 const MOST_LOOKS: usize = 20_000_000;
 
 /// Triangles that a doubt may still look at. Where they are spent, it finds nothing more.
-struct Looks(Cell<usize>);
+pub(super) struct Looks(Cell<usize>);
 
 impl Looks {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self(Cell::new(MOST_LOOKS))
     }
 
-    fn is_left(&self) -> bool {
+    pub(super) fn is_left(&self) -> bool {
         self.0.get() > 0
     }
 
     /// Spends a look at some triangles; the last one may be at more than are left. False where none are.
-    fn spend(&self, triangles: usize) -> bool {
+    pub(super) fn spend(&self, triangles: usize) -> bool {
         let left = self.0.get();
         self.0.set(left.saturating_sub(triangles));
         left > 0
@@ -122,18 +122,22 @@ pub(super) fn in_actor(scene: &Scene) -> Option<String> {
             let ego_from_actor = ego_from_world.compose(&actor.motion.pose(t));
             let of_actor = ego_from_actor.apply(0.5 * (low + high));
             let in_this = |p: DVec3| holds(&actor.parts, *ends, ego_from_actor.inverse().apply(p));
-            let in_moving = scene.bodies.iter().zip(&body_ends).any(|(body, body_ends)| {
+            let in_moving = scene.bodies.iter().zip(&body_ends).position(|(body, body_ends)| {
                 let ego_from_body = body.motion.pose(t);
                 let middle = body_ends.map(|[low, high]| ego_from_body.apply(0.5 * (low + high)));
                 holds(&body.parts, *body_ends, ego_from_body.inverse().apply(of_actor))
                     || middle.is_some_and(&in_this)
             });
-            let met = in_moving || holds(&scene.body, own_ends, of_actor) || in_this(middle);
-            met.then_some(i)
+            let in_first = || holds(&scene.body, own_ends, of_actor) || in_this(middle);
+            (in_moving.is_some() || in_first()).then_some((i, in_moving))
         };
-        let actor = actor_ends.iter().enumerate().find_map(meets)?;
+        let (actor, body) = actor_ends.iter().enumerate().find_map(meets)?;
+        let class = scene.actors[actor].parts.classes.first();
+        let class = class.and_then(|class| scene.classes.names.get(usize::from(*class)));
+        let class = class.map_or(String::new(), |class| format!(", a `{class}`,"));
+        let body = body.map_or(String::new(), |body| format!("'s {}", scene.own_body_in_words(body)));
         Some(format!(
-            "actors[{actor}] stands inside the ego in frame {t}: move its poses, or those of `ego`"
+            "actors[{actor}]{class} stands inside the ego{body} in frame {t}: move its poses, or those of `ego`"
         ))
     })
 }
@@ -183,7 +187,7 @@ fn surface_in(
 }
 
 /// Middle of the part of a triangle that lies in a box; `None` where there is none.
-fn middle_within(triangle: &[DVec3; 3], low: DVec3, high: DVec3) -> Option<DVec3> {
+pub(super) fn middle_within(triangle: &[DVec3; 3], low: DVec3, high: DVec3) -> Option<DVec3> {
     let polygon: Vec<[DVec3; 1]> = triangle.iter().map(|corner| [*corner]).collect();
     let polygon = clipped(polygon, [low.to_array(), high.to_array()]);
     let count = polygon.len() as f64;
@@ -210,8 +214,9 @@ pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
         let swept = is_box.then(|| swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner), &looks)).flatten();
         if let Some((body, frame)) = swept {
             return Some(format!(
-                "{at}: the whole mount lies inside the ego's body {body} that moves in frame {frame}, where every beam ends at \
-                 once; move it out of the way of that body, or correct its `poses`"
+                "{at}: the whole mount lies inside the ego's {} in frame {frame}, where every beam ends at once; move it out \
+                 of the way of that body, or correct its `poses`",
+                scene.own_body_in_words(body)
             ));
         }
         if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
@@ -367,7 +372,7 @@ mod tests {
             ))
         };
         // The scene has no body: the middle of the mounts counts.
-        let words = "actors[0] stands inside the ego in frame 1";
+        let words = "actors[0], a `vehicle`, stands inside the ego in frame 1";
         assert!(told(0.3).contains(words) && !told(2.5).contains("inside"), "{}", told(0.3));
     }
 
@@ -378,7 +383,8 @@ mod tests {
                 r#""lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100}}, "frames": 2,
                 "mount": {{"min": [-1, -0.6, 2], "max": [1, 0.6, 2.5], "lidars": 1}},
                 "ego": {{"body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
-                  "bodies": [{{"parts": [{{"class": "vehicle", "box": {{"min": [-6, -1, 0.2], "max": [-1, 1, 1.8]}}}}],
+                  "bodies": [{{"name": "trailer",
+                    "parts": [{{"class": "vehicle", "box": {{"min": [-6, -1, 0.2], "max": [-1, 1, 1.8]}}}}],
                     "poses": [{{"x": -2, "y": 0}}, {{"x": -2, "y": 0, "yaw": 1.5708}}]}}]}},
                 "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}},
                   {{"class": "wall", "box": {{"foot": [{}, {}, 0], "size": [0.3, 0.3, 1.5]}}}}],
@@ -394,7 +400,9 @@ mod tests {
         let (away, straight, bent) = ([12.0, 9.0], [-5.5, 0.0], [-2.0, -5.0]);
         assert!(!told_at(away, away).contains("inside"), "{}", told_at(away, away));
         for (place, frame) in [(straight, 0), (bent, 1)] {
-            let words = format!("actors[0] stands inside the ego in frame {frame}");
+            let words = format!(
+                "actors[0], a `vehicle`, stands inside the ego's body `trailer` in frame {frame}"
+            );
             assert_holds!(told_at(place, away), &words);
             let words = format!("world stands inside the ego body in frame {frame}, at");
             assert_holds!(told_at(away, place), "a `wall` of the static", &words);

@@ -60,11 +60,16 @@ fn a_trailer_over_the_tractor_is_doubted_in_its_pose() {
     let behind = r#"{ "x": -6.5, "y": 0, "z": 1.6 }"#;
     let over = r#"{ "x": -2, "y": 0, "z": 1.6 }"#;
     assert_eq!(doubts(&format!("{behind}, {behind}")), "");
+    // From x = −6 to 2 m and 0.1 to 3.1 m up it holds all of the tractor but 0.1 of its 1.5 m; places are 0.25 m apart.
     for (poses, pose) in [(format!("{behind}, {over}"), 1), (over.to_owned(), 0)] {
-        let words =
-            format!("ego.bodies[0].poses[{pose}]: stands over the middle of the first body");
+        let words = format!(
+            "ego.bodies[0].poses[{pose}]: 100 % of the smaller one of this body and the first body lie in both"
+        );
         assert_holds!(doubts(&poses), &words);
     }
+    // The nose of a trailer on a fifth wheel holds the middle of the tractor, and 2.1 / 4 · 0.9 / 1.5 of its room.
+    let nose = r#"{ "x": -3.9, "y": 0, "z": 2.1 }"#;
+    assert_eq!(doubts(&format!("{behind}, {nose}")), "");
 }
 
 #[test]
