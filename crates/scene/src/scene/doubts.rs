@@ -318,6 +318,22 @@ pub(super) fn inside(solid: &Solid, p: DVec3) -> bool {
     inside_faces(solid, &solid.faces, p)
 }
 
+/// True if triangles lie in all six directions of the axes around a place, as inside a body of parts that overlap.
+pub(super) fn encloses(solid: &Solid, p: DVec3) -> bool {
+    let between = |turn: fn(DVec3) -> DVec3| {
+        let heights = solid.faces.iter().filter_map(|face| {
+            // A shift without a common factor keeps rays off edges.
+            let shift = DVec3::new(1.37e-5, 2.11e-5, 0.0);
+            height_at_origin(face.map(|v| turn(solid.vertices[v as usize] - p) + shift))
+        });
+        let (low, high) = heights.fold((0.0_f64, 0.0_f64), |(l, h), z| (l.min(z), h.max(z)));
+        low < 0.0 && high > 0.0
+    };
+    between(|v| v)
+        && between(|v| DVec3::new(v.y, v.z, v.x))
+        && between(|v| DVec3::new(v.z, v.x, v.y))
+}
+
 /// [`inside`] some of the triangles.
 fn inside_faces(solid: &Solid, faces: &[[u32; 3]], p: DVec3) -> bool {
     let odd = |turn: fn(DVec3) -> DVec3| {
