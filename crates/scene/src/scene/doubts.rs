@@ -41,10 +41,13 @@ impl Scene {
         let own = body("ego body", &scene.body, places.scales.first);
         let own = own.or_else(|| standing::off_ground("ego body", &scene.body));
         let mut of_body: Vec<String> = own.into_iter().collect();
+        of_body.extend(size::tiny_parts("ego body", &scene.body, &places.scales.parts));
         of_body.extend(standing::of_ground(scene, "ego body", &scene.body));
         for (i, other) in scene.bodies.iter().enumerate() {
             let who = format!("ego's body {i} that moves");
             let scale = places.scales.others.get(i).copied().flatten();
+            let scales = places.scales.other_parts.get(i).map_or(&[][..], |scales| scales);
+            of_body.extend(size::tiny_parts(&who, &other.parts, scales));
             let own = body(&who, &other.parts, scale);
             of_body.extend(own.or_else(|| standing::of_ground(scene, &who, &other.parts)));
         }
