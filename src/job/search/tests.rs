@@ -47,7 +47,7 @@ fn equipment_that_was_searched_is_not_searched_again() {
 /// A scene of one LiDAR, with a box from the ground to `top` as the own body.
 fn with_body(top: f64) -> crate::scene::Scene {
     let text = format!(
-        r#"{{ "sightline": 1, "roi": {{ "min": [0,0,0], "max": [9,9,9], "voxel": [1,1,1] }}, "psog": {{ "file": "x" }},
+        r#"{{ "sightline": 1, "roi": {{ "min": [-9,-9,0], "max": [9,9,9], "voxel": [1,1,1] }}, "psog": {{ "file": "x" }},
              "ego": {{ "body": [{{ "class": "vehicle", "box": {{ "min": [-3,-1.2,0], "max": [3,1.2,{top}] }} }}] }},
              "lidar": {{ "channels": 5, "fov": [-30, 30], "azimuth_steps": 60, "range": 12 }},
              "mount": {{ "min": [-1,-1,4], "max": [1,1,4.2], "lidars": 2 }} }}"#
