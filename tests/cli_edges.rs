@@ -27,7 +27,7 @@ fn a_psog_that_tells_nothing_is_said_and_ends_nothing() {
         let dir = certain_corridor(index);
         let output = sightline(&dir, "score scene.json placements.json --backend cpu");
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-        stderr.says("the P-SOG tells nothing");
+        stderr.says("the P-SOG holds no information");
         let objectives =
             [("scaled", "m_sog_scaled"), ("gain", "information_gain"), ("negative", "-1*m_sog")];
         for (out, objective) in objectives {

@@ -364,7 +364,7 @@ fn own_rigs_lose_each_lidar_in_turn() {
     let notes = found["notes"].to_string();
     let lost = "both without LiDAR 0 (mast): NOT MET: ahead: 0.0 % seen, 90.0 % required, missing at 10 to 15 m";
     notes.says(lost);
-    notes.says("both without LiDAR 1: BLIND: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°)");
+    notes.says("both without LiDAR 1: BLIND: left and behind and right (in sectors of 30° over 210°, left round from 75° over 180° to -75°)");
     // Sectors that all LiDARs leave blind are told once.
     notes
         .says(

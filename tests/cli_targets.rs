@@ -172,6 +172,14 @@ fn in_a_scene_things_hide_a_target_and_take_its_place() {
     assert_eq!(first(&found), Value::Null, "in both frames");
     let found = ok(&dir, &(asked, &places, "--in 1"));
     assert_eq!(first(&found), 20.0, "in one of two frames");
+    let text = |within: &str| stdout(&dir, &(asked, &places, within));
+    let counts = "fewest–most beams of a frame; a target is detected with 5 or more";
+    text("--in 1")
+        .says("5 beams or more meet a target in 1 frame or more, over 2 frames of street")
+        .says(&format!("{counts} in 1 frame or more\n"));
+    text("--in 2")
+        .says("5 beams or more meet a target in every frame, over 2 frames of street")
+        .says(&format!("{counts} in every frame\n"));
 }
 
 #[test]
@@ -218,7 +226,7 @@ fn every_score_carries_its_card_and_names_what_is_blind() {
     write_rig(&dir, "ahead.json", "ahead", lidars);
     let found = ok(&dir, "score street.json ahead.json --backend cpu");
     guards(&found["scores"][0])
-        .says("blind_sector: left and behind and right (in sectors of 30° over 210°, left round from 75° to -75°), worst at ");
+        .says("blind_sector: left and behind and right (in sectors of 30° over 210°, left round from 75° over 180° to -75°), worst at ");
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         let price = f64::from(steps) / 10.0;
         let (lidar, phase) = (scene.lidars()[0].clone(), SpinPhase::Locked(0.0));
         let response = Response::usual(f64::from(range));
-        VehicleSensor { name, lidar, phase, price, has_price: true, response }
+        VehicleSensor { name, lidar, phase, price, has_price: true, response, has_rate: false }
     };
     let sensors = vec![lidar(60, 12, "dear"), lidar(20, 6, "cheap")];
     let mount = |name: &str, x: f64, sensors: Vec<SensorName>, count| VehicleMount {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::json::counted;
 use crate::scene::{Coverage, PsogSource, Scene};
 use crate::vehicle::Lidar;
 
@@ -117,7 +118,7 @@ impl SceneDetail {
         if self.through {
             words.push("through".into());
         } else {
-            words.push(format!("{} frame{}", self.frames, if self.frames == 1 { "" } else { "s" }));
+            words.push(counted(self.frames as usize, "frame"));
         }
         if self.detail > 0.0 {
             words.push(format!("merged {} m", round(self.detail * self.voxel * edge)));

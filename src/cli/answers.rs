@@ -10,7 +10,7 @@ use crate::report::study::{room_text, sweep_text};
 use crate::report::tables::{
     near_field_csv, overlap_csv, redundancy_csv, room_csv, sweep_csv, targets_csv,
 };
-use crate::report::targets::targets_text;
+use crate::report::targets::{in_frames, targets_text};
 use crate::runs::coverage::{NearFieldRequest, TargetsRequest, near_fields, targets};
 use crate::runs::sensitivity::{
     OverlapRequest, RedundancyFound, RedundancyRequest, RoomRequest, SweepRequest, overlap,
@@ -46,9 +46,10 @@ pub(super) fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
         |found| targets_csv(&found.table),
         |found| {
             let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
-            let table = targets_text(&found.table, beams, found.reach);
+            let within = in_frames(&found.table, found.of_frames);
+            let table = targets_text(&found.table, (beams, found.of_frames), found.reach);
             format!(
-                "Distances from the origin. {beams} beams or more meet a target, {over}{under}\n\n{table}"
+                "Distances from the origin. {beams} beams or more meet a target{within}, {over}{under}\n\n{table}"
             )
         },
     )?;

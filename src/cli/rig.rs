@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::args::{Asked, Format};
 use super::output::{Exit, Talk, Terminal};
-use crate::json::shortened;
+use crate::json::{counted, shortened};
 use crate::report::rigs::{comparison_csv, comparison_text};
 use crate::rig::{ImportSettings, RigFormat};
 use crate::runs::handover::{HandoverRequest, handover};
@@ -161,7 +161,8 @@ fn run_handover(args: &Asked<HandoverRequest>) -> Result<Exit, RunError> {
         Format::Text => {
             let (placement, price) = (&made.placement, made.price);
             let priced = if price > 0.0 { format!(", sensors for {price}") } else { String::new() };
-            outln!("{}: {} files of {placement}{priced}", made.out.display(), made.files.len())?;
+            let files = counted(made.files.len(), "file");
+            outln!("{}: {files} of {placement}{priced}", made.out.display())?;
             let frame = made.frame.map_or(String::new(), |frame| format!(" of frame {frame}"));
             for (k, [own, all]) in made.own_beams.iter().enumerate() {
                 let share = percent_up(*own as f64 / *all as f64);

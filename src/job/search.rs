@@ -1,5 +1,6 @@
 //! The search of a job step by step: sensors for the money, placements, own body.
 
+mod baselines;
 mod cheaper;
 mod checks;
 mod fewest;
@@ -16,7 +17,8 @@ use crate::search::{
     Choosing, EquipStep, Equipped, Equipping, Event, Limits, Observer, Outcome, Run, SearchError,
     Settings, State, Stopped, Suite, TimeLimit,
 };
-use crate::vehicle::{Constraints, Placement, Vehicle, random_placements_by_the_rules};
+use crate::vehicle::{Placement, Vehicle};
+use baselines::begun;
 use cheaper::is_met;
 use checks::check_equipped;
 use fewest::{Fewest, Next, taken};
@@ -104,6 +106,8 @@ pub struct JobRun<'a> {
     before: Option<Before>,
     /// Result of an earlier sitting; see [`Self::keep`].
     kept: Option<Placement>,
+    /// Note on baselines that are left out, until it is told.
+    left_out: Option<String>,
     /// The time ended while sensors were chosen: a resumed search goes on with that choice.
     is_late: bool,
     /// Wall time that choosing sensors has taken in this process.
@@ -175,6 +179,7 @@ impl Job {
             run: None,
             before: None,
             kept: None,
+            left_out: None,
             is_late,
             equipped_in,
         };
@@ -202,6 +207,9 @@ impl JobRun<'_> {
     /// # Errors
     /// A budget below the cheapest sensors, settings that a scene does not allow, an engine that fails.
     pub fn step(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
+        if let Some(note) = self.left_out.take() {
+            observer.on(&Event::Note(&note));
+        }
         let Some(run) = &mut self.run else {
             let start = Instant::now();
             let step = self.equip(observer);
@@ -418,7 +426,12 @@ impl JobRun<'_> {
                     Some(equipped) => {
                         equipped.begin(settings.clone(), self.suite.constraints(), *plainly)
                     }
-                    None => by_the_rules(settings.clone(), self.suite.constraints()),
+                    None => {
+                        let (scene, rules) = (self.job.scene(), self.suite.constraints());
+                        let (settings, note) = begun(settings.clone(), *plainly, scene, rules);
+                        self.left_out = note;
+                        settings
+                    }
                 };
                 let run = Run::new(self.suite.clone(), &settings);
                 run.map_err(|error| self.job.in_scene(error))?
@@ -481,17 +494,6 @@ impl JobRun<'_> {
         let settings = self.run?.state().settings().clone();
         Some(Found { outcome, suite: self.suite, settings, equipment, equipped, equipping })
     }
-}
-
-/// Seed of the random placement that is tried before one is worked out.
-const SEED: u64 = 0;
-
-/// Settings that start from a placement by the rules where hardly any random one keeps them.
-fn by_the_rules(mut settings: Settings, constraints: &Constraints) -> Settings {
-    if random_placements_by_the_rules(constraints, 1, SEED).is_empty() {
-        settings.starts.extend(constraints.placement_by_the_rules());
-    }
-    settings
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::chart::{
     Chart, ChartRow, Engine, Left, MOST_SWAPPED, Rated, SceneDetail, Setting, Skipped,
 };
 use crate::csv::{csv, number};
+use crate::json::counted;
 
 /// Titles of the printed tables: what a setting costs and how far it is off, then how it ranks.
 const COST: [&str; 6] =
@@ -25,9 +26,9 @@ const RANKING: [&str; 7] = [
 pub(crate) fn chart_text(found: &Chart) -> String {
     let rows = found.rows();
     let mut text = format!(
-        "{}: {} placements ranked by {}, against {}\n",
+        "{}: {} ranked by {}, against {}\n",
         found.scene,
-        found.placements.len(),
+        counted(found.placements.len(), "placement"),
         found.objective,
         rows.first().map_or("nothing", |row| &row.setting)
     );

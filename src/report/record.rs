@@ -456,7 +456,7 @@ pub(crate) fn convergence_svg(
     };
     let change = |&(generation, frames): &(u64, u32)| {
         let last = history.iter().rfind(|record| record.generation <= generation)?;
-        let (at, name) = (last.evaluations as f64, format!("{frames} frames"));
+        let (at, name) = (last.evaluations as f64, counted(frames as usize, "frame"));
         Some(Change { at, name, ends_curves: true })
     };
     let steps = steps_of_generations(steps, history.len() as u64);

@@ -84,7 +84,9 @@ pub(crate) fn near_field_csv(all: &[NearField]) -> String {
         let zone = &near.zone;
         let mut row = vec![near.name.clone(), number(near.near_field), number(near.ring)];
         row.extend([near.blind_area, zone.area].map(number));
-        row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(number));
+        // A depth that does not end within 10 m is known to be larger: no empty cell.
+        let depth = |(_, depth): (_, Option<f64>)| number(depth.unwrap_or(f64::INFINITY));
+        row.extend(zone.depths().map(depth));
         for (standard, _) in Standard::ALL {
             row.extend(super::coverage::seen_of(near, standard).map(|count| count.to_string()));
         }

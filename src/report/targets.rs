@@ -16,7 +16,7 @@ use crate::targets::{
     BlindSector, Detection, RangeCard, TargetQuestion, TargetRanges, TargetTable,
 };
 
-pub(crate) use beams::targets_text;
+pub(crate) use beams::{in_frames, targets_text};
 
 /// Pixels of a panel, of the radius of its circle, of its title.
 const PANEL: f64 = 400.0;

@@ -189,7 +189,7 @@ fn note_psog(psog: &Psog, scene: &Scene, watcher: &dyn Watcher) {
             _ => String::new(),
         };
         watcher.note(&format!(
-            "the P-SOG tells nothing: each voxel is the same in all of its {}, so that every \
+            "the P-SOG holds no information: each voxel is the same in all of its {}, so that every \
              entropy is 0; give it frames in which something moves{short}",
             counted(psog.frames() as usize, "frame")
         ));

@@ -8,6 +8,7 @@ use crate::export::{Glb, GltfView};
 use crate::files::{
     RunDir, is_sink, safe_names, target, writable_file, writable_folder, write_folder, write_whole,
 };
+use crate::json::counted;
 use crate::report::Figures;
 
 /// A figure: its name without an ending, and the SVG.
@@ -98,8 +99,8 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RunError> {
 
 /// Sentence that names what a command wrote: figures in a folder, and a drawing; `None` where nothing.
 pub(super) fn wrote(folder: Option<&Path>, figures: usize, file: Option<&Path>) -> Option<String> {
-    let s = if figures == 1 { "" } else { "s" };
-    let folder = folder.map(|folder| format!("{figures} figure{s} in {}", folder.display()));
+    let folder =
+        folder.map(|folder| format!("{} in {}", counted(figures, "figure"), folder.display()));
     let file = file.map(|file| file.display().to_string());
     let all: Vec<String> = file.into_iter().chain(folder).collect();
     (!all.is_empty()).then(|| format!("wrote {}", all.join(", ")))
@@ -108,7 +109,7 @@ pub(super) fn wrote(folder: Option<&Path>, figures: usize, file: Option<&Path>) 
 /// Scenes and frames behind the numbers of a command: `over 2 frames of street`, `over 2 frames of each of 3 scenes`; `on
 /// bare level ground` without a scene.
 pub(super) fn over(scenes: &[(&str, usize)]) -> String {
-    let frames = |count: usize| format!("{count} frame{}", if count == 1 { "" } else { "s" });
+    let frames = |count: usize| counted(count, "frame");
     match scenes {
         [] => "on bare level ground".to_owned(),
         [(name, count)] => format!("over {} of {name}", frames(*count)),

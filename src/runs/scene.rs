@@ -16,6 +16,7 @@ use crate::files::{
 };
 use crate::geom::TriangleSoup;
 use crate::job::{JobError, JobScene};
+use crate::json::counted;
 use crate::problem::{Problem, world_of};
 use crate::psog::PsogInfo;
 use crate::report::columns::align_columns;
@@ -191,8 +192,11 @@ fn of_scans(
     let read = Scene::from_json(&text, out.parent().unwrap_or(out), &out.display().to_string())?;
     write_whole(out, |file| writeln!(file, "{text}").map_err(RunError::io(out)))?;
     watcher.note(&format!(
-        "{} frames, {plates} plates of ground, {boxes} boxes, {actors} actors in {}",
-        read.frame_count(),
+        "{}, {} of ground, {}, {} in {}",
+        counted(read.frame_count(), "frame"),
+        counted(plates, "plate"),
+        counted(boxes, "box"),
+        counted(actors, "actor"),
         out.display()
     ));
     Ok(())

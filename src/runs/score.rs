@@ -339,7 +339,9 @@ impl Batch {
         let (count, frames) = (self.placements.len(), self.evaluator.frame_count());
         let each = (count * frames) as f64 / seconds;
         format!(
-            "{count} placements × {frames} frames of all scenes in {seconds:.2} s: {each:.1} placements × frames/s"
+            "{} × {} of all scenes in {seconds:.2} s: {each:.1} placements × frames/s",
+            counted(count, "placement"),
+            counted(frames, "frame")
         )
     }
 

@@ -179,10 +179,16 @@ impl std::fmt::Display for Guard {
             ),
             Self::SelfHit { lidar, share, frame } => write!(
                 f,
-                "self_hit: LiDAR {lidar} ends {:.1} % of its beams at the own vehicle{}, more than {:.0} %",
+                "self_hit: LiDAR {lidar} ends {:.1} % of its beams at the own vehicle{}, more than {:.0} %{}",
                 percent_up(*share),
                 frame.map_or(String::new(), in_frame),
-                100.0 * MOST_SELF_HITS
+                100.0 * MOST_SELF_HITS,
+                // No other place leaves none of the beams.
+                if *share >= 1.0 {
+                    "; it stands inside the own body, or looks at nothing else"
+                } else {
+                    ""
+                }
             ),
             Self::BlindSector(sector) => write!(f, "BLIND: {sector}"),
             Self::InScene { scene, guard } => write!(f, "{guard} (in {scene})"),
@@ -350,6 +356,18 @@ mod tests {
         let inner = Guard::InScene { scene: "yard".into(), guard: Box::new(guard) };
         assert_eq!(inner.to_string(), format!("BLIND: {words} (in yard)"));
         assert_eq!(inner.keyed(), format!("blind_sector: {words} (in yard)"));
+    }
+
+    #[test]
+    fn a_lidar_all_of_whose_beams_end_at_the_body_stands_inside_it() {
+        let told = |share| Guard::SelfHit { lidar: 3, share }.to_string();
+        let half = "self_hit: LiDAR 3 ends 50.6 % of its beams at the own vehicle, more than 25 %";
+        assert_eq!(told(0.506), half);
+        assert_eq!(
+            told(1.0),
+            "self_hit: LiDAR 3 ends 100.0 % of its beams at the own vehicle, more than 25 %; it stands inside the own body, \
+             or looks at nothing else"
+        );
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::lidars::SearchSpace;
 use super::table::check_distinct;
 use super::{Kind, Row, StudyError, StudyObserver, StudySettings};
 use crate::job::{Job, JobError, JobScene, Losses};
+use crate::json::counted;
 use crate::near_field::self_hits;
 use crate::psog::{PsogError, Roi};
 use crate::scan::conditions::under;
@@ -71,8 +72,7 @@ impl<'a> StudyScene<'a> {
     /// Title of a study of this scene, with its frames and the weather that it is made in.
     pub(super) fn title(&self, text: &str) -> String {
         let (under, count) = (under(&self.job.conditions_in_words()), self.frames().len());
-        let s = if count == 1 { "" } else { "s" };
-        format!("{}, {count} frame{s}{under}: {text}", self.scene.name())
+        format!("{}, {}{under}: {text}", self.scene.name(), counted(count, "frame"))
     }
 
     /// Own rigs, or the paper's layouts.

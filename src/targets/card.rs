@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::AS_IN_FRAME_0;
 use super::beams::{PlacedTarget, TargetSite};
+use super::missing::range;
 use crate::maths;
 use crate::scene::{Target, preset_targets};
 use crate::vehicle::{SensorPose, UnknownSensor};
@@ -157,7 +158,7 @@ impl BlindSector {
 
 impl std::fmt::Display for BlindSector {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ([from, to], worst, sides) = (self.bearings, self.worst, self.sides());
+        let (bearings, worst, sides) = (range(self.bearings), self.worst, self.sides());
         let run = |[near, far]: &[f64; 2]| match near == far {
             true => near.to_string(),
             false => format!("{near} to {far}"),
@@ -169,12 +170,12 @@ impl std::fmt::Display for BlindSector {
         let within = match self.degrees() {
             degrees if degrees >= 360.0 => format!("in every sector of {SECTOR}°"),
             degrees if degrees > 180.0 => {
-                format!("in sectors of {SECTOR}° over {degrees}°, left round from {from}° to {to}°")
+                format!("in sectors of {SECTOR}° over {degrees}°, left round from {bearings}")
             }
             degrees if degrees > SECTOR => {
-                format!("in sectors of {SECTOR}° within {from}° to {to}°")
+                format!("in sectors of {SECTOR}° within {bearings}")
             }
-            _ => format!("in the sector of {SECTOR}° from {from}° to {to}°"),
+            _ => format!("in the sector of {SECTOR}° from {bearings}"),
         };
         write!(
             f,

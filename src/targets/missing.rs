@@ -112,10 +112,16 @@ fn within_half_turn(bearing: f64) -> f64 {
     }
 }
 
-/// `2° to 5°`, or `2°` where both are written the same.
-fn range(bearings: [f64; 2]) -> String {
-    let [from, to] = bearings.map(|bearing| format!("{}°", trimmed(bearing, 1)));
-    if from == to { from } else { format!("{from} to {to}") }
+/// Bearings from one counter-clockwise to another, degrees from -180 to 180: `2° to 5°`, `165° over 180° to -165°`, or
+/// `2°` where both are written the same.
+pub(super) fn range(bearings: [f64; 2]) -> String {
+    let [from, to] = bearings.map(|bearing| trimmed(bearing, 1));
+    let is_across = bearings[0] > bearings[1] && from != "180" && to != "-180";
+    match (from == to, is_across) {
+        (true, _) => format!("{from}°"),
+        (_, true) => format!("{from}° over 180° to {to}°"),
+        _ => format!("{from}° to {to}°"),
+    }
 }
 
 impl std::fmt::Display for Missing {
@@ -174,6 +180,12 @@ mod tests {
             words([0.0, 360.0], 48, &[24, 28], [25.0, 25.0]),
             "missing at 25 m: 2 of 48 bearings, 180°, -150°"
         );
+        // Almost all round: not the 105° ahead.
+        let behind: Vec<usize> = (31..48).chain(0..18).collect();
+        assert_eq!(round(&behind), "missing at 25 m: 35 of 48 bearings, 52.5° over 180° to -52.5°");
+        let ends = [[165.0, -165.0], [180.0, -165.0], [165.0, -180.0], [-15.0, 15.0]];
+        let told = ["165° over 180° to -165°", "180° to -165°", "165° to -180°", "-15° to 15°"];
+        assert_eq!(ends.map(range), told);
         let all: Vec<usize> = (0..48).collect();
         assert_eq!(round(&all), "missing at 25 m: all 48 bearings, all round");
         assert_eq!(

@@ -232,7 +232,7 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let told = blind.to_string();
     assert!(
         told.starts_with(
-            "left and behind and right (in sectors of 30° over 255°, left round from 52.5° to -52.5°), worst at 90°: a car there at 5 to 50 m from the origin \
+            "left and behind and right (in sectors of 30° over 255°, left round from 52.5° over 180° to -52.5°), worst at 90°: a car there at 5 to 50 m from the origin \
              is met"
         ),
         "{told}"
@@ -242,7 +242,9 @@ fn a_card_names_the_sector_that_a_rig_does_not_see() {
     let sides: Vec<_> = both.blind.iter().map(|sector| sector.bearings).collect();
     assert_eq!(sides, [[52.5, 127.5], [-127.5, -52.5]]);
     let one = BlindSector { bearings: [165.0, -165.0], ..both.blind[0].clone() };
-    assert!(one.to_string().starts_with("behind (in the sector of 30° from 165° to -165°)"));
+    assert!(
+        one.to_string().starts_with("behind (in the sector of 30° from 165° over 180° to -165°)")
+    );
     // A sector within another one, across 180°, and one that is no part of it.
     assert!(one.is_within(blind) && !blind.is_within(&one) && !one.is_within(&both.blind[0]));
     assert!(both.blind.iter().all(|side| side.is_within(blind)));

@@ -313,6 +313,11 @@ impl Scene {
         self.frames
     }
 
+    /// True if a place in the ego frame lies inside the own body, or inside a body of it that moves as it stands in frame 0.
+    pub fn is_in_body(&self, at: DVec3) -> bool {
+        doubts::encloses(&parts::standing(&self.body, &self.bodies, 0), at)
+    }
+
     /// Frames a second.
     pub fn rate(&self) -> f64 {
         self.rate

@@ -55,3 +55,41 @@ fn equipment_that_was_searched_is_not_searched_again() {
     let three = fewest.next(found(3, 5.0, 0.2), 4, 5.0);
     assert!(matches!(three, Next::Take(e) if e.equipment.len() == 3));
 }
+
+/// A scene of one LiDAR, with a box from the ground to `top` as the own body.
+fn with_body(top: f64) -> crate::scene::Scene {
+    let text = format!(
+        r#"{{ "sightline": 1, "roi": {{ "min": [-9,-9,0], "max": [9,9,9], "voxel": [1,1,1] }}, "psog": {{ "file": "x" }},
+             "ego": {{ "body": [{{ "class": "vehicle", "box": {{ "min": [-3,-1.2,0], "max": [3,1.2,{top}] }} }}] }},
+             "lidar": {{ "channels": 5, "fov": [-30, 30], "azimuth_steps": 60, "range": 12 }},
+             "mount": {{ "min": [-1,-1,4], "max": [1,1,4.2], "lidars": 2 }} }}"#
+    );
+    crate::scene::Scene::from_json(&text, "".as_ref(), "s").unwrap()
+}
+
+#[test]
+fn layouts_of_the_paper_inside_the_own_body_are_no_baselines() {
+    let usual = Settings::default().baselines.len();
+    let of = |top: f64, plainly: bool| {
+        let scene = with_body(top);
+        let (settings, note) =
+            begun(Settings::default(), plainly, &scene, &scene.vehicle().rules());
+        (settings.baselines, note.unwrap_or_default())
+    };
+    let (car, note) = of(1.5, true);
+    assert_eq!((car.len(), &*note), (usual, ""));
+    let (truck, note) = of(3.9, true);
+    assert_eq!((truck.len(), &*truck[0].name, truck[0].lidars.len()), (1, "plain", 2));
+    assert!(truck[0].lidars.iter().all(|lidar| lidar.z == 4.2));
+    assert_eq!(
+        note,
+        format!(
+            "{usual} of {usual} layouts of Table 7 are left out: a LiDAR of each stands inside the own body; --baselines \
+             gives others; the baseline is `plain`, the same sensors placed without a search"
+        )
+    );
+    // Baselines that were given stay.
+    assert_eq!(of(3.9, false).0.len(), usual);
+    assert!(with_body(3.9).is_in_body([0.0, 0.0, 3.8].into()));
+    assert!(!with_body(3.9).is_in_body([0.0, 0.0, 4.0].into()));
+}

@@ -1,7 +1,7 @@
 //! Distances of detection of a study as text; where there are few distances, the beams at each.
 
 use super::{bearing_in_words, by_placement, heading, runs_in_words};
-use crate::json::distinct;
+use crate::json::{counted, distinct};
 use crate::report::columns::align_columns;
 use crate::report::svg::trimmed;
 use crate::targets::{Detection, TargetRow, TargetTable};
@@ -15,10 +15,26 @@ struct OfPlacement<'a> {
     rows: &'a [TargetRow],
 }
 
+/// Words on the frames in which a target must be met: ` in 7 frames or more`; empty where one frame is looked at.
+pub(crate) fn in_frames(table: &TargetTable, of_frames: usize) -> String {
+    let scenes = table.rows.chunk_by(|a, b| a.scene == b.scene);
+    let counts = scenes.map(|rows| distinct(rows.iter().map(|row| row.frame)).len());
+    match counts.max() {
+        None | Some(0 | 1) => String::new(),
+        Some(most) if of_frames >= most => " in every frame".to_owned(),
+        _ => format!(" in {} or more", counted(of_frames, "frame")),
+    }
+}
+
 /// A block a placement: distances of detection, or the beams at each distance where there are at most four. Where a target
-/// is not detected at a bearing, how near the best came; `beams` count. `reach` is the range of the sensors in metres, where
-/// distances go to it.
-pub(crate) fn targets_text(table: &TargetTable, beams: u32, reach: Option<f32>) -> String {
+/// is not detected at a bearing, how near the best came; `needed` beams in so many frames count. `reach` is the range of the
+/// sensors in metres, where distances go to it.
+pub(crate) fn targets_text(
+    table: &TargetTable,
+    needed: (u32, usize),
+    reach: Option<f32>,
+) -> String {
+    let (beams, of_frames) = needed;
     let mut distances: Vec<f64> = table.rows.iter().map(|row| row.distance).collect();
     distances.sort_by(f64::total_cmp);
     distances.dedup();
@@ -28,7 +44,7 @@ pub(crate) fn targets_text(table: &TargetTable, beams: u32, reach: Option<f32>) 
         let of = OfPlacement { detections, rows };
         let block = match distances.len() <= FEW {
             true => of.beams_at(&distances, beams),
-            false => of.distances(beams),
+            false => of.distances(needed),
         };
         format!("{}\n{block}", heading(&detections[0]))
     };
@@ -41,7 +57,14 @@ pub(crate) fn targets_text(table: &TargetTable, beams: u32, reach: Option<f32>) 
     let ends = last.filter(|last| reach.is_some() || ends(last)).map_or(String::new(), |last| {
         format!("{} m is the farthest distance looked at{to} (--distances).\n", trimmed(*last, 2))
     });
-    blocks + &ends
+    let within = in_frames(table, of_frames);
+    let counts = match !within.is_empty() && distances.len() <= FEW {
+        true => format!(
+            "fewest–most beams of a frame; a target is detected with {beams} or more{within}\n"
+        ),
+        false => String::new(),
+    };
+    blocks + &counts + &ends
 }
 
 impl OfPlacement<'_> {
@@ -85,7 +108,7 @@ impl OfPlacement<'_> {
     }
 
     /// A line a bearing, a column a target: distances of detection.
-    fn distances(&self, beams: u32) -> String {
+    fn distances(&self, needed: (u32, usize)) -> String {
         let (targets, bearings) = self.names();
         let mut rows = vec![vec!["bearing".to_owned()]];
         rows[0].extend(targets.iter().map(|target| format!("{target} m")));
@@ -95,7 +118,7 @@ impl OfPlacement<'_> {
                 let mut all = self.detections.iter();
                 let of = all.find(|of| of.target == *target && of.bearing == bearing);
                 match of.map_or(&[][..], |of| &of.detected) {
-                    [] => self.nearest_miss(target, bearing, beams),
+                    [] => self.nearest_miss(target, bearing, needed),
                     runs => runs_in_words(runs),
                 }
             }));
@@ -105,18 +128,25 @@ impl OfPlacement<'_> {
     }
 
     /// The most beams on a target that is detected nowhere at a bearing, and the first distance that has them; a dash
-    /// where no beam meets it. The frame with fewest beams counts, as for a detection.
-    fn nearest_miss(&self, target: &str, bearing: f64, beams: u32) -> String {
-        let mut least: Vec<(u32, f64)> = Vec::new();
+    /// where no beam meets it. The beams at a distance are as many as the frames needed have, as for a detection: of all
+    /// frames the fewest.
+    fn nearest_miss(&self, target: &str, bearing: f64, needed: (u32, usize)) -> String {
+        let (beams, of_frames) = needed;
+        let mut by_frame: Vec<(Vec<u32>, f64)> = Vec::new();
         for row in self.at(target, bearing).filter(|row| !row.overlaps) {
             let Some(beams) = row.beams else { continue };
-            match least.iter_mut().find(|(_, distance)| *distance == row.distance) {
-                Some((fewest, _)) => *fewest = beams.min(*fewest),
-                None => least.push((beams, row.distance)),
+            match by_frame.iter_mut().find(|(_, distance)| *distance == row.distance) {
+                Some((known, _)) => known.push(beams),
+                None => by_frame.push((vec![beams], row.distance)),
             }
         }
+        let reached = by_frame.into_iter().filter_map(|(mut beams, metres)| {
+            beams.sort_unstable_by(|a, b| b.cmp(a));
+            let frames = of_frames.clamp(1, beams.len());
+            Some((*beams.get(frames - 1)?, metres))
+        });
         let more = |best: (u32, f64), at: (u32, f64)| if at.0 > best.0 { at } else { best };
-        let best = least.into_iter().fold((0, 0.0), more);
+        let best = reached.fold((0, 0.0), more);
         match best {
             (0, _) => "–".to_owned(),
             (most, metres) => format!("– ({most} beams at {}, {beams} needed)", trimmed(metres, 2)),
@@ -153,10 +183,11 @@ mod tests {
             ],
             detections: vec![detection(0.0, &[]), detection(90.0, &[])],
         };
-        let lines = |table: &TargetTable| -> Vec<String> {
-            let text = targets_text(table, 5, None);
+        let lines_in = |table: &TargetTable, of_frames: usize| -> Vec<String> {
+            let text = targets_text(table, (5, of_frames), None);
             text.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
         };
+        let lines = |table: &TargetTable| lines_in(table, 2);
         assert_eq!(
             lines(&table),
             [
@@ -167,6 +198,14 @@ mod tests {
                 "left 90° no ground 0"
             ]
         );
+        // Two frames: the table says which numbers it has, and how many frames a detection needs.
+        let mut twice = table.clone();
+        twice.rows.push(TargetRow { frame: Some(1), ..row(0.0, 60.0, Some(7), false) });
+        let last = |of_frames| lines_in(&twice, of_frames).pop();
+        let says = "fewest–most beams of a frame; a target is detected with 5 or more";
+        assert_eq!(last(1), Some(format!("{says} in 1 frame or more")));
+        assert_eq!(last(2), Some(format!("{says} in every frame")));
+        assert_eq!(lines(&twice)[3], "ahead 0° in the body 4–7");
         table.rows.extend([10.0, 20.0, 30.0].map(|m| row(0.0, m, Some(3), false)));
         assert_eq!(
             lines(&table),
@@ -175,9 +214,11 @@ mod tests {
         // In another frame fewer beams meet the tyre at 60 m.
         table.rows.push(TargetRow { frame: Some(1), ..row(0.0, 60.0, Some(2), false) });
         assert_eq!(lines(&table)[2], "ahead 0° – (3 beams at 10, 5 needed)");
+        // One frame is enough.
+        assert_eq!(lines_in(&table, 1)[2], "ahead 0° – (4 beams at 60, 5 needed)");
         table.detections[0].detected = vec![[10.0, 30.0]];
         assert_eq!(lines(&table)[2..], ["ahead 0° 10–30", "left 90° –"]);
-        let text = targets_text(&table, 5, Some(62.5));
+        let text = targets_text(&table, (5, 2), Some(62.5));
         let words =
             "60 m is the farthest distance looked at; the sensors reach 62.5 m (--distances).";
         assert_eq!(text.lines().last(), Some(words));

@@ -74,7 +74,7 @@ fn gain_search(
         )));
     }
     if watch.is_over() {
-        return Ok(Err("no bound was computed: the time was over before".into()));
+        return Ok(Err(ended_before(watch)));
     }
     let mut search =
         grid_search(evaluator, settings, &grid(evaluator.constraints(), settings)?, memory);
@@ -88,6 +88,12 @@ fn gain_search(
     }
     search.constraints = search.constraints.untied();
     Ok(Ok(search))
+}
+
+/// Why there is no bound where the run ends before it.
+fn ended_before(watch: &Watch) -> String {
+    let why = if watch.interrupted { "the run was interrupted" } else { "the time was over" };
+    format!("no bound was computed: {why} before")
 }
 
 fn grid_search(
@@ -117,9 +123,8 @@ fn gain(
         1 => watch.goes_on(),
         _ => watch.tell(&Event::Progress { work: Work::Bounds, done, total }),
     };
-    let late = || Ok(Err("no bound was computed: the time was over before".into()));
     if search.hold_while(evaluator, &all, &mut |_| go_on([0, 1]))?.len() < all.len() {
-        return late();
+        return Ok(Err(ended_before(watch)));
     }
     let required = BoundRequirements::of(search.atlas());
     if let Some(why) = required.and_then(|required| required.out_of_reach(&search.places())) {
@@ -134,7 +139,7 @@ fn gain(
     let anywhere = Moves::Anywhere;
     let ask = &mut |_| go_on([0, 1]);
     let Some(top) = search.ascend(evaluator, &greedy.poses, anywhere, Check::Nothing, ask)? else {
-        return late();
+        return Ok(Err(ended_before(watch)));
     };
     if !top.value.is_finite() {
         return Ok(Err("no bound was computed: no placement on the grid has a value".into()));
@@ -260,6 +265,13 @@ pub(in crate::search) mod tests {
             proven: false,
             short: None,
         }
+    }
+
+    #[test]
+    fn an_interruption_is_no_end_of_the_time() {
+        let told = |interrupted| ended_before(&Watch::new(&mut |_: &Event| true, interrupted));
+        assert_eq!(told(true), "no bound was computed: the run was interrupted before");
+        assert_eq!(told(false), "no bound was computed: the time was over before");
     }
 
     #[test]

@@ -25,9 +25,14 @@ fn nine_digits(value: f64) -> f64 {
     format!("{value:.0$e}", DIGITS - 1).parse().unwrap_or(value)
 }
 
-/// A number of things, in words that agree: `1 frame`, `2 frames`.
+/// A number of things, in words that agree: `1 frame`, `2 frames`, `2 boxes`.
 pub fn counted(count: usize, thing: &str) -> String {
-    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+    let ending = match count {
+        1 => "",
+        _ if thing.ends_with('x') => "es",
+        _ => "s",
+    };
+    format!("{count} {thing}{ending}")
 }
 
 /// Names in backquotes, with commas between them.
@@ -233,6 +238,12 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn counts_and_things_agree() {
+        let told = [counted(1, "frame"), counted(0, "frame"), counted(1, "box"), counted(2, "box")];
+        assert_eq!(told, ["1 frame", "0 frames", "1 box", "2 boxes"]);
+    }
 
     #[test]
     fn numbers_have_nine_decimals_and_no_dust() {

@@ -15,20 +15,25 @@ const NEAREST: f64 = 0.01;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Models(Vec<RigModel>);
 
+/// A model of a vehicle.
 #[derive(Debug, Clone, PartialEq)]
-struct RigModel {
+pub(super) struct RigModel {
     /// `None` for the `lidar` of a scene.
     name: Option<String>,
-    lidar: Lidar,
+    /// Its beams.
+    pub lidar: Lidar,
+    /// Nearest range in metres.
     min_range: f64,
     /// Turns a second.
     rate: f64,
+    /// False where nothing states `rate`.
+    has_rate: bool,
 }
 
 /// Beams of a LiDAR, as far as they are known.
 pub(super) enum RigBeams<'a> {
-    /// Beams from a vehicle, nearest range in metres, turns a second.
-    Given(&'a Lidar, f64, f64),
+    /// A model of a vehicle.
+    Given(&'a RigModel),
     /// Fan of a sensor known by name.
     Known(Fan),
     /// A sensor known by name, whose channels are uneven.
@@ -43,6 +48,7 @@ impl From<&Vehicle> for Models {
             lidar: of.lidar.clone(),
             min_range: of.response.min_range,
             rate: of.response.rate,
+            has_rate: of.has_rate,
         };
         Self(vehicle.sensors.iter().map(model).collect())
     }
@@ -66,7 +72,7 @@ impl Models {
             (None, _) => None,
         };
         match (found, lidar.sensor.as_deref().and_then(find)) {
-            (Some(model), _) => RigBeams::Given(&model.lidar, model.min_range, model.rate),
+            (Some(model), _) => RigBeams::Given(model),
             (None, Some(known)) => known.fan.map_or(RigBeams::Uneven, RigBeams::Known),
             (None, None) => RigBeams::Unknown,
         }
@@ -75,9 +81,20 @@ impl Models {
     /// The fan of a LiDAR, also of uneven channels; `None` if it has no fan, or its beams are not known.
     pub(super) fn fan(&self, lidar: &RigLidar) -> Option<Fan> {
         match self.of(lidar) {
-            RigBeams::Given(lidar, _, rate) => Fan::of(lidar).map(|fan| Fan { rate, ..fan }),
+            RigBeams::Given(RigModel { lidar, rate, .. }) => {
+                Fan::of(lidar).map(|fan| Fan { rate: *rate, ..fan })
+            }
             RigBeams::Known(fan) => Some(fan),
             RigBeams::Uneven | RigBeams::Unknown => None,
+        }
+    }
+
+    /// True for a LiDAR whose fan is written with the usual turns a second, since nothing states another number.
+    pub(super) fn turns_as_usual(&self, lidar: &RigLidar) -> bool {
+        match self.of(lidar) {
+            RigBeams::Given(model) => !model.has_rate && Fan::of(&model.lidar).is_some(),
+            RigBeams::Known(_) => true,
+            RigBeams::Uneven | RigBeams::Unknown => false,
         }
     }
 
@@ -85,7 +102,7 @@ impl Models {
     pub(super) fn gazebo(&self, lidar: &RigLidar, indent: &str) -> String {
         let Some(fan) = self.fan(lidar) else { return String::new() };
         let nearest = match self.of(lidar) {
-            RigBeams::Given(_, min_range, _) if min_range > 0.0 => min_range,
+            RigBeams::Given(RigModel { min_range, .. }) if *min_range > 0.0 => *min_range,
             _ => NEAREST,
         };
         let steps = fan.azimuth_steps;
@@ -179,6 +196,7 @@ const KNOWN: [KnownSensor; 2] = [
             azimuth: None,
             rate: TURNS_A_SECOND,
             is_even: true,
+            is_straight: true,
         }),
     },
     KnownSensor { name: "VLS-128", optical_height: 0.06611, fan: None },
@@ -201,8 +219,10 @@ pub(super) struct Fan {
     pub azimuth: Option<[f64; 2]>,
     /// Turns a second.
     pub rate: f64,
-    /// True if the channels are evenly spaced, and all look the same way. The programs cast them so.
+    /// True if the channels are evenly spaced. The programs cast them so.
     pub is_even: bool,
+    /// True if all channels look the same way. The programs cast them so.
+    pub is_straight: bool,
 }
 
 impl Fan {
@@ -217,7 +237,7 @@ impl Fan {
         let (lower, upper) = (*sorted.first()?, *sorted.last()?);
         let gap = (upper - lower) / (sorted.len().max(2) - 1) as f64;
         let even = |(k, e): (usize, &f64)| (lower + gap * k as f64 - e).abs() <= SAME_DEGREES;
-        let straight = azimuth_offsets.iter().all(|offset| offset.abs() <= SAME_DEGREES);
+        let is_straight = azimuth_offsets.iter().all(|offset| offset.abs() <= SAME_DEGREES);
         Some(Self {
             channels: sorted.len() as u32,
             lower,
@@ -226,7 +246,8 @@ impl Fan {
             azimuth_steps: *azimuth_steps,
             azimuth: *azimuth,
             rate: TURNS_A_SECOND,
-            is_even: straight && sorted.iter().enumerate().all(even),
+            is_even: sorted.iter().enumerate().all(even),
+            is_straight,
         })
     }
 

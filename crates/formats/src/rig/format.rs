@@ -394,11 +394,8 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
     let of = lidar.sensor.as_deref().unwrap_or("the scene's sensor");
     let said = match models.of(lidar) {
         RigBeams::Known(_) => return None,
-        RigBeams::Given(given, ..) => match Fan::of(given) {
-            Some(fan) if !fan.is_even => format!(
-                "{program} casts channels at even steps only, and those of {of} are uneven; only their number, \
-                 the lowest and the highest are kept"
-            ),
+        RigBeams::Given(model) => match Fan::of(&model.lidar) {
+            Some(fan) if !(fan.is_even && fan.is_straight) => lost_channels(&fan, of, program),
             Some(fan) if program == "CARLA" && !fan.is_centred() => format!(
                 "{program} casts a sector to both sides of straight ahead, and that of {of} is not; turn the \
                  LiDAR by its middle in CARLA"
@@ -421,13 +418,27 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
     Some(format!("`{frame}`: {said}"))
 }
 
+/// Words on channels that are uneven or look different ways, which a simulator cannot be told.
+fn lost_channels(fan: &Fan, of: &str, program: &str) -> String {
+    if fan.is_even {
+        return format!(
+            "{of} has azimuth offsets, which {program} cannot cast; they are lost, and its channels fire in one line"
+        );
+    }
+    let also = if fan.is_straight { "" } else { "; its azimuth offsets are lost" };
+    format!(
+        "{program} casts channels at even steps only, and those of {of} are uneven; only their number, the lowest \
+         and the highest are kept{also}"
+    )
+}
+
 /// Warning about LiDARs that are written with the usual turns a second, since nothing says another number.
 fn usual_rates(rig: &Rig, models: &Models) -> Option<String> {
-    let usual = |lidar: &&RigLidar| models.fan(lidar).is_some_and(|fan| fan.rate == TURNS_A_SECOND);
+    let usual = |lidar: &&RigLidar| models.turns_as_usual(lidar);
     let frames = quoted(rig.lidars.iter().filter(usual).map(|lidar| &lidar.frame));
     (!frames.is_empty()).then(|| {
         format!(
-            "{} turns a second are written for {frames}: no other `rate` is given in the vehicle or its sensor files",
+            "{} turns a second are written for {frames}: no `rate` is given in the vehicle or its sensor files",
             TURNS_A_SECOND
         )
     })

@@ -44,10 +44,13 @@ impl Scene {
         let own = body("ego body", &scene.body, places.scales.first);
         let own = own.or_else(|| standing::off_ground("ego body", &scene.body));
         let mut of_body: Vec<String> = own.into_iter().collect();
+        of_body.extend(size::tiny_parts("ego body", &scene.body, &places.scales.parts));
         of_body.extend(standing::of_ground(scene, "ego body", &scene.body));
         for (i, other) in scene.bodies.iter().enumerate() {
             let who = format!("ego's {}", scene.own_body_in_words(i));
             let scale = places.scales.others.get(i).copied().flatten();
+            let scales = places.scales.other_parts.get(i).map_or(&[][..], |scales| scales);
+            of_body.extend(size::tiny_parts(&who, &other.parts, scales));
             let own = body(&who, &other.parts, scale);
             of_body.extend(own.or_else(|| standing::of_ground(scene, &who, &other.parts)));
         }
@@ -320,6 +323,22 @@ fn voxels(scene: &Scene) -> Option<String> {
 /// True if a point lies inside closed triangles: rays up and ahead leave them an odd number of times.
 pub(super) fn inside(solid: &Solid, p: DVec3) -> bool {
     inside_faces(solid, &solid.faces, p)
+}
+
+/// True if triangles lie in all six directions of the axes around a place, as inside a body of parts that overlap.
+pub(super) fn encloses(solid: &Solid, p: DVec3) -> bool {
+    let between = |turn: fn(DVec3) -> DVec3| {
+        let heights = solid.faces.iter().filter_map(|face| {
+            // A shift without a common factor keeps rays off edges.
+            let shift = DVec3::new(1.37e-5, 2.11e-5, 0.0);
+            height_at_origin(face.map(|v| turn(solid.vertices[v as usize] - p) + shift))
+        });
+        let (low, high) = heights.fold((0.0_f64, 0.0_f64), |(l, h), z| (l.min(z), h.max(z)));
+        low < 0.0 && high > 0.0
+    };
+    between(|v| v)
+        && between(|v| DVec3::new(v.y, v.z, v.x))
+        && between(|v| DVec3::new(v.z, v.x, v.y))
 }
 
 /// [`inside`] some of the triangles.

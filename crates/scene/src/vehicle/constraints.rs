@@ -1,6 +1,7 @@
 //! Rules of a mount, and the ways in which a placement breaks them.
 
 use std::cmp::Ordering;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -426,6 +427,14 @@ impl std::fmt::Display for Violation {
             Self::OutsideMount { lidar, mount, field, by } => {
                 let unit = unit_of(field);
                 let name = if mount.is_empty() { "" } else { " " };
+                // Turns beyond one say nothing about the direction: the angle is most likely in degrees.
+                if unit == "rad" && *by > TAU {
+                    return write!(
+                        f,
+                        "LiDAR {lidar}: {field} is more than a turn outside the mount{name}{mount}; degrees? Angles are in \
+                         radians"
+                    );
+                }
                 write!(f, "LiDAR {lidar}: {field} is {by:.3} {unit} outside the mount{name}{mount}")
             }
             Self::NotTaken { lidar, sensor, mount, takes, room, .. } => {

@@ -24,6 +24,8 @@ pub struct VehicleSensor {
     pub has_price: bool,
     /// Echo model: rated range, noise, beam divergence, echoes kept.
     pub response: Response,
+    /// False where neither the model nor its sensor file states `rate`, which is then the usual one.
+    pub has_rate: bool,
 }
 
 /// A mount: a region, and the models and number of sensors that it may hold.

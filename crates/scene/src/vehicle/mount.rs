@@ -70,8 +70,9 @@ impl Vehicle {
             true => Response::usual(f64::from(lidar.range() as f32)),
             false => stated(lidar.range(), &measures),
         };
-        let (price, has_price) = (0.0, false);
-        vehicle.sensors = vec![VehicleSensor { name, lidar, phase, price, has_price, response }];
+        let (price, has_price, has_rate) = (0.0, false, measures.rate.is_some());
+        vehicle.sensors =
+            vec![VehicleSensor { name, lidar, phase, price, has_price, response, has_rate }];
         Ok(Self { notes, ..vehicle })
     }
 
@@ -293,6 +294,12 @@ mod tests {
         turned.lidars[0].yaw = 1.0 + 10.0_f64.to_radians();
         let turned = &alone.violations(&turned)[0];
         assert_eq!(turned.in_degrees(), "LiDAR 0: yaw is 10.00° outside the mount");
+        let mut degrees = placement(&[0.0]);
+        degrees.lidars[0].yaw = 90.0;
+        let degrees = &alone.violations(&degrees)[0];
+        let words =
+            "LiDAR 0: yaw is more than a turn outside the mount; degrees? Angles are in radians";
+        assert_eq!([degrees.to_string(), degrees.in_degrees()], [words; 2]);
         let roof = Constraints { slots: vec![slot(&roof)], ..Constraints::default() };
         assert_eq!(told(&roof), "LiDAR 0: x is 8.500 m outside the mount roof");
     }

@@ -238,7 +238,9 @@ fn sensor(
     }
     let written = model.response.as_ref();
     let response = lidar::read(&at.key("response"), written, lidar.range(), &measures, notes)?;
-    Ok(VehicleSensor { name, lidar, phase, price, has_price: model.price.is_some(), response })
+    let has_rate = written.and_then(|written| written.rate).or(measures.rate).is_some();
+    let has_price = model.price.is_some();
+    Ok(VehicleSensor { name, lidar, phase, price, has_price, response, has_rate })
 }
 
 /// Angles to choose from, at most a whole turn of them.

@@ -171,15 +171,25 @@ fn table(elevations: &[f64], offset: f64, azimuth: Option<[f64; 2]>) -> Lidar {
 
 /// Models of a vehicle with one LiDAR without a name, which sees nothing within half a metre.
 fn models(lidar: Lidar) -> Models {
-    turning(lidar, 12.5)
+    turning(lidar, Some(12.5))
 }
 
-/// Like [`models`], of another number of turns a second.
-fn turning(lidar: Lidar, rate: f64) -> Models {
-    let response = Response { min_range: 0.5, rate, ..Response::usual(lidar.range()) };
+/// Like [`models`], of another number of turns a second; the usual one where none is given.
+fn turning(lidar: Lidar, rate: Option<f64>) -> Models {
+    let usual = Response::usual(lidar.range());
+    let response = Response { min_range: 0.5, rate: rate.unwrap_or(usual.rate), ..usual };
+    let has_rate = rate.is_some();
     let (name, phase) = (SensorName::NONE, SpinPhase::Locked(0.0));
     Models::from(&Vehicle {
-        sensors: vec![VehicleSensor { name, lidar, phase, price: 0.0, has_price: false, response }],
+        sensors: vec![VehicleSensor {
+            name,
+            lidar,
+            phase,
+            price: 0.0,
+            has_price: false,
+            response,
+            has_rate,
+        }],
         ..Vehicle::default()
     })
 }
@@ -200,6 +210,17 @@ fn what_a_format_cannot_say_is_said() {
         assert!(warnings(None, format, &uneven).contains("of the scene's sensor are uneven"));
         assert!(warnings(None, format, &none).contains("--scene"));
     }
+    // Even channels with azimuth offsets, and uneven ones.
+    let offset = |elevations: &[f64]| models(table(elevations, 1.0, None));
+    for (format, program) in [(RigFormat::Urdf, "Gazebo"), (RigFormat::Carla, "CARLA")] {
+        let said = format!(
+            "`lidar_0`: the scene's sensor has azimuth offsets, which {program} cannot cast; they are lost, and its \
+             channels fire in one line"
+        );
+        assert_eq!(warnings(None, format, &offset(&[-9.0, 0.0])), said);
+        let both = warnings(None, format, &offset(&[-9.0, -8.0, 0.0]));
+        assert_holds!(both, "are uneven; only", "are kept; its azimuth offsets are lost");
+    }
     let aside = models(table(&[-9.0, 0.0], 0.0, Some([0.0, 90.0])));
     assert!(warnings(None, RigFormat::Carla, &aside).contains("both sides of straight ahead"));
     assert_eq!(warnings(None, RigFormat::Urdf, &aside), "");
@@ -208,10 +229,15 @@ fn what_a_format_cannot_say_is_said() {
     let list = models(Lidar::Directions { directions: vec![[1.0, 0.0, 0.0]], range: 9.0 });
     assert!(warnings(None, RigFormat::Urdf, &list).contains("list of directions"));
     assert!(warnings(Some("VLP-16"), RigFormat::Autoware, &none).contains("--optical-height"));
-    let usual = "10 turns a second are written for `lidar_0`: no other `rate` is given in the vehicle or its sensor files";
+    let usual = "10 turns a second are written for `lidar_0`: no `rate` is given in the vehicle or its sensor files";
     assert_eq!(warnings(Some("VLP-16"), RigFormat::Urdf, &none), usual);
-    let slow = turning(table(&[-9.0, 0.0], 0.0, None), 10.0);
-    assert_eq!(warnings(None, RigFormat::CarlaObjects, &slow), usual);
+    let slow = |rate| turning(table(&[-9.0, 0.0], 0.0, None), rate);
+    assert_eq!(warnings(None, RigFormat::CarlaObjects, &slow(None)), usual);
+    assert_eq!(
+        warnings(None, RigFormat::CarlaObjects, &slow(Some(10.0))),
+        "",
+        "a rate that is given"
+    );
 
     let mut rig = worked(Some("VLP-16"));
     rig.lidars[0].pose.x = 3.5;
@@ -249,12 +275,14 @@ fn a_table_of_channels_is_a_fan_even_or_not() {
         azimuth: None,
         rate: 10.0,
         is_even: true,
+        is_straight: true,
     };
     assert_eq!(wanted.points_a_second(), 15_000);
     let fan = |elevations: &[f64], offset| Fan::of(&table(elevations, offset, None)).unwrap();
     assert_eq!(fan(&[-20.0, 4.0, -8.0], 0.0), wanted);
     assert!(!fan(&[-20.0, 4.0, -7.9], 0.0).is_even);
-    assert!(!fan(&[-20.0, 4.0, -8.0], 1.0).is_even);
+    let offset = fan(&[-20.0, 4.0, -8.0], 1.0);
+    assert!(offset.is_even && !offset.is_straight);
     let sector = Fan::of(&table(&[-20.0, 4.0, -8.0], 0.0, Some([-60.0, 60.0]))).unwrap();
     assert_eq!((sector.horizontal(), sector.is_centred()), (120.0, true));
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::description::{BodyDescription, ShapeDescription};
-use super::{Scene, Solid, extent, height_at_origin};
+use super::{Scene, Solid, around, extent, height_at_origin};
 
 /// Longest and shortest body of a vehicle, in metres.
 const BODY: [f64; 2] = [0.3, 30.0];
@@ -11,26 +11,38 @@ const BODY: [f64; 2] = [0.3, 30.0];
 const USUAL: [f64; 2] = [1.5, 25.0];
 /// Scales of meshes: metres, millimetres, centimetres, inches, feet.
 const SCALES: [f64; 5] = [1.0, 0.001, 0.01, 0.0254, 0.3048];
+/// Scale of the smallest unit that meshes of vehicles are drawn in: millimetres.
+const LEAST_UNIT: f64 = 0.001;
 
 /// Scales that the meshes of bodies are given: of the first body, and of each beside it.
 #[derive(Debug, Default)]
 pub(in crate::scene) struct BodyScales {
     pub first: Option<f64>,
     pub others: Vec<Option<f64>>,
+    /// Scale of each shape of the first body; `None` of one that is no mesh or has none.
+    pub parts: Vec<Option<f64>>,
+    /// The scales of the shapes of each body beside it.
+    pub other_parts: Vec<Vec<Option<f64>>>,
 }
 
 impl BodyScales {
     pub(in crate::scene) fn of(first: &[ShapeDescription], others: &[BodyDescription]) -> Self {
+        let each = |shapes: &[ShapeDescription]| shapes.iter().map(scale_of_mesh).collect();
+        let (parts, first) = (each(first), scale_of(first));
+        let other_parts = others.iter().map(|body| each(&body.parts)).collect();
         let others = others.iter().map(|body| scale_of(&body.parts)).collect();
-        Self { first: scale_of(first), others }
+        Self { first, others, parts, other_parts }
     }
+}
+
+fn scale_of_mesh(shape: &ShapeDescription) -> Option<f64> {
+    shape.mesh.as_ref()?.scale
 }
 
 /// The scale that all shapes are given, which are meshes; else `None`.
 fn scale_of(shapes: &[ShapeDescription]) -> Option<f64> {
-    let scale = |shape: &ShapeDescription| shape.mesh.as_ref()?.scale;
-    let first = scale(shapes.first()?)?;
-    shapes.iter().all(|shape| scale(shape) == Some(first)).then_some(first)
+    let first = scale_of_mesh(shapes.first()?)?;
+    shapes.iter().all(|shape| scale_of_mesh(shape) == Some(first)).then_some(first)
 }
 
 /// A doubt about a body that is far larger than a vehicle.
@@ -65,6 +77,29 @@ pub(super) fn too_small(who: &str, solid: &Solid, scale: Option<f64>) -> Option<
         },
         |scale| format!("the {who} is {longest:.4} m large {}", of_scale(longest, scale, "larger")),
     ))
+}
+
+/// Doubts about shapes of a body that a scale below any unit's has made tiny beside the rest. A small part alone, as a
+/// mirror, is none.
+pub(super) fn tiny_parts(who: &str, solid: &Solid, scales: &[Option<f64>]) -> Vec<String> {
+    // Named shapes have further ends of their own parts.
+    let all = extent(solid).filter(|_| solid.ends.len() == scales.len());
+    let Some(all) = all.map(DVec3::max_element) else { return Vec::new() };
+    let starts = std::iter::once(0).chain(solid.ends.iter().copied());
+    let shapes = starts.zip(&solid.ends).zip(scales).enumerate();
+    let tiny = shapes.filter_map(|(k, ((start, end), scale))| {
+        let scale = scale.filter(|scale| *scale < LEAST_UNIT)?;
+        let corners = solid.faces.get(start..*end)?.iter().flatten();
+        let [low, high] = around(corners.map(|v| solid.vertices[*v as usize]))?;
+        let longest = (high - low).max_element();
+        (longest < BODY[0] && 10.0 * longest < all).then(|| {
+            format!(
+                "part {k} of the {who} is {longest:.4} m large {}",
+                of_scale(longest, scale, "larger")
+            )
+        })
+    });
+    tiny.collect()
 }
 
 /// Words on a scale, and on the one that would make a vehicle of a body of a length.
@@ -123,5 +158,27 @@ mod tests {
              `\"scale\": 1` would make it 6.00 m"
         );
         assert!(small(None).ends_with("give its mesh a larger `scale`"));
+    }
+
+    #[test]
+    fn a_part_far_smaller_than_any_unit_makes_it_is_doubted() {
+        // A part of 0.2 m beside one of 6 m.
+        let part = |metres: f64| [DVec3::ZERO, DVec3::X * metres, DVec3::Y * 0.1];
+        let solid = Solid {
+            vertices: [part(0.2), part(6.0)].concat(),
+            faces: vec![[0, 1, 2], [3, 4, 5]],
+            ends: vec![1, 2],
+            ..Solid::default()
+        };
+        let told = |scales: [Option<f64>; 2]| tiny_parts("ego body", &solid, &scales).join("; ");
+        assert_eq!(
+            told([Some(0.0001), None]),
+            "part 0 of the ego body is 0.2000 m large with the `scale` of 0.0001 that its mesh has; lengths are in metres: \
+             `\"scale\": 0.001` would make it 2.00 m"
+        );
+        // A mirror in millimetres or metres, and a long part in micrometres.
+        for scales in [[Some(0.001), None], [None, None], [Some(1.0), Some(1e-6)]] {
+            assert_eq!(told(scales), "");
+        }
     }
 }
