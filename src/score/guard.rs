@@ -360,7 +360,7 @@ mod tests {
 
     #[test]
     fn a_lidar_all_of_whose_beams_end_at_the_body_stands_inside_it() {
-        let told = |share| Guard::SelfHit { lidar: 3, share }.to_string();
+        let told = |share| Guard::SelfHit { lidar: 3, share, frame: None }.to_string();
         let half = "self_hit: LiDAR 3 ends 50.6 % of its beams at the own vehicle, more than 25 %";
         assert_eq!(told(0.506), half);
         assert_eq!(
