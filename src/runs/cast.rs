@@ -160,6 +160,14 @@ pub struct ViewRequest {
     pub tolerance: String,
 }
 
+/// Error of placements without a scene.
+fn alone(files: &[String]) -> RunError {
+    RunError::Usage(format!(
+        "{}: stands alone; give a scene, then a file of placements, or the folder of a run",
+        files.concat()
+    ))
+}
+
 /// Writes the page about a placement. False, and a note, where the placement misses a requirement.
 ///
 /// # Errors
@@ -170,10 +178,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, Ru
     let (files, computing) = &with_run(&given, computing)?;
     let (Some(placements), Some((_, paths @ [_, ..]))) = (request.files.last(), files.split_last())
     else {
-        return Err(RunError::Usage(format!(
-            "{}: stands alone; give a scene, then a file of placements, or the folder of a run",
-            request.files.concat()
-        )));
+        return Err(alone(&request.files));
     };
     let mut given = named_placements(placements)?;
     let count = given.len();

@@ -77,15 +77,7 @@ pub fn near_fields(
     computing: &Computing<'_>,
 ) -> Result<NearFields, RunError> {
     let _session = Session::begin();
-    let given: Vec<PathBuf> =
-        [&request.scene].into_iter().chain(&request.placements).cloned().collect();
-    let (files, computing) = &with_run(&given, computing)?;
-    let (scene, placements) = match &files[..] {
-        [scene] => (scene.clone(), None),
-        [scene, placements] => (scene.clone(), Some(placements.clone())),
-        _ => return Err(RunError::Usage(several_scenes(&request.scene))),
-    };
-    let request = &NearFieldRequest { scene, placements, ..request.clone() };
+    let (request, computing) = &of_run(request, computing)?;
     let watcher = computing.watcher;
     let (scene, file) = site_of(request, computing)?;
     let read = file.as_deref().map(read_placements).transpose()?;
@@ -135,6 +127,22 @@ pub fn near_fields(
         ground_area: site.ground_area(),
         near_fields: all,
     })
+}
+
+/// The request, with the files of a run whose folder stands alone.
+fn of_run<'a>(
+    request: &NearFieldRequest,
+    computing: &Computing<'a>,
+) -> Result<(NearFieldRequest, Computing<'a>), RunError> {
+    let given: Vec<PathBuf> =
+        [&request.scene].into_iter().chain(&request.placements).cloned().collect();
+    let (files, computing) = with_run(&given, computing)?;
+    let (scene, placements) = match &files[..] {
+        [scene] => (scene.clone(), None),
+        [scene, placements] => (scene.clone(), Some(placements.clone())),
+        _ => return Err(RunError::Usage(several_scenes(&request.scene))),
+    };
+    Ok((NearFieldRequest { scene, placements, ..request.clone() }, computing))
 }
 
 /// Scene and file of placements of a request; level ground where a vehicle and placements alone are given.

@@ -132,6 +132,9 @@ impl Guard {
     }
 }
 
+/// Words on a LiDAR none of whose beams leaves the own vehicle.
+const NONE_LEFT: &str = "; it stands inside the own body, or looks at nothing else";
+
 impl std::fmt::Display for Guard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -183,12 +186,7 @@ impl std::fmt::Display for Guard {
                 percent_up(*share),
                 frame.map_or(String::new(), in_frame),
                 100.0 * MOST_SELF_HITS,
-                // No other place leaves none of the beams.
-                if *share >= 1.0 {
-                    "; it stands inside the own body, or looks at nothing else"
-                } else {
-                    ""
-                }
+                if *share >= 1.0 { NONE_LEFT } else { "" }
             ),
             Self::BlindSector(sector) => write!(f, "BLIND: {sector}"),
             Self::InScene { scene, guard } => write!(f, "{guard} (in {scene})"),

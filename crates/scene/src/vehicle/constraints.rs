@@ -425,17 +425,13 @@ impl std::fmt::Display for Violation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::OutsideMount { lidar, mount, field, by } => {
-                let unit = unit_of(field);
-                let name = if mount.is_empty() { "" } else { " " };
+                let (unit, name) = (unit_of(field), if mount.is_empty() { "" } else { " " });
                 // Turns beyond one say nothing about the direction: the angle is most likely in degrees.
-                if unit == "rad" && *by > TAU {
-                    return write!(
-                        f,
-                        "LiDAR {lidar}: {field} is more than a turn outside the mount{name}{mount}; degrees? Angles are in \
-                         radians"
-                    );
-                }
-                write!(f, "LiDAR {lidar}: {field} is {by:.3} {unit} outside the mount{name}{mount}")
+                let (far, doubt) = match unit == "rad" && *by > TAU {
+                    true => ("more than a turn".to_owned(), "; degrees? Angles are in radians"),
+                    false => (format!("{by:.3} {unit}"), ""),
+                };
+                write!(f, "LiDAR {lidar}: {field} is {far} outside the mount{name}{mount}{doubt}")
             }
             Self::NotTaken { lidar, sensor, mount, takes, room, .. } => {
                 write!(f, "LiDAR {lidar}: it stands on mount {mount}, which ")?;
