@@ -167,7 +167,7 @@ fn seen(of: &Value) -> Seen {
         share: number("found").unwrap_or_default(),
         done: SEEN,
         least: number("required").unwrap_or_default(),
-        missing: None,
+        missing: of["missing"].as_str().map(str::to_owned),
         holds_in: number("holds_in"),
         lost: number("intact").map(|intact| Lost { intact, worst, ..Lost::default() }),
         worst_frame: WorstFrame::deserialize(&of["worst_frame"]).ok(),
