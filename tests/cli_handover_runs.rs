@@ -109,7 +109,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     }
     // The list of what is missed says where, as the run does.
     read("a/README.txt")
-        .says("NOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required, missing at 30 m: ");
+        .says("\nNOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required, missing at 30 m: ");
     // The drawing of a rig that misses a requirement says so, whether the run tells it or it is measured.
     for drawing in [read("a/drawing.svg"), read("b/drawing.svg")] {
         drawing.says(">NOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required");
