@@ -127,6 +127,31 @@ fn among_equal_numbers_the_cheapest_that_a_search_brings_to_meet_all_is_taken() 
     assert_eq!((code, price), (Some(0), 3.0), "{told}");
     told.says(begun);
     assert!(!told.contains("not tried"), "{told}");
+    // Of five, the one for 2 meets all once it is turned, and the one for 1 does not: the one for 2 comes back.
+    street(dir.path(), json!([car([0, 60], 1.0)]));
+    change(&dir, "cart.json", |cart| {
+        let sides = [(90, 5), (27, 4), (25, 3), (24, 2), (18, 1)];
+        let model = |(side, price): (i32, i32)| {
+            let mut model = cart["sensors"][0].clone();
+            model["name"] = json!(format!("w{side}"));
+            model["price"] = json!(price);
+            model["lidar"]["azimuth"] = json!([-side, side]);
+            model["lidar"]["azimuth_steps"] = json!(2 * side);
+            model
+        };
+        let models = sides.map(model);
+        cart["mounts"][0]["sensors"] = models.iter().map(|model| model["name"].clone()).collect();
+        cart["sensors"] = json!(models);
+    });
+    let args =
+        "optimize street.json --fewest --backend cpu --evaluations 16 --seed 3 --out o --force";
+    let (code, [text, told]) = ran(&dir, args);
+    told.says("are met at a price of 5; a cheaper rig");
+    told.says("are met at a price of 2; a cheaper rig");
+    told.says("equipment: 1 × w18 on mast, 1 in all");
+    text.says("meets its requirement (car [0, 60]) at a price of 2 ");
+    text.says("\nequipment: 1 × w24 on mast, 2 in all\n");
+    assert_eq!(code, Some(0));
     // A state from within the cheaper search goes on to the same placement, whether that one meets all or not.
     for (require, wanted) in [(rule, narrow), (json!([car([-45, 45], 0.9)]), half)] {
         street(dir.path(), require);

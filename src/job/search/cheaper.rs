@@ -1,6 +1,6 @@
 //! A cheaper rig of as many sensors as one whose placement meets all requirements.
 
-use super::{Before, JobRun};
+use super::{Before, JobRun, JobState};
 use crate::job::JobError;
 use crate::json::counted;
 use crate::score::HOLDS;
@@ -24,9 +24,12 @@ impl JobRun<'_> {
         let (Some(equipped), Some(fewest)) = (&self.state.equipped, &mut self.state.fewest) else {
             return Ok(Some(outcome));
         };
-        let next = fewest.cheaper(equipped, is_met).filter(|_| !is_over);
-        let (price, untried) = (equipped.cost, fewest.untried_cheaper());
-        if !is_met && let Some(before) = &mut self.before {
+        // A search that was cut decides nothing about the prices.
+        let (price, next) = match is_over {
+            true => (equipped.cost, None),
+            false => (equipped.cost, fewest.cheaper(equipped, is_met)),
+        };
+        if let Some(before) = self.before.as_mut().filter(|_| !is_over && !is_met) {
             before.state.fewest.clone_from(&self.state.fewest);
         }
         let Some(next) = next else {
@@ -34,6 +37,10 @@ impl JobRun<'_> {
             let before = self.before.take().filter(|_| !is_met);
             let mut outcome = before.map_or(outcome, |before| self.restore(before));
             outcome.stopped = stopped.unwrap_or(outcome.stopped);
+            let JobState { equipped, fewest, .. } = &self.state;
+            let untried = fewest.as_ref().zip(equipped.as_ref());
+            let untried =
+                untried.and_then(|(fewest, equipped)| fewest.untried_below(equipped.cost));
             outcome.untried = stopped.and(untried);
             return Ok(Some(outcome));
         };
@@ -42,6 +49,8 @@ impl JobRun<'_> {
                 "all requirements are met at a price of {price}; a cheaper rig of {} is searched",
                 counted(next.equipment.len(), "sensor")
             )));
+            // Without the search before, so that the state is of this one.
+            self.before = None;
             if let (state, Some(run)) = (self.state(), self.run.take()) {
                 self.before = Some(Before { state, run, outcome });
             }

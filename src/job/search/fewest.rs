@@ -48,10 +48,10 @@ impl Fewest {
         format!("rigs of more than {}", counted(self.limits.sensors, "sensor"))
     }
 
-    /// Cheaper rigs that may meet all requirements, in words; `None` where there are none.
-    pub(super) fn untried_cheaper(&self) -> Option<String> {
-        let number = || format!("cheaper rigs of {}", counted(self.limits.sensors, "sensor"));
-        (!self.open.is_empty()).then(number)
+    /// Rigs below a price that may meet all requirements, in words; `None` where there are none.
+    pub(super) fn untried_below(&self, price: f64) -> Option<String> {
+        let words = || format!("cheaper rigs of {}", counted(self.limits.sensors, "sensor"));
+        self.open.iter().any(|of| of.cost < price).then(words)
     }
 
     /// True for sensors whose placements were searched, in whatever order.

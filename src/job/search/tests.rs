@@ -27,11 +27,12 @@ fn the_number_grows_until_little_is_missing_and_then_the_price_falls() {
     assert_eq!(cost(fewest.cheaper(&found(2, 8.0, 0.0), true)), Some(6.0));
     let mut dearer = fewest.clone();
     assert_eq!(cost(dearer.cheaper(&found(2, 6.0, 0.0), false)), Some(7.0));
-    assert_eq!(dearer.untried_cheaper().as_deref(), Some("cheaper rigs of 2 sensors"));
+    assert_eq!(dearer.untried_below(8.0).as_deref(), Some("cheaper rigs of 2 sensors"));
+    assert_eq!(dearer.untried_below(7.0), None);
     assert_eq!(cost(dearer.cheaper(&found(2, 7.0, 0.0), false)), None);
     assert_eq!(cost(fewest.cheaper(&found(2, 6.0, 0.0), true)), Some(5.0));
     assert_eq!(cost(fewest.cheaper(&found(2, 5.0, 0.0), true)), None);
-    assert_eq!(fewest.untried_cheaper(), None);
+    assert_eq!(fewest.untried_below(5.0), None);
 }
 
 #[test]
