@@ -127,7 +127,7 @@ fn among_equal_numbers_the_cheapest_that_a_search_brings_to_meet_all_is_taken() 
     assert_eq!((code, price), (Some(0), 3.0), "{told}");
     told.says(begun);
     assert!(!told.contains("not tried"), "{told}");
-    // Of five, the one for 2 meets all once it is turned, and the one for 1 does not: the one for 2 comes back.
+    // Five models: the one for 2 meets all once it is turned, and the one for 1 does not: the one for 2 comes back.
     street(dir.path(), json!([car([0, 60], 1.0)]));
     change(&dir, "cart.json", |cart| {
         let sides = [(90, 5), (27, 4), (25, 3), (24, 2), (18, 1)];
