@@ -107,7 +107,7 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     for file in ["poses.csv", "materials.csv"] {
         assert_eq!(read(&format!("a/{file}")), read(&format!("b/{file}")), "{file}");
     }
-    // The list of what is missed says where, as the run does.
+    // The line on a missed requirement says where it is missed, as the run does.
     read("a/README.txt")
         .says("\nNOT MET: car at 30 m, 90 beams: 0.0 % seen, 100.0 % required, missing at 30 m: ");
     // The drawing of a rig that misses a requirement says so, whether the run tells it or it is measured.

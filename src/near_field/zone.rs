@@ -196,7 +196,7 @@ impl BlindZone {
         self.worst_frames.get(side).map_or(String::new(), |frame| in_frame(*frame))
     }
 
-    /// The zone before cells that are seen, among those that are ground; `own` lie under own bodies that move.
+    /// The blind zone of a footprint, by cells of ground: all, seen ones, and cells under own bodies that move.
     pub(super) fn new(footprint: &Footprint, [ground, seen, own]: [&[Cell]; 3]) -> Self {
         let sides = ROUND.map(|(side, rising, _)| {
             let mut lanes = lanes(footprint, [ground, seen, own], side);

@@ -76,12 +76,7 @@ pub(super) fn with_run<'a>(
     files: &[PathBuf],
     computing: &Computing<'a>,
 ) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
-    let Some(run) = run_of(files, computing)? else {
-        return Ok((files.to_vec(), computing.clone()));
-    };
-    let scenes: Vec<PathBuf> = run.scenes().cloned().collect();
-    note_taken(&files[0], &scenes, &run, computing);
-    Ok(([&scenes, files].concat(), Computing { vehicle: run.vehicle, ..computing.clone() }))
+    brought(files, computing, |run| run.scenes().cloned().collect())
 }
 
 /// Like [`with_run`], for a command that looks at level ground where a vehicle is known.
@@ -92,11 +87,24 @@ pub(super) fn with_run_vehicle<'a>(
     files: &[PathBuf],
     computing: &Computing<'a>,
 ) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
-    let Some(run) = run_of(files, computing)?.filter(|run| run.vehicle.is_some()) else {
-        return with_run(files, computing);
+    brought(files, computing, |run| match run.vehicle {
+        Some(_) => Vec::new(),
+        None => run.scenes().cloned().collect(),
+    })
+}
+
+/// Files of a command behind the scenes that are taken of a run, and its vehicle, with a note.
+fn brought<'a>(
+    files: &[PathBuf],
+    computing: &Computing<'a>,
+    scenes: impl Fn(&JobFiles) -> Vec<PathBuf>,
+) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
+    let Some(run) = run_of(files, computing)? else {
+        return Ok((files.to_vec(), computing.clone()));
     };
-    note_taken(&files[0], &[], &run, computing);
-    Ok((files.to_vec(), Computing { vehicle: run.vehicle, ..computing.clone() }))
+    let scenes = scenes(&run);
+    note_taken(&files[0], &scenes, &run, computing);
+    Ok(([&scenes, files].concat(), Computing { vehicle: run.vehicle, ..computing.clone() }))
 }
 
 /// Files and options of a run whose folder, perhaps with `:NAME` of one of its placements, is all that is given; `None` of

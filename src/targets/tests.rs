@@ -461,7 +461,7 @@ fn a_target_on_the_ground_of_a_scene_counts_in_the_worst_pose_of_the_bodies() {
     assert_eq!(both[1].share, f64::midpoint(on_scene.share, plain[1].share));
     assert_eq!(both[1].worst_frame, on_scene.worst_frame);
     assert_eq!(by_scene[1][1].worst_frame, None);
-    // A mirror image bends to the other side, and is asked for the other side's places.
+    // In a mirror image the trailer bends to the other side, and the places lie there too.
     let (mirrored, _) = met(&[(&image, true)]);
     assert_eq!(mirrored[1].share, on_scene.share);
     let rule = &bends.target_rules()[1];

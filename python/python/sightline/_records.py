@@ -182,8 +182,8 @@ class Result:
     def report(self, path: str | PathLike[str]) -> None:
         """Writes the page of the search, whole at any time: ``report.html`` of ``sightline optimize``, without its command.
 
-        It opens offline and shows the result, what it sees and misses, baselines and settings. Looking at the result for it takes
-        some seconds. Raises ``ValueError`` for a result that was pickled, and where the objective is a
+        The page opens offline. It shows the result, things seen and missed, baselines and settings. Writing it takes some seconds,
+        since losses of LiDARs are looked at. Raises ``ValueError`` for a result that was pickled, and where the objective is a
         function, ``OSError`` for a file that cannot be written.
         """
         _write_page(self._page, path)

@@ -24,11 +24,9 @@ impl JobRun<'_> {
         let (Some(equipped), Some(fewest)) = (&self.state.equipped, &mut self.state.fewest) else {
             return Ok(Some(outcome));
         };
+        let price = equipped.cost;
         // A search that was cut decides nothing about the prices.
-        let (price, next) = match is_over {
-            true => (equipped.cost, None),
-            false => (equipped.cost, fewest.cheaper(equipped, is_met)),
-        };
+        let next = if is_over { None } else { fewest.cheaper(equipped, is_met) };
         if let Some(before) = self.before.as_mut().filter(|_| !is_over && !is_met) {
             before.state.fewest.clone_from(&self.state.fewest);
         }
@@ -68,8 +66,8 @@ impl JobRun<'_> {
             self.job.add_holds(&mut [(&best.placement, &mut scores)], &mut || true)?;
             Ok::<bool, JobError>(scores.requirements_hold_in.is_none_or(|share| share >= HOLDS))
         };
-        Ok(holds(outcome)?
-            || !self.before.as_ref().is_some_and(|before| holds(&before.outcome).unwrap_or(false)))
+        let before = || self.before.as_ref().map_or(Ok(false), |before| holds(&before.outcome));
+        Ok(holds(outcome)? || !before()?)
     }
 }
 

@@ -99,8 +99,8 @@ impl Fewest {
         Some(taken)
     }
 
-    /// Leaves open what is cheaper than equipment whose placement meets all, or dearer than one whose placement does not. Next
-    /// is the middle of it.
+    /// The next choice to be searched, the middle of the open ones by price. Choices that are cheaper stay open where the
+    /// placement of the equipment searched meets all, dearer ones where it does not.
     pub(super) fn cheaper(&mut self, searched: &Equipped, is_met: bool) -> Option<Equipped> {
         self.open
             .retain(|of| if is_met { of.cost < searched.cost } else { of.cost > searched.cost });

@@ -20,7 +20,7 @@ fn the_number_grows_until_little_is_missing_and_then_the_price_falls() {
         let again = fewest.next(found(2, cost, missing), 4, 1.0);
         assert!(matches!(again, Next::Again(l) if l.budget < cost), "{cost}");
     }
-    // The next cheaper one misses much: the cheapest of those that miss nothing is taken.
+    // The next cheaper choice misses much: among choices that miss nothing the cheapest is taken.
     assert!(matches!(fewest.next(found(2, 4.0, 0.4), 4, 1.0), Next::Take(e) if e.cost == 8.0));
     // Its placement meets all: bisection over 7, 6 and 5.
     let cost = |of: Option<Equipped>| of.map(|of| of.cost);

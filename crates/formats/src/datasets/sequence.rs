@@ -247,7 +247,7 @@ pub(super) fn open(path: &Path) -> Checked<File> {
     sightline_files::files::open(path).map_err(to_read)
 }
 
-/// The name of a folder, that of `.` and `..` too.
+/// Name of a folder; `.` and `..` have the name of the folder that they lead to.
 pub(super) fn folder_name(folder: &Path) -> String {
     let whole = if folder.file_name().is_none() { folder.canonicalize().ok() } else { None };
     let name = whole.as_deref().unwrap_or(folder).file_name();

@@ -202,8 +202,8 @@ impl Scene {
         &self.bodies[body].name
     }
 
-    /// How a body of the ego, by its index among those that move, goes from frame `t` to the next: takes its frame to
-    /// the ego frame.
+    /// Motion of a moving body of the ego, by its index in `bodies`, from frame `t` to the next. It takes the body's frame
+    /// to the ego frame.
     pub fn own_body_glide(&self, body: usize, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
         self.bodies[body].motion.glide(t)

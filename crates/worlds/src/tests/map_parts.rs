@@ -141,7 +141,7 @@ fn words_of_a_name_tell_the_class_of_an_object() {
         assert_eq!(classed(name, "obstacle"), (wanted, true), "{name}");
     }
     assert_eq!(classed("thing", "none"), (class::STATIC, true));
-    // Types of OpenDRIVE 1.4 for what stands on the road.
+    // Types of OpenDRIVE 1.4 for vehicles and persons on the road.
     for kind in ["car", "van", "bus", "trailer", "bike", "motorbike", "tram", "train"] {
         assert_eq!(classed("", kind), (class::VEHICLE, true), "{kind}");
     }
