@@ -99,6 +99,17 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
         .says("bodies[0].poses: an empty list is not a list of at least one pose");
 }
 
+/// Corners of a path from its first one, tenths of a millimetre: its place on the sheet depends on what is around it.
+fn shape(path: &str) -> Vec<[i64; 2]> {
+    let corners = path.split('"').nth(1).unwrap().split(['M', 'L', 'Z']);
+    let corners = corners.filter_map(|corner| corner.split_once(' '));
+    let corners: Vec<[f64; 2]> =
+        corners.map(|(x, y)| [x, y].map(|number| number.parse().unwrap())).collect();
+    let from_first =
+        |at: &[f64; 2]| [0, 1].map(|k| (10.0 * (at[k] - corners[0][k])).round() as i64);
+    corners.iter().map(from_first).collect()
+}
+
 #[test]
 fn a_hand_over_has_the_body_of_its_frame() {
     let dir = TempDir::new().unwrap();
@@ -117,12 +128,22 @@ fn a_hand_over_has_the_body_of_its_frame() {
             boxes.lines().filter(|line| line.contains("m") && !line.starts_with('#')).collect();
         // The body: edges of the blind zone follow from cells, whose hits rounding decides.
         let drawn = read("drawing.svg");
-        let words = format!(", frame {frame}; depths from the vehicle's box in that frame<");
-        assert_eq!(drawn.contains(&words), of_frame);
+        let words = format!(", frame {frame}; depths from the vehicle's box in frame 0<");
+        assert_eq!(drawn.contains(&words), of_frame && frame != "0");
         let body = drawn.split("<path ").filter(|path| path.contains("#c8d2dc"));
-        (boxes.join("\n"), body.map(str::to_owned).collect::<Vec<_>>())
+        (boxes.join("\n"), body.map(shape).collect::<Vec<_>>())
     };
     let (straight, bent) = (files("bends.json", "0"), files("bends.json", "2"));
+    // Depths in the drawing are the near field's own, for each side in the frame that it names.
+    let near = ok(dir.path(), "study nearfield bends.json p.json --backend cpu");
+    let zone = &near["near_fields"][0]["zone"];
+    for (side, frame) in zone["worst_frames"].as_object().unwrap() {
+        files("bends.json", &frame.to_string());
+        let depth = zone[side].as_f64();
+        let told = depth.map_or("beyond 10 m".to_owned(), |metres| format!("to {metres:.1} m"));
+        read_text(&dir, "h/drawing.svg").says(&format!("{side}: blind {told}"));
+    }
+    assert!(zone["worst_frames"]["right"] != 0 || zone["worst_frames"]["left"] != 0, "{zone}");
     assert!(straight.0 != bent.0 && straight.1 != bent.1 && !bent.1.is_empty());
     let stands = files("stands.json", "0");
     assert_eq!(bent.0, stands.0);

@@ -188,7 +188,7 @@ fn vertical(frame: &Frame, from: &[DVec3], direction: DVec3, range: f64) -> Vec<
 }
 
 /// Corners of the box in plan around an instance, with room for rounding, metres; `None` without triangles.
-fn in_plan(instance: &Instance) -> Option<[DVec3; 2]> {
+pub(super) fn in_plan(instance: &Instance) -> Option<[DVec3; 2]> {
     let bounds = instance.tree.bounds()?;
     let [from, to] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3());
     let corners = (0..8).map(|k| {

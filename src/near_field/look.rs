@@ -142,16 +142,7 @@ impl NearSite {
     /// # Errors
     /// A scene without an own body, or without ground near it.
     pub fn new(scene: &Scene, problem: &Arc<Problem>) -> Result<Self, NearFieldError> {
-        Self::in_frame(scene, problem, 0)
-    }
-
-    /// The site of a problem that was made of a scene: the body has its outline in a frame.
-    pub(crate) fn in_frame(
-        scene: &Scene,
-        problem: &Arc<Problem>,
-        frame: usize,
-    ) -> Result<Self, NearFieldError> {
-        let site = Self::among(outline(scene, frame)?, ground_triangles(scene), problem);
+        let site = Self::among(outline(scene, 0)?, ground_triangles(scene), problem);
         if !site.frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
             let (scene, names) = (place(scene), Ground::in_words());
             return Err(NearFieldError::NoGround { scene, within: NEAR, names });
@@ -375,11 +366,17 @@ impl NearSite {
     /// Numbers of the cells under the own bodies in one of several poses, high or low; none where they do not move.
     fn under_own_bodies(&self, pose: usize) -> Vec<usize> {
         let frame = self.frames[self.poses[pose][0]].0;
-        let Some(geometry) = self.problem.geometry(frame).filter(|_| self.poses.len() > 1) else {
-            return Vec::new();
-        };
+        let Some(geometry) = self.problem.geometry(frame) else { return Vec::new() };
         let own = |of: &&Instance| of.first_prim as usize >= self.is_ground.len();
         let own = Frame::new(geometry.instances().iter().filter(own).cloned());
+        let [low, high] = self.footprint.bounds();
+        let is_out = |[from, to]: [DVec3; 2]| {
+            (0..2).any(|k| from[k] < low[k] - CELL / 2.0 || to[k] > high[k] + CELL / 2.0)
+        };
+        // Lanes lie around the box: bodies within it, as in frame 0, are over none.
+        if !own.instances().iter().filter_map(ground::in_plan).any(is_out) {
+            return Vec::new();
+        }
         let heights = own.corners().map(|at| at.z);
         let [low, high] = heights
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)]);

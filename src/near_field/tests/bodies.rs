@@ -117,6 +117,12 @@ fn each_side_of_the_blind_zone_is_that_of_its_worst_frame() {
         let deepest = alone.iter().map(depth).fold(0.0, f64::max);
         assert_eq!(depth(&near), deepest, "{side}");
         assert_eq!(depth(&alone[near.zone.worst_frames[side]]), deepest, "{side}");
+        // A frame looked at alone, as a drawing does, has the lanes that it has among others.
+        let lanes = |near: &NearField| {
+            let own = near.zone.lanes.iter().filter(|lane| lane.side == side);
+            own.cloned().collect::<Vec<_>>()
+        };
+        assert_eq!(lanes(&alone[near.zone.worst_frames[side]]), lanes(&near), "{side}");
         differs |= alone.iter().any(|near| depth(near) < deepest);
     }
     assert!(differs, "a side is blinder in one frame than in another");

@@ -151,13 +151,21 @@ fn datum(drawing: &mut Drawing, panel: &Panel, names: [&str; 2], labels: &mut La
 
 pub(super) fn side(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sheet: &Sheet) {
     title(drawing, &sheet.side, "From the right");
-    let depths = rig.near.as_ref().ok().map(|(_, near)| [near.zone.behind, near.zone.ahead]);
+    let near = rig.near.as_ref().ok();
+    let depths = near.map(|(footprint, near)| {
+        let [[back, _], [front, _]] = footprint.bounds();
+        [(back, near.zone.behind), (front, near.zone.ahead)]
+    });
     upright(drawing, rig, &views.side, &sheet.side, ("x", depths));
 }
 
 pub(super) fn front(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sheet: &Sheet) {
     title(drawing, &sheet.front, "From the front");
-    let depths = rig.near.as_ref().ok().map(|(_, near)| [near.zone.right, near.zone.left]);
+    let near = rig.near.as_ref().ok();
+    let depths = near.map(|(footprint, near)| {
+        let [[_, right], [_, left]] = footprint.bounds();
+        [(right, near.zone.right), (left, near.zone.left)]
+    });
     upright(drawing, rig, &views.front, &sheet.front, ("y", depths));
     let Some([low, high]) = bounds(&views.front.outline) else { return };
     // The height stands beside the view from the front.
@@ -171,13 +179,13 @@ pub(super) fn front(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sh
     drawing.words([x + 1.5, 0.5 * (lower + upper)], WORDS, words);
 }
 
-/// A view with the ground, on it the blind depths to its left and right, and the body's extent below.
+/// A view with the ground, on it the blind depths from the edges to its left and right, and the body's extent below.
 fn upright(
     drawing: &mut Drawing,
     rig: &DrawnRig<'_>,
     shown: &View,
     panel: &Panel,
-    (across, depths): (&str, Option<[Option<f64>; 2]>),
+    (across, depths): (&str, Option<[(f64, Option<f64>); 2]>),
 ) {
     let ([left, right, ..], [_, ground]) = (panel.edges(), panel.at([0.0; 2]));
     drawing.line([[left, ground], [right, ground]], Stroke::solid(GREY, 0.25));
@@ -186,7 +194,7 @@ fn upright(
     numbers(drawing, &signs(rig, shown, panel));
     let Some([low, high]) = bounds(&shown.outline) else { return };
     if let Some([before, behind]) = depths {
-        for (edge, sign, depth) in [(low[0], -1.0, before), (high[0], 1.0, behind)] {
+        for (sign, (edge, depth)) in [(-1.0, before), (1.0, behind)] {
             let to = edge + sign * depth.unwrap_or(DRAWN).min(DRAWN);
             let to = to.clamp(shown.low[0], shown.high[0]);
             drawing.line([panel.at([edge, 0.0]), panel.at([to, 0.0])], Stroke::solid(ACCENT, 0.9));

@@ -91,7 +91,7 @@ impl HandoverRig {
         let job = loaded.job;
         let scene = job.scene();
         // By the phases that scores and studies have: only masks and drawing are of the sensors at rest.
-        let near = near_field(scene, request.frame as usize, &mut evaluator, &placement)?;
+        let near = near_field(scene, &mut evaluator, &placement)?;
         if let Err(why) = &near {
             computing.watcher.note(&format!("the drawing has no blind zone: {why}"));
         }
@@ -191,12 +191,11 @@ fn at_rest(
 /// Outline of the body and near field of a placement, or why there is none.
 fn near_field(
     scene: &Scene,
-    frame: usize,
     evaluator: &mut Evaluator,
     placement: &Placement,
 ) -> Result<Result<(Footprint, NearField), String>, RunError> {
     let problem = evaluator.shared_problem();
-    Ok(match NearSite::in_frame(scene, &problem, frame) {
+    Ok(match NearSite::new(scene, &problem) {
         Ok(site) => {
             let near = site.look(evaluator.backend_mut(), placement)?;
             Ok((site.footprint().clone(), near))
@@ -265,8 +264,8 @@ impl Handed {
         };
         let mut about = about(run, text, &request.held);
         let place = if on_level_ground { "level ground" } else { scene.name() };
-        let moves = scene.has_moving_bodies();
-        let outline = if moves { "; depths from the vehicle's box in that frame" } else { "" };
+        let moves = scene.has_moving_bodies() && request.frame > 0;
+        let outline = if moves { "; depths from the vehicle's box in frame 0" } else { "" };
         about.push(format!("Blind zone and masks: {place}, frame {}{outline}", request.frame));
         Ok(Self { placement, text: text.clone(), scene, about, warnings, of_run })
     }
