@@ -77,9 +77,13 @@ fn the_folder_of_a_run_alone_brings_its_scene_and_vehicle() {
         said.says("runs/yard: the folder of a run alone; with ");
         assert_eq!(said.contains("yard.json, "), command != "study targets", "{command}: {said}");
         said.says("cart.json, as in the run");
-        // A vehicle that is given stands for itself.
-        let (_, [_, said]) = asked("runs/yard:plain --vehicle cart.json");
-        assert!(!said.contains("as in the run"), "{command}: {said}");
+        // A vehicle that is given stands for itself; commands that need a scene take that of the run.
+        let (code, [_, said]) = asked("runs/yard:plain --vehicle cart.json");
+        assert!(code.is_some_and(|code| code < 2), "{command}: {said}");
+        let on_level = ["nearfield", "redundancy", "tolerance", "sweep", "targets"];
+        let told = "yard.json, as in the run, and cart.json as given";
+        let is_level = on_level.iter().any(|study| command == format!("study {study}"));
+        assert_eq!(said.contains(told), !is_level, "{command}: {said}");
     }
     // Files that are others now, and options of the run, are told.
     change(&dir, "yard.json", |scene| scene["name"] = json!("field"));

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::inputs::{Given, file_and_name, fit_alone, held, named_placements, note_repeated};
 use super::opening::{LoadTimes, Loaded, timings};
 use super::outputs::Figure;
-use super::run_folder::{rig_path, with_run};
+use super::run_folder::{rig_path, with_run_scenes};
 use super::{Computing, Conditions, FiguresOut, Gltf, MountingArgs, RunError, opening, outputs};
 use crate::export::GltfView;
 use crate::files::{Session, will_read, write_whole};
@@ -175,7 +175,7 @@ fn alone(files: &[String]) -> RunError {
 pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, RunError> {
     let _session = Session::begin();
     let given: Vec<PathBuf> = request.files.iter().map(PathBuf::from).collect();
-    let (files, computing) = &with_run(&given, computing)?;
+    let (files, computing) = &with_run_scenes(&given, computing)?;
     let (Some(placements), Some((_, paths @ [_, ..]))) = (request.files.last(), files.split_last())
     else {
         return Err(alone(&request.files));

@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::inputs::{Files, Given, fit_alone, held, name_published, no_ground, no_second};
 use super::opening::{LoadTimes, Loaded};
 use super::outputs::Drawings;
-use super::run_folder::{rig_path, with_run, with_run_vehicle};
+use super::run_folder::{rig_path, with_run, with_run_scenes, with_run_vehicle};
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
@@ -379,7 +379,7 @@ pub fn audit_scenes(
     computing: &Computing<'_>,
     mut each: impl FnMut(&Audit) -> Result<(), RunError>,
 ) -> Result<Vec<Audit>, RunError> {
-    let (files, computing) = &with_run(&request.files, computing)?;
+    let (files, computing) = &with_run_scenes(&request.files, computing)?;
     let Files { scenes, placements } = Files::sort(files, computing.watcher)?;
     let honest = placements.as_deref().map(read_placements).transpose()?;
     let objective: Objective = request.objective.parse()?;

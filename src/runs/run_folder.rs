@@ -67,8 +67,19 @@ pub(super) fn vehicle_of_run(file: &Path) -> Option<String> {
     result["settings"]["vehicle"].as_str().map(str::to_owned)
 }
 
-/// Files of a command, and where it computes: the folder of a run, without a scene or a vehicle beside it, has the scenes and
-/// the vehicle of the run. Other files are as they were given.
+/// Files of a command, and where it computes: the folder of a run, without a scene beside it, has the scenes of the run, and
+/// its vehicle unless another is given. Other files are as they were given.
+///
+/// # Errors
+/// A folder whose result cannot be read.
+pub(super) fn with_run_scenes<'a>(
+    files: &[PathBuf],
+    computing: &Computing<'a>,
+) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
+    brought(files, computing, |run| run.scenes().cloned().collect())
+}
+
+/// Like [`with_run_scenes`], for a command that looks at level ground where a vehicle is given without a scene.
 ///
 /// # Errors
 /// A folder whose result cannot be read.
@@ -76,10 +87,13 @@ pub(super) fn with_run<'a>(
     files: &[PathBuf],
     computing: &Computing<'a>,
 ) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
-    brought(files, computing, |run| run.scenes().cloned().collect())
+    match computing.vehicle {
+        Some(_) => Ok((files.to_vec(), computing.clone())),
+        None => with_run_scenes(files, computing),
+    }
 }
 
-/// Like [`with_run`], for a command that looks at level ground where a vehicle is known.
+/// Like [`with_run`], for a command that looks at level ground where the run has a vehicle, too.
 ///
 /// # Errors
 /// A folder whose result cannot be read.
@@ -87,6 +101,9 @@ pub(super) fn with_run_vehicle<'a>(
     files: &[PathBuf],
     computing: &Computing<'a>,
 ) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
+    if computing.vehicle.is_some() {
+        return Ok((files.to_vec(), computing.clone()));
+    }
     brought(files, computing, |run| match run.vehicle {
         Some(_) => Vec::new(),
         None => run.scenes().cloned().collect(),
@@ -99,18 +116,22 @@ fn brought<'a>(
     computing: &Computing<'a>,
     scenes: impl Fn(&JobFiles) -> Vec<PathBuf>,
 ) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
-    let Some(run) = run_of(files, computing)? else {
+    let Some(mut run) = run_of(files)? else {
         return Ok((files.to_vec(), computing.clone()));
     };
+    if computing.vehicle.is_some() {
+        run.vehicle = None;
+    }
     let scenes = scenes(&run);
     note_taken(&files[0], &scenes, &run, computing);
-    Ok(([&scenes, files].concat(), Computing { vehicle: run.vehicle, ..computing.clone() }))
+    let vehicle = computing.vehicle.clone().or(run.vehicle);
+    Ok(([&scenes, files].concat(), Computing { vehicle, ..computing.clone() }))
 }
 
 /// Files and options of a run whose folder, perhaps with `:NAME` of one of its placements, is all that is given; `None` of
 /// other files, and of a run that does not say them.
-fn run_of(files: &[PathBuf], computing: &Computing<'_>) -> Result<Option<JobFiles>, RunError> {
-    let ([given], None) = (files, &computing.vehicle) else { return Ok(None) };
+fn run_of(files: &[PathBuf]) -> Result<Option<JobFiles>, RunError> {
+    let [given] = files else { return Ok(None) };
     let folder = plain(given);
     if !folder.join(RESULT).is_file() {
         return Ok(None);
@@ -130,6 +151,9 @@ fn note_taken(folder: &Path, scenes: &[PathBuf], run: &JobFiles, computing: &Com
         scenes.iter().chain(&run.vehicle).map(|file| file.display().to_string()).collect();
     let taken = taken.join(", ");
     let mut note = format!("{of}: the folder of a run alone; with {taken}, as in the run");
+    if let Some(vehicle) = &computing.vehicle {
+        note += &format!(", and {} as given", vehicle.display());
+    }
     if !run.conditions.is_empty() {
         let weather = run.conditions.join(" and ");
         note += &format!("; the run was under {weather}, which --condition gives here");

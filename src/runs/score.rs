@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, fit_alone, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
-use super::run_folder::with_run;
+use super::run_folder::with_run_scenes;
 use super::{
     Computing, Conditions, GRACE, MountingArgs, RunError, TableFormat, Watcher, opening, outputs,
 };
@@ -48,7 +48,7 @@ pub fn score(
 ) -> Result<bool, RunError> {
     let _session = Session::begin();
     let start = Instant::now();
-    let (files, computing) = &with_run(&request.files, computing)?;
+    let (files, computing) = &with_run_scenes(&request.files, computing)?;
     let (scenes, placements) = Files::with_rigs(files, computing.watcher)?;
     let placements = RigFiles::new(placements);
     // Everything that can be wrong is found before the first score is computed or printed; a pipe can

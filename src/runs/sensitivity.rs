@@ -8,7 +8,7 @@ use super::coverage::named;
 use super::inputs::{Files, Given, file_and_name, fit_alone, note_repeated};
 use super::opening::{LoadTimes, Loaded, no_hidden_places, vehicle_alone};
 use super::outputs::Drawings;
-use super::run_folder::with_run;
+use super::run_folder::{with_run, with_run_scenes};
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
 use crate::files::Session;
@@ -391,7 +391,7 @@ pub fn overlap(
     computing: &Computing<'_>,
 ) -> Result<OverlapFound, RunError> {
     let _session = Session::begin();
-    let (files, computing) = &with_run(&request.files, computing)?;
+    let (files, computing) = &with_run_scenes(&request.files, computing)?;
     let (scenes, file) = Files::with_placements(files, computing.watcher)?;
     for placement in read_placements(&file)? {
         if placement.lidars.len() < 2 {

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::inputs::{
     Files, Given, can_be_read, file_and_name, fit_alone, note_repeated, note_unpriced,
 };
-use super::run_folder::{rig_path, with_run};
+use super::run_folder::{rig_path, with_run_scenes};
 use super::{Bar, Computing, Conditions, GRACE, RunError, Watcher, opening};
 use crate::files;
 use crate::files::{Input, RunDir, holds_run, is_forced, safe_names};
@@ -83,7 +83,7 @@ pub fn study_scenes(
 ) -> Result<Vec<Table>, RunError> {
     let _session = files::Session::begin();
     let (given, computing) = &match request.kind.takes_placements() {
-        true => with_run(&request.scenes, computing)?,
+        true => with_run_scenes(&request.scenes, computing)?,
         false => (request.scenes.clone(), computing.clone()),
     };
     let Files { scenes: paths, placements } = match request.kind {

@@ -113,7 +113,7 @@ fn open_own(path: &Path) -> Result<File> {
 fn plain(meta: &Metadata) -> Result<()> {
     match (meta.is_file(), meta.is_dir()) {
         (true, _) => Ok(()),
-        (_, true) => Err(ErrorKind::IsADirectory.into()),
+        (_, true) => Err(Error::new(ErrorKind::IsADirectory, "is a directory; name a file in it")),
         _ => Err(Error::other("is not a plain file")),
     }
 }
