@@ -138,6 +138,16 @@ fn the_folder_of_a_run_stands_for_its_optimum() {
     let [of_run, of_file] = ["a", "b"].map(|folder| read(&format!("{folder}/README.txt")));
     assert!(lines.iter().all(|line| of_run.contains(line)), "{of_run}");
     assert!(!lines.iter().any(|line| of_file.contains(line)), "{of_file}");
+    // Its page has names as code, and no mark of it in a sentence.
+    let page = read("runs/yard/report.html");
+    let (_, body) = page.split_once("<body").unwrap();
+    let mut sentences = body.split("</script>").flat_map(|part| {
+        let (shown, _) = part.split_once("<script").unwrap_or((part, ""));
+        shown.split("</pre>").map(|part| part.split_once("<pre").map_or(part, |of| of.0))
+    });
+    let left = sentences.find_map(|part| Some(part.split_once('`')?.1));
+    assert_eq!(left.map(|words| words.chars().take(99).collect::<String>()), None);
+    page.says("beams; lower <code>beams</code> or take a sensor of finer spacing");
     // Its scene, for another frame: the vehicle and the words are still those of the run.
     ok("rig handover yard.json runs/yard --frame 1 --backend cpu --out h");
     let in_scene = read("h/README.txt");

@@ -93,9 +93,9 @@ fn heading(scene: &str, conditions: &[String], verdict: &str) -> Markup {
     html! {
         header {
             p.scene { "sightline · " (scene) (under(conditions)) }
-            h1 { (unbroken(first)) (stop) }
-            @if !rest.is_empty() { p { (rest) } }
-            @if !list.is_empty() { ul { @for place in list.lines() { li { (place) } } } }
+            h1 { (layout::prose_of(first, unbroken)) (stop) }
+            @if !rest.is_empty() { p { (layout::prose(rest)) } }
+            @if !list.is_empty() { ul { @for place in list.lines() { li { (layout::prose(place)) } } } }
         }
     }
 }
@@ -105,7 +105,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
     let main = html! {
         (section("required", "Requirements", &scores::required(subject)))
         @for step in run.map(next_in_words).unwrap_or_default() { p { (layout::prose(&step)) } }
-        @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
+        @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (layout::prose(words)) "." } }
         (section("required", "No requirement is set", &scores::usual(subject)))
         (layout::stage(subject, figures))
         @if subject.result.is_some() {
@@ -119,8 +119,8 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
         (section("overlap", "Overlap of the LiDARs", &seen::overlap(figures)))
         p.part { "For the sceptic: what to doubt, and how to repeat it" }
         (section("guards", "Warnings", &scores::guards(subject, run)))
-        @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
-        @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
+        @if let Some(words) = run.and_then(spread_in_words) { p { (layout::prose(&words)) } }
+        @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (layout::prose(&phases.words)) } }
         (section("against", "Against every baseline", &scores::against(subject, run)))
         (section("gains", "Where the gain comes from", &scores::gains(subject, figures)))
         (seen::maps(figures))

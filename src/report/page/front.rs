@@ -74,13 +74,13 @@ fn scores(front: &Front) -> Markup {
     let rows = all().map(|scores| (false, cells(scores)));
     html! {
         (layout::table("Scores of the points", &titles, rows))
-        @for words in requirements_in_words(all()) { p.small { (words) } }
+        @for words in requirements_in_words(all()) { p.small { (layout::prose(&words)) } }
         @for scores in all() {
             @let notes = notes(scores);
             @if !notes.is_empty() {
                 h3 { (scores.name) }
                 ul.guards {
-                    @for note in &notes { li { (note.trim_start_matches([' ', '+', '!', '*'])) } }
+                    @for note in &notes { li { (layout::prose(note.trim_start_matches([' ', '+', '!', '*']))) } }
                 }
             }
         }

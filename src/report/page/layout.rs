@@ -139,9 +139,14 @@ pub(super) fn text(text: impl AsRef<str>) -> Markup {
 
 /// A sentence, with code where it stands between backticks.
 pub(super) fn prose(words: &str) -> Markup {
+    prose_of(words, |part| html! { (part) })
+}
+
+/// A sentence, with code where it stands between backticks, and the other parts as `plain` has them.
+pub(super) fn prose_of(words: &str, plain: impl Fn(&str) -> Markup) -> Markup {
     html! {
         @for (index, part) in words.split('`').enumerate() {
-            @if index % 2 == 1 { code { (part) } } @else { (part) }
+            @if index % 2 == 1 { code { (part) } } @else { (plain(part)) }
         }
     }
 }

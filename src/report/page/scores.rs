@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::layout::{bar, difference, table, table_of, text};
+use super::layout::{bar, difference, prose, table, table_of, text};
 use super::{Figures, Subject};
 use crate::json::counted;
 use crate::report::tables::rows_by_scene;
@@ -136,7 +136,7 @@ pub(super) fn guards(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
             p { (meaning(&spoken)) }
             ul.guards {
                 @for (scored, why) in &spoken {
-                    li { b { (scored.placement.name) } ": " (why.join("; ")) }
+                    li { b { (scored.placement.name) } ": " (prose(&why.join("; "))) }
                 }
             }
         }
@@ -270,10 +270,10 @@ pub(super) fn required(subject: &Subject<'_>) -> Markup {
             div.required { (met_or_not(best, subject.baselines)) }
             p.small { (COUNTED_FROM) }
             ul.guards {
-                @for seen in all.iter().filter(|seen| has_more_to_tell(seen)) { li { (seen) } }
+                @for seen in all.iter().filter(|seen| has_more_to_tell(seen)) { li { (prose(&seen.to_string())) } }
             }
-            @if let Some(words) = best.scores.holds_in_words() { p { (words) "." } }
-            @if let Some(words) = breaks_first(all) { p { (words) "." } }
+            @if let Some(words) = best.scores.holds_in_words() { p { (prose(&words)) "." } }
+            @if let Some(words) = breaks_first(all) { p { (prose(&words)) "." } }
             @if let Some([mm, deg]) = best.scores.copies_off {
                 p.small { "Copies are mounted up to " (mm) " mm and " (deg) "° off, at random." }
             }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use serde_json::Value;
 
-use super::layout::{figure, table, text};
+use super::layout::{figure, prose, table, text};
 use super::{Figures, Looks, Subject, report_html};
 use crate::job::{Found, Job, JobError};
 use crate::json::counted;
@@ -48,14 +48,14 @@ fn notes(run: &RunRecord) -> Markup {
     html! {
         @if !run.constraints.is_empty() {
             p { "Rules kept:" }
-            ul.guards { @for line in rule_lines(&run.constraints) { li { (line) } } }
+            ul.guards { @for line in rule_lines(&run.constraints) { li { (prose(&line)) } } }
         }
         @if !run.ended.is_empty() { p { "Restarts: " (run.ended.join("; ")) "." } }
         @for layout in &run.left_out {
             p { "Not started from " (layout.name) ": " (layout.why.join("; ")) "." }
         }
         @if let Some(words) = run.fidelity.as_ref().map(|frames| frames.words.as_str()) {
-            p { "Fidelity: " (words) "." }
+            p { "Fidelity: " (prose(words)) "." }
         }
     }
 }
@@ -109,7 +109,7 @@ fn facts(run: &RunRecord) -> Markup {
         ("bound", certificate_in_words(run)),
     ];
     html! {
-        dl { @for (name, value) in facts { div { dt { (name) } dd { (value) } } } }
+        dl { @for (name, value) in &facts { div { dt { (name) } dd { (prose(value)) } } } }
     }
 }
 

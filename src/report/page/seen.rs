@@ -26,7 +26,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
             p { "A car is met by " (card.beams) " beams or more from 5 to " (trimmed(card.blind_between[1], 2)) " m all round, wherever it does not touch the own body." }
         } @else {
             p { "Blind sectors:" }
-            ul.guards { @for sector in &card.blind { li { (sector.to_string()) } } }
+            ul.guards { @for sector in &card.blind { li { (prose(&sector.to_string())) } } }
         }
         p {
             "Metres from the vehicle's origin to the middle of a target on level ground, alone, at which "
@@ -38,7 +38,7 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
         }
         p.small {
             (sizes_in_words(card))
-            @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { " " (words) }
+            @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { " " (prose(&words)) }
         }
         @if let Some(words) = &figures.relief { p { "Note: " (prose(words)) "." } }
         div.polar {
@@ -106,7 +106,7 @@ pub(super) fn redundancy(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 "Per cent by technology: seen by no technology (blind to all), by one, two, and three or more, and by \
                  each one. "
                 @if !subject.conditions.is_empty() { "Other sensors see as in clear air. " }
-                @for note in &figures.several.notes { "Note: " (note) ". " }
+                @for note in &figures.several.notes { "Note: " (prose(note)) ". " }
             }
             (table_of("Per cent seen by technologies", &technology_rows(all), |_| false))
         }
