@@ -47,7 +47,7 @@ pallet, iso3691-4-lying, iso3691-4-standing, iso18497; their dimensions and sour
 A LiDAR sees a voxel that its beams cover, ground with a hit within 0.5 m, and a target that five of its beams meet, at
 5 to 50 m in sixteen bearings on level ground. Where the LiDARs are of several models, MODEL alone: no other model sees
 it. A vehicle with other_sensors (cameras, radars) adds a table of technologies, and of things blind to all.
-docs/targets.md has the definitions.")]
+docs/redundancy.md has the definitions.")]
     Redundancy(answers::RedundancyArgs),
     /// Overlap of each pair of LiDARs, for calibration
     #[command(after_help = "Examples:
@@ -57,7 +57,7 @@ docs/targets.md has the definitions.")]
 Surface voxels in which both LiDARs have a hit, a mean over frames; on the diagonal the voxels of one LiDAR. Overlap:
 shared voxels as a share of the voxels of the LiDAR with fewer; a vehicle may require it (`require`). % of the
 sphere: directions in both fields of view. A rig is connected if pairs that share enough voxels lead from each LiDAR to
-every other one. docs/targets.md has the definitions.")]
+every other one. docs/redundancy.md has the definitions.")]
     Overlap(answers::OverlapArgs),
     /// One pose field of one LiDAR moved through a range
     #[command(

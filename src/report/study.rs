@@ -208,7 +208,7 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
     let rows = tilt.directions.iter().map(|of| row(of.direction.to_owned(), [&of.side], 2));
     let table = table_text(&["tilt, deg", "holds to", "then breaks"], rows);
     let about = format!(
-        "tilt: LiDARs turn; own body, ground and targets stay as they are (docs/targets.md)\n\
+        "tilt: LiDARs turn; own body, ground and targets stay as they are (docs/requirements.md)\n\
          all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to "
     );
     format!("{table}{about}{end}\n{}", tilted_hits_text(tilt))
@@ -380,7 +380,7 @@ mod tests {
         let later = TiltedTo { side: side_of(1.0, true), ..least.clone() };
         let limit_later = "hold to 1.25°, then near breaks (rear down)\n";
         assert!(text(&later).ends_with(limit_later), "{}", text(&later));
-        let model = "\ntilt: LiDARs turn; own body, ground and targets stay as they are (docs/targets.md)\nall LiDARs";
+        let model = "\ntilt: LiDARs turn; own body, ground and targets stay as they are (docs/requirements.md)\nall LiDARs";
         assert!(text(&least).contains(model), "{}", text(&least));
         (least.side.self_hit_at, least.self_hit_lidar) = (Some(1.25), Some(1));
         let told = text(&least);

@@ -18,7 +18,7 @@ const MARGIN: f64 = 0.01;
 const MARGIN_WEIGHT: f64 = 1e-3;
 /// Places beyond a rule on targets that a search wants where LiDARs may be mounted a little off.
 const ROOM: f64 = 2.0;
-/// Weight of a missing share of them: each place that is missing of 75 takes 0.4 % off the objective (docs/targets.md).
+/// Weight of a missing share of them: each place that is missing of 75 takes 0.4 % off the objective (docs/requirements.md).
 const ROOM_WEIGHT: f64 = 3e-5;
 /// Weight of single beams at places that are not met, where a met place weighs 1.
 const PARTIAL: f64 = 0.1;
