@@ -101,7 +101,7 @@ fn poses_are_those_of_the_placement_in_both_units_and_materials_add_up() {
     assert_eq!([phases(0), phases(1)], [["0", "0"]; 2].map(|both| both.map(String::from)));
     // A sensor within the body sees little else, and is told off.
     change(&dir, "p.json", |rigs| rigs["placements"][0]["lidars"][0]["z"] = json!(1.5));
-    let warning = "Warning: self_hit: LiDAR 0 ends ";
+    let warning = "Warning: self_hit: LiDAR 0 ";
     assert!(read(&handed_over(&dir, ""), "README.txt").contains(warning));
     let readme = read(&out, "README.txt");
     let line = readme.lines().find(|line| line.starts_with("  LiDAR 0: ")).unwrap();
@@ -310,7 +310,8 @@ fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_scor
         // One rounding, upwards: 34.61 % is told as 34.7 by guard and study.
         let share =
             format!("{:.1} %", (1e3 * number(&near["beams"][0]["own"]) - 1e-9).ceil() / 10.0);
-        let guard = format!("self_hit: LiDAR 0 ends {share} of its beams at the own vehicle");
+        let guard =
+            format!("self_hit: LiDAR 0 (roof) ends {share} of its beams at the own vehicle");
         assert!(made["guards"][0].text().starts_with(&guard), "{made}: {guard}");
     }
     let text = stdout(&dir, &("study nearfield p.json", more));

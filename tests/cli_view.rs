@@ -150,6 +150,6 @@ fn a_page_has_the_table_of_technologies_and_the_command_for_tolerances() {
     assert!(rows.len() >= 7, "{study}");
     rows.iter().for_each(|row| assert!(told.contains(row), "{row} of {told}"));
     told.says("|blind to all|by 1|2|3+|1 lidar|7 camera|5 radar");
-    told.says("% of the view of `radar 4`");
+    told.says("% of the view of radar 4");
     section(&page, "required").says("sightline study tolerance yard.json each.json:l0");
 }

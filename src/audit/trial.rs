@@ -324,7 +324,7 @@ mod tests {
             Scores { near_gain: Some(near_gain), guards, ..scores(100, 50, None) }
         };
         let unseen = |share| Guard::ClassUnseen { class: "car".into(), share };
-        let own = |lidar, share| Guard::SelfHit { lidar, share, frame: None };
+        let own = |lidar, share| Guard::SelfHit { lidar, mount: None, share, frame: None };
         let there =
             |share| Guard::InScene { scene: "street".into(), guard: Box::new(own(0, share)) };
         let hits = |hit_share| Guard::FewHits { hit_share, reference: 0.9 };

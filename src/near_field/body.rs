@@ -222,6 +222,14 @@ fn own_shares(
     Ok(shares)
 }
 
+/// Mount of a LiDAR of a placement by its index, where it has a name.
+fn mount_of(scene: &Scene, placement: &Placement) -> impl Fn(usize) -> Option<String> {
+    let names = scene.vehicle().mount_names(&placement.lidars);
+    let names: Vec<Option<String>> =
+        names.into_iter().map(|name| name.map(str::to_owned)).collect();
+    move |lidar| names[lidar].clone()
+}
+
 /// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.
 ///
 /// Casts beams itself: tallies count hits of all LiDARs together, whatever is hit. So the steps of a search do not know
@@ -237,7 +245,10 @@ pub fn self_hits(
 ) -> Result<Vec<Guard>, BackendError> {
     let shares = own_shares(scene, problem, engine, placement)?;
     let much = shares.into_iter().enumerate().filter(|(_, (share, _))| *share > MOST_SELF_HITS);
-    Ok(much.map(|(lidar, (share, frame))| Guard::SelfHit { lidar, share, frame }).collect())
+    let mount = mount_of(scene, placement);
+    let guard =
+        |(lidar, (share, frame))| Guard::SelfHit { lidar, mount: mount(lidar), share, frame };
+    Ok(much.map(guard).collect())
 }
 
 /// Share of a LiDAR's beams at the own body above which its mount is said to look into it.
@@ -331,7 +342,8 @@ pub fn below_ground(scene: &Scene, problem: &Problem, placement: &Placement) -> 
     let plane = WheelPlane::of(&footprint, frame, &ground_triangles(scene));
     let below = low.into_iter().map(|(lidar, pose)| (lidar, plane.at([pose.x, pose.y]) - pose.z));
     let below = below.filter(|(_, depth)| *depth > 0.0);
-    below.map(|(lidar, depth)| Guard::BelowGround { lidar, depth }).collect()
+    let mount = mount_of(scene, placement);
+    below.map(|(lidar, depth)| Guard::BelowGround { lidar, mount: mount(lidar), depth }).collect()
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::text::value_in_words;
 use super::warnings::{Blind, blind_in_words, kinds_beside, unseen_in_words};
 use crate::csv::rounded;
 use crate::json::counted;
-use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, percent_down};
+use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, lidar_name, percent_down};
 use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored, Tolerance};
 
 /// The result of a run against the best baselines, by the objective and by information gain.
@@ -122,7 +122,9 @@ fn judged_at(
 /// Sentence on LiDARs below the ground; empty where there are none.
 fn below_in_words(best: &Scored) -> String {
     let below = |guard: &Guard| match guard {
-        Guard::BelowGround { lidar, depth } => Some(format!("LiDAR {lidar} by {depth:.2} m")),
+        Guard::BelowGround { lidar, mount, depth } => {
+            Some(format!("{} by {depth:.2} m", lidar_name(*lidar, mount.as_deref())))
+        }
         _ => None,
     };
     let each: Vec<String> = best.scores.guards.iter().filter_map(below).collect();

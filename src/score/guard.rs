@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
 
-use super::percent_up;
+use super::{lidar_name, percent_up};
 use crate::maths;
 use crate::near_field::in_frame;
 use crate::problem::{Content, Entropy, Tally};
@@ -74,6 +74,8 @@ pub enum Guard {
     BelowGround {
         /// Index of the LiDAR.
         lidar: usize,
+        /// Its mount, where that has a name.
+        mount: Option<String>,
         /// Metres from it up to the ground.
         depth: f64,
     },
@@ -81,6 +83,8 @@ pub enum Guard {
     SelfHit {
         /// Index of the LiDAR.
         lidar: usize,
+        /// Its mount, where that has a name.
+        mount: Option<String>,
         /// Share of its beams that end at the own body.
         share: f64,
         /// Number of the frame where bodies move: the first with this share.
@@ -175,14 +179,16 @@ impl std::fmt::Display for Guard {
                 (1e4 * share).floor() / 100.0,
                 100.0 * LEAST_UNIQUE
             ),
-            Self::BelowGround { lidar, depth } => write!(
+            Self::BelowGround { lidar, mount, depth } => write!(
                 f,
-                "below_ground: LiDAR {lidar} is {depth:.2} m below the ground; heights are counted from the ground below \
-                 the vehicle"
+                "below_ground: {} is {depth:.2} m below the ground; heights are counted from the ground below \
+                 the vehicle",
+                lidar_name(*lidar, mount.as_deref())
             ),
-            Self::SelfHit { lidar, share, frame } => write!(
+            Self::SelfHit { lidar, mount, share, frame } => write!(
                 f,
-                "self_hit: LiDAR {lidar} ends {:.1} % of its beams at the own vehicle{}, more than {:.0} %{}",
+                "self_hit: {} ends {:.1} % of its beams at the own vehicle{}, more than {:.0} %{}",
+                lidar_name(*lidar, mount.as_deref()),
                 percent_up(*share),
                 frame.map_or(String::new(), in_frame),
                 100.0 * MOST_SELF_HITS,
@@ -358,7 +364,7 @@ mod tests {
 
     #[test]
     fn a_lidar_all_of_whose_beams_end_at_the_body_stands_inside_it() {
-        let told = |share| Guard::SelfHit { lidar: 3, share, frame: None }.to_string();
+        let told = |share| Guard::SelfHit { lidar: 3, mount: None, share, frame: None }.to_string();
         let half = "self_hit: LiDAR 3 ends 50.6 % of its beams at the own vehicle, more than 25 %";
         assert_eq!(told(0.506), half);
         assert_eq!(

@@ -155,7 +155,8 @@ fn a_sensor_close_above_the_roof_wastes_beams_and_says_so() {
     let wasted = ends.iter().filter(|end| end.is_none()).count() as f64 / ends.len() as f64;
     assert!(wasted > crate::score::MOST_SELF_HITS && wasted < 0.9, "{wasted}");
     let guards = self_hits(&scene, &problem, &mut engine, &one(SensorPose::at(0.0, 0.0, 1.6)));
-    let [crate::score::Guard::SelfHit { lidar: 0, share, frame: None }] = guards.unwrap()[..]
+    let [crate::score::Guard::SelfHit { lidar: 0, mount: None, share, frame: None }] =
+        guards.unwrap()[..]
     else {
         panic!()
     };
@@ -173,7 +174,7 @@ fn a_lidar_below_the_ground_under_the_wheels_has_a_guard() {
         let scene = scene_on(ground, "");
         below_ground(&scene, &problem(&scene), &placement)
     };
-    let [Guard::BelowGround { lidar: 1, depth }] = told(0.0)[..] else { panic!() };
+    let [Guard::BelowGround { lidar: 1, mount: None, depth }] = told(0.0)[..] else { panic!() };
     assert!((depth - 0.5).abs() < 1e-6, "{depth}");
     // An ego frame with its origin at the height of a sensor.
     assert_eq!(told(-1.73), []);

@@ -254,7 +254,7 @@ fn many_blind_sectors_are_counted_first_and_listed_last() {
 fn a_lidar_below_the_ground_is_said_first() {
     let mut found = planted("found", 1.0, 500.0);
     found.scores.required = vec![Seen::of("child", 0.95)];
-    found.scores.guards = vec![Guard::BelowGround { lidar: 1, depth: 0.5 }];
+    found.scores.guards = vec![Guard::BelowGround { lidar: 1, mount: None, depth: 0.5 }];
     let words = verdict(Some(&found), &[], "near_gain");
     let start = "BELOW THE GROUND: LiDAR 1 by 0.50 m. The placement found meets its requirement";
     assert!(words.starts_with(start), "{words}");
