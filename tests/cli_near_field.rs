@@ -162,3 +162,66 @@ fn what_cannot_be_is_named() {
     fails(&dir, "study nearfield yard.json --backend cpu")
         .says("yard.json: there is no ground within 10 m");
 }
+
+#[test]
+fn a_search_looks_away_from_the_own_body() {
+    let dir = TempDir::new().unwrap();
+    let block = |class: &str, low: [f64; 3], high: [f64; 3]| json!({ "class": class, "box": { "min": low, "max": high } });
+    let actor = |class: &str, size: [f64; 3], poses: [[f64; 3]; 3]| {
+        json!({ "parts": [{ "class": class, "box": { "foot": [0, 0, 0], "size": size } }],
+                "poses": poses.map(|[x, y, yaw]| json!({ "x": x, "y": y, "yaw": yaw })) })
+    };
+    write(
+        &dir,
+        "rings.json",
+        &json!({ "elevation_deg":
+        [-31, -25, -19, -15, -12, -9.5, -7, -5.5, -4, -3, -2.5, -2, -1, -0.5, 0, 1, 2, 3, 6, 11] }),
+    );
+    let vehicle = json!({ "sightline": 1, "min_distance": 0.15,
+        "body": [block("vehicle", [-2.0, -1.0, 0.3], [2.5, 1.0, 1.5]),
+                 block("vehicle", [-1.5, -0.9, 1.5], [1.0, 0.9, 2.0])],
+        "sensors": [{ "name": "a", "phase": 0, "lidar": { "file": "rings.json", "azimuth_steps": 180, "range": 60 } }],
+        "mounts": [{ "name": "roof", "min": [-0.3, -0.4, 2.2], "max": [0.3, 0.4, 2.2], "pitch": [0, 0.2], "count": 2 }] });
+    let scene = json!({ "sightline": 1, "coverage": "first-hit", "frames": 3, "vehicle": vehicle,
+        "roi": { "min": [-15, -15, -1], "max": [15, 15, 3], "voxel": [0.5, 0.5, 0.5] },
+        "static": [{ "class": "road", "plane": { "min": [-80, -80], "max": [120, 80], "z": 0 } },
+                   block("building", [5.0, 8.0, 0.0], [14.0, 16.0, 6.0]),
+                   { "class": "wall", "box": { "center": [-9, -7, 1], "size": [7, 0.4, 2], "yaw": 0.4 } }],
+        "actors": [actor("vehicle", [4.2, 1.8, 1.5], [[9.0, -7.0, 0.3], [8.0, -2.5, 0.5], [7.0, 2.0, 2.0]]),
+                   actor("pedestrian", [0.4, 0.5, 1.75], [[3.0, -3.0, 0.0], [4.0, -2.6, 0.0], [5.0, -2.2, 0.0]])],
+        "ego": { "poses": [{ "x": 0, "y": 0 }, { "x": 1.3, "y": 0.4, "yaw": 0.2 }, { "x": 2.5, "y": -0.7, "yaw": -0.5 }] },
+        "psog": { "scan": { "spacing": 0.4, "window": 1 } } });
+    write(&dir, "s.json", &scene);
+    let args =
+        "--objective information_gain --tolerance 0 --evaluations 40 --backend cpu --out run";
+    let found = ok(&dir, &format!("optimize s.json {args}"))["best"].clone();
+    assert!(!found["scores"]["guards"].to_string().contains("self_hit"), "{found}");
+    // Every pair of a coarser grid, of poses that do not look at the roof: `plain` is far below them.
+    let pose = |k: usize| {
+        let (x, y, pitch) =
+            (0.3 * (k / 15) as f64 - 0.3, 0.4 * (k / 5 % 3) as f64 - 0.4, 0.05 * (k % 5) as f64);
+        json!({ "x": x, "y": y, "z": 2.2, "pitch": pitch })
+    };
+    let scores = |rigs: Vec<Vec<usize>>| {
+        let lidars = |rig: &Vec<usize>| rig.iter().map(|&k| pose(k)).collect::<Vec<_>>();
+        let rigs = rigs.iter().enumerate();
+        let rigs: Vec<Value> = rigs
+            .map(|(k, rig)| json!({ "name": format!("r{k}"), "lidars": lidars(rig) }))
+            .collect();
+        write(&dir, "rigs.json", &json!({ "placements": rigs }));
+        ok(&dir, "score s.json rigs.json --tolerance 0 --backend cpu")["scores"].list().to_vec()
+    };
+    let alone = scores((0..45).map(|k| vec![k]).collect());
+    let is_clear = |k: &usize| !alone[*k]["guards"].to_string().contains("self_hit");
+    let clear: Vec<usize> = (0..45).filter(is_clear).collect();
+    assert!((5..40).contains(&clear.len()), "{clear:?}");
+    let best_of = |few: &[usize]| {
+        let pairs = few.iter().flat_map(|a| few.iter().map(|b| vec![*a, *b]));
+        let gains = scores(pairs.filter(|pair| pair[0] / 5 < pair[1] / 5).collect());
+        gains.iter().map(|of| of["information_gain"].number()).fold(0.0, f64::max)
+    };
+    let (best, pair) = (found["objective"].number(), best_of(&clear));
+    assert!(best >= pair, "{best} {pair}");
+    let all: Vec<usize> = (0..45).collect();
+    assert!(best_of(&all) > pair, "a pair that looks at the roof gains more");
+}

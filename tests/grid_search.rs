@@ -316,8 +316,15 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
         let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
         let start = [-1.0, 0.0, 1.0].map(|x| SensorPose::at(x, 0.0, 0.0));
         let start = Placement { name: "start".into(), lidars: start.to_vec() };
-        let settings =
-            SwapSettings { spacing, casts: 2000, whole: true, memory: MEMORY, seed, roomy: false };
+        let settings = SwapSettings {
+            spacing,
+            casts: 2000,
+            whole: true,
+            memory: MEMORY,
+            seed,
+            roomy: false,
+            looks_away: false,
+        };
         let swapped = swap_anywhere(
             &mut evaluator,
             &objective,
@@ -354,8 +361,15 @@ fn swaps_among_some_poses_go_on_until_no_neighbour_is_better() {
         let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
         let grid = PoseGrid::new(&rules, spacing).unwrap();
         assert_eq!(grid.len(), 9 * 9 * 5 * 7);
-        let settings =
-            SwapSettings { spacing, casts: 600, whole: false, memory: MEMORY, seed, roomy: false };
+        let settings = SwapSettings {
+            spacing,
+            casts: 600,
+            whole: false,
+            memory: MEMORY,
+            seed,
+            roomy: false,
+            looks_away: false,
+        };
         let (climbing, mut climbs) = (Climbing::default(), Vec::new());
         let mut go_on = |_| {
             climbs.extend(climbing.progress());
@@ -398,8 +412,15 @@ fn a_whole_grid_that_does_not_fit_into_memory_is_refused_before_a_cast() {
     let backend = Box::new(CpuBackend::new(problem.task().clone(), MEMORY));
     let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
     let spacing = Spacing { metres: 0.5, radians: 0.1 };
-    let settings =
-        SwapSettings { spacing, casts: 600, whole: true, memory: 1 << 10, seed: 1, roomy: false };
+    let settings = SwapSettings {
+        spacing,
+        casts: 600,
+        whole: true,
+        memory: 1 << 10,
+        seed: 1,
+        roomy: false,
+        looks_away: false,
+    };
     let objective: Objective = "information_gain".parse().unwrap();
     let never = &mut |_| panic!("nothing is cast");
     let error =

@@ -232,8 +232,8 @@ fn mount_of(scene: &Scene, placement: &Placement) -> impl Fn(usize) -> Option<St
 
 /// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.
 ///
-/// Casts beams itself: tallies count hits of all LiDARs together, whatever is hit. So the steps of a search do not know
-/// this guard; it is for results, layouts given and moves within the mounting tolerance.
+/// Casts beams itself: tallies count hits of all LiDARs together, whatever is hit. So most steps of a search do not know
+/// this guard; it is for results, layouts given, moves within the mounting tolerance, and swaps that look away from the body.
 ///
 /// # Errors
 /// A device that fails, a sensor that the vehicle does not have.

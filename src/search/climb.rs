@@ -8,8 +8,10 @@ use rayon::prelude::*;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
+use crate::engine::BackendError;
 use crate::score::Standing;
 use crate::search::atlases::Unions;
+use crate::vehicle::SensorPose;
 
 /// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
 const OFFERS: usize = 4;
@@ -34,6 +36,17 @@ enum Turn {
     Pair(usize),
     /// The height of all.
     Height,
+}
+
+impl Turn {
+    /// Poses of a placement that the turn moves.
+    fn of(self, poses: &[u32]) -> &[u32] {
+        match self {
+            Self::Lidar(lidar) => &poses[lidar..lidar + 1],
+            Self::Pair(lidar) => &poses[lidar..lidar + 2],
+            Self::Height => poses,
+        }
+    }
 }
 
 enum Swap {
@@ -62,7 +75,8 @@ impl GridSearch {
     /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and no swap
     /// leads to a placement that does not. Guards take a cast of the whole placement, so they are asked at the end
     /// alone. If one is violated there, the climb is done again and each swap is checked. Requirements need no check: a
-    /// missing share is taken off the objective, see [`Self::require`].
+    /// missing share is taken off the objective, see [`Self::require`]. Where LiDARs are to look away from the own body,
+    /// none turns to it unless that brings more of what is required.
     ///
     /// `go_on` is asked before each turn, after every few candidates and as by [`Self::hold_while`], with the poses
     /// cast so far. Once it says no, the turn under way does not count and the climb ends where that turn began,
@@ -78,7 +92,9 @@ impl GridSearch {
             return Ok(None);
         };
         let standing = self.standing_while(evaluator, &end, go_on)?;
-        if standing.is_none_or(|standing| standing.guards == 0) {
+        // Swaps look away from the own body wherever they can.
+        let at_body = self.at_own_body(evaluator, &end.poses)?;
+        if standing.is_none_or(|standing| standing.guards <= at_body) {
             return Ok(Some(end));
         }
         self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
@@ -253,6 +269,9 @@ impl GridSearch {
         (least, held): (f64, Option<Standing>),
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Swap, SearchError> {
+        // A LiDAR that looks at the own body leaves, whatever the objective loses.
+        let leaves = self.at_own_body(evaluator, turn.of(here))? > 0;
+        let least = if leaves { f64::NEG_INFINITY } else { least };
         let candidates = self.candidates(here, turn, moves);
         let mut better = Vec::new();
         for (index, some) in candidates.chunks(self.at_once(here, turn)).enumerate() {
@@ -266,10 +285,22 @@ impl GridSearch {
         }
         // Stable: of equal placements the one with the lower number of a pose comes first.
         better.sort_by(|a, b| b.value.total_cmp(&a.value));
-        let Some(held) = held else {
-            return Ok(better.into_iter().next().map_or(Swap::Stay, |best| Swap::To(best, None)));
-        };
-        for placement in better.into_iter().take(OFFERS) {
+        let mut offers = 0;
+        for placement in better {
+            let is_at_body = self.at_own_body(evaluator, turn.of(&placement.poses))? > 0;
+            let is_worth_it = match (is_at_body, leaves) {
+                (true, _) => self.lacks_less(evaluator, &placement.poses, here)?,
+                (false, true) => !self.lacks_less(evaluator, here, &placement.poses)?,
+                (false, false) => true,
+            };
+            if !is_worth_it {
+                continue;
+            }
+            let Some(held) = held else { return Ok(Swap::To(placement, None)) };
+            offers += 1;
+            if offers > OFFERS {
+                break;
+            }
             let Some(standing) = self.standing_while(evaluator, &placement, go_on)? else {
                 return Ok(Swap::Cut);
             };
@@ -279,6 +310,32 @@ impl GridSearch {
             }
         }
         Ok(Swap::Stay)
+    }
+
+    /// Poses that look at the own body, by their number; 0 where that does not matter.
+    pub(super) fn at_own_body(
+        &self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+    ) -> Result<usize, BackendError> {
+        if !self.looks_away {
+            return Ok(0);
+        }
+        let lidars: Vec<SensorPose> =
+            poses.iter().map(|&pose| self.atlas.grid().pose(pose)).collect();
+        evaluator.at_own_body(&lidars)
+    }
+
+    /// True if one placement misses less of the requirements than another.
+    fn lacks_less(
+        &mut self,
+        evaluator: &mut Evaluator,
+        one: &[u32],
+        other: &[u32],
+    ) -> Result<bool, SearchError> {
+        // An atlas that forgets may not hold them any more.
+        self.hold(evaluator, &[one, other].concat())?;
+        Ok(self.has_requirements() && self.lacks(one)[0] < self.lacks(other)[0])
     }
 
     /// Candidates of a turn between two calls of `go_on`: no more than fit into the atlas.

@@ -1,6 +1,6 @@
 //! Scores of placements: one scene or several, an engine for each, and the scores over all of them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -10,10 +10,12 @@ use super::pilot::Known;
 use super::seat::Seat;
 use super::suite::{Member, Suite};
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
+use crate::near_field::self_hits;
 use crate::problem::{Problem, Tally};
+use crate::scene::Scene;
 use crate::score::{Guard, Objective, Scores, Seen, totals};
 use crate::targets::{Sight, SightBeams};
-use crate::vehicle::{Constraints, Placement, UnknownSensor};
+use crate::vehicle::{Constraints, Placement, SensorName, SensorPose, UnknownSensor};
 
 /// Scores placements on an engine for each scene; most have one scene.
 pub struct Evaluator {
@@ -21,6 +23,18 @@ pub struct Evaluator {
     seats: Vec<Seat>,
     /// Targets and ground that must be met, and a car all round where a search looks for it.
     sight: Option<Arc<Sight>>,
+    /// Where a search looks whether LiDARs look at the own body.
+    own_body: Option<OwnBodyLooks>,
+}
+
+/// A scene whose own body LiDARs may look at, and whether poses do: more than a quarter of their beams end there.
+struct OwnBodyLooks {
+    scene: Arc<Scene>,
+    known: HashMap<([u64; 6], SensorName), bool>,
+}
+
+fn key_of(lidar: &SensorPose) -> ([u64; 6], SensorName) {
+    (lidar.values().map(f64::to_bits), lidar.sensor)
 }
 
 /// The scores of a placement in one of several scenes.
@@ -85,7 +99,7 @@ fn sight_of(seats: &[Seat], watches_cars: bool) -> Option<Arc<Sight>> {
 impl Evaluator {
     fn of_seats(seats: Vec<Seat>) -> Self {
         let sight = sight_of(&seats, false);
-        Self { seats, sight }
+        Self { seats, sight, own_body: None }
     }
 
     /// An evaluator on the CPU, with half of the free memory for work buffers.
@@ -144,6 +158,31 @@ impl Evaluator {
     pub(super) fn watching_cars(self, objective: &Objective) -> Self {
         let sight = sight_of(&self.seats, objective.weighs_place());
         Self { sight, ..self }
+    }
+
+    /// A copy that tells which LiDARs look at the own body of a scene.
+    #[must_use]
+    pub(super) fn looking_at_body(self, scene: Option<Arc<Scene>>) -> Self {
+        let own_body = scene.map(|scene| OwnBodyLooks { scene, known: HashMap::new() });
+        Self { own_body, ..self }
+    }
+
+    /// Number of LiDARs that end more than a quarter of their beams at the own body, see [`self_hits`]; 0 where no body is
+    /// looked at.
+    pub(super) fn at_own_body(&mut self, lidars: &[SensorPose]) -> Result<usize, BackendError> {
+        let Some(OwnBodyLooks { scene, known }) = &mut self.own_body else { return Ok(0) };
+        let new = lidars.iter().filter(|lidar| !known.contains_key(&key_of(lidar)));
+        let new = Placement { name: String::new(), lidars: new.copied().collect() };
+        if !new.lidars.is_empty() {
+            let Seat { member, backend, .. } = &mut self.seats[0];
+            let guards = self_hits(scene, member.problem(), &mut **backend, &new)?;
+            known.extend(new.lidars.iter().map(|lidar| (key_of(lidar), false)));
+            for guard in guards {
+                let Guard::SelfHit { lidar, .. } = guard else { continue };
+                known.insert(key_of(&new.lidars[lidar]), true);
+            }
+        }
+        Ok(lidars.iter().filter(|lidar| known[&key_of(lidar)]).count())
     }
 
     pub(super) fn sight(&self) -> Option<&Arc<Sight>> {

@@ -68,6 +68,8 @@ pub struct GridSearch {
     pub(super) blind: f64,
     /// True if more places of targets are wanted than the rules ask for.
     pub(super) roomy: bool,
+    /// True if LiDARs are to look away from the own body.
+    pub(super) looks_away: bool,
     /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
     looked_at: HashMap<Vec<u32>, Standing>,
 }
@@ -107,6 +109,7 @@ impl GridSearch {
             penalty: 0.0,
             blind: 0.0,
             roomy: false,
+            looks_away: false,
             looked_at: HashMap::new(),
         }
     }
@@ -284,7 +287,8 @@ impl GridSearch {
         let (cast, is_few) = (self.atlas.poses_cast(), evaluator.frame_count() <= FRAMES_AT_ONCE);
         let scores = evaluator.scores_while(&scored, &mut || is_few || go_on(cast))?;
         let Some(scores) = scores.map(|mut scores| scores.remove(0)) else { return Ok(None) };
-        let (violation, guards) = (scores.missing(), scores.doubts());
+        let at_body = self.at_own_body(evaluator, &placement.poses)?;
+        let (violation, guards) = (scores.missing(), scores.doubts() + at_body);
         let standing = Standing { violation, guards, value: Some(placement.value), blind: 0.0 };
         self.looked_at.insert(placement.poses.clone(), standing);
         Ok(Some(standing))

@@ -68,6 +68,8 @@ pub struct SwapSettings {
     pub seed: u64,
     /// True if more places of targets are wanted than the rules ask for, since LiDARs may be mounted a little off.
     pub roomy: bool,
+    /// True if LiDARs are to look away from the own body.
+    pub looks_away: bool,
 }
 
 /// How far the climbs of swaps are, for whoever is asked whether to go on: among poses that are cast no cast tells it.
@@ -210,6 +212,7 @@ fn grid_search(
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     search.watch_cars(CAR_WEIGHT);
     search.roomy = settings.roomy;
+    search.looks_away = settings.looks_away;
     let required = search.has_requirements();
     if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
     {

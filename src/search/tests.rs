@@ -401,6 +401,7 @@ fn ends_of_climbs_are_told_apart_by_requirements_though_their_poses_were_forgott
             memory: MEMORY,
             seed: 1,
             roomy: false,
+            looks_away: false,
         };
         let starts: Vec<Placement> = [[-1.0, 1.0], [0.5, -0.5], [1.0, 0.0]]
             .map(|[x, y]| Placement {

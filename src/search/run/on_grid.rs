@@ -39,6 +39,12 @@ const REFINEMENTS: [Refinement; 2] = [
 /// Frames of each scene that refinements count from if the first swaps are over fewer.
 const LEAST_FRAMES: usize = 4;
 
+/// Spacings of the grids, as shares of the first one, on which LiDARs look away from the own body: the next only where they
+/// do not on the one before.
+const AWAY: [f64; 2] = [0.25, 1.0];
+/// Steps along a pose field, at most, by which a LiDAR looks away.
+const AWAY_STEPS: u32 = 8;
+
 /// Casts of the swaps over all frames, as a multiple of a refinement's.
 const AGAIN: f64 = 1.2;
 /// Least sensor poses a LiDAR of these swaps, or they are left out: fewer are spread too thin. On a van with 40 frames they
@@ -88,7 +94,8 @@ impl Run {
     fn settings_on(&self, spacing: Spacing, casts: u64, whole: bool) -> SwapSettings {
         let Settings { seed, tolerance, .. } = self.state.settings;
         let roomy = tolerance.is_some_and(|tolerance| tolerance.is_some());
-        SwapSettings { spacing, casts, whole, memory: self.memory() / 2, seed, roomy }
+        let (memory, looks_away) = (self.memory() / 2, false);
+        SwapSettings { spacing, casts, whole, memory, seed, roomy, looks_away }
     }
 
     /// Swaps anywhere over the present frames, with about `casts` casts of a pose, or all poses of the whole grid.
@@ -171,6 +178,48 @@ impl Run {
                 self.cut_at(before, watch);
                 return Ok(());
             }
+        }
+        self.turn_away(&starts, work.casts / self.frames().len() as u64, watch)
+    }
+
+    /// Where the best end looks at the own body, swaps once more from the ends with LiDARs that look away, with so many
+    /// `casts` at most on each grid. Their end joins the others: the best of them is the result.
+    fn turn_away(
+        &mut self,
+        starts: &[Placement],
+        casts: u64,
+        watch: &mut Watch,
+    ) -> Result<(), SearchError> {
+        let Some(best) = self.state.swaps.as_ref().map(|swaps| swaps.placement.clone()) else {
+            return Ok(());
+        };
+        let (settings, mut end) = (self.state.settings.clone(), best);
+        let Spacing { metres, radians } = settings.grid(self.suite.constraints())?.1;
+        for share in AWAY {
+            if watch.is_over() || self.guards_of_body(&end, watch)?.is_empty() {
+                break;
+            }
+            let spacing = Spacing { metres: share * metres, radians: share * radians };
+            if PoseGrid::new(self.suite.constraints(), spacing).is_err() {
+                continue;
+            }
+            let on_grid =
+                SwapSettings { looks_away: true, ..self.settings_on(spacing, casts, false) };
+            let (evaluator, objective) = (self.evaluator(watch)?, &settings.objective);
+            let mut go_on = |cast: u64| {
+                let (before, total) =
+                    (REFINEMENTS.len() as u64 * casts, (REFINEMENTS.len() as u64 + 1) * casts);
+                let done = (before + cast).min(total);
+                watch.tell(&Event::Progress { work: Work::Refinements, done, total })
+            };
+            let found = swap_from(evaluator, objective, &on_grid, AWAY_STEPS, starts, &mut go_on)?;
+            let Some(found) = found else { continue };
+            self.note_swaps(found.poses_cast);
+            let Some(swaps) = &mut self.state.swaps else { return Ok(()) };
+            swaps.evaluations += found.evaluations;
+            swaps.poses_cast += found.poses_cast;
+            swaps.others.insert(0, found.placement.clone());
+            end = found.placement;
         }
         Ok(())
     }

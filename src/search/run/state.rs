@@ -290,7 +290,7 @@ impl Run {
     }
 
     /// Looks at the own body in a scene: results, layouts given and moves then have the guards `self_hit` and `below_ground`
-    /// when they are compared. The steps of a method do not know them.
+    /// when they are compared, and swaps the first. Generations know neither.
     pub(crate) fn look_at_body_in(&mut self, scene: Arc<Scene>) {
         self.body_in = Some(scene);
     }
@@ -418,7 +418,7 @@ impl Run {
                 self.sitting.named = true;
             }
             let evaluator = evaluator.watching_cars(&self.state.settings.objective);
-            self.sitting.evaluator = Some(evaluator);
+            self.sitting.evaluator = Some(evaluator.looking_at_body(self.body_in.clone()));
             self.sitting.frames = frames;
         }
         Ok(self.sitting.evaluator.as_mut().expect("opened above"))
