@@ -92,7 +92,7 @@ fn a_table_for_people_and_a_chart() {
     let text = stdout(&dir, &(args, &of));
     text.says("two: z of LiDAR 1").says("req 1: car from 5 to 20 m, 90.0 % required");
     text.says("rules broken in 1 of 4 rows; at 3.000 m:\n  LiDAR 1: z is 0.500 m outside the mount roof\n");
-    text.says("\ncar lost °: bearings in which a car is lost between 5 and 50 m\n");
+    text.says("\ncar lost °: width of the sectors of 30° in which a car is lost somewhere between 5 and 50 m\n");
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     assert!(
         text.starts_with("Scores and requirements by one pose field, over 1 frame of yard\n"),

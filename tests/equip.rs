@@ -13,6 +13,8 @@ use sightline::vehicle::{
 
 use crate::common::*;
 
+mod few;
+
 /// Two models, two small mounts of at most two and one sensors.
 fn vehicle(require: Vec<Requirement>) -> Vehicle {
     let lidar = |steps, range, name: &str| {

@@ -123,15 +123,18 @@ fn copies(point: &FrontPoint) -> Option<f64> {
     point.scores.requirements_hold_in.filter(|_| point.meets && !point.scores.required.is_empty())
 }
 
-/// Degrees of bearings in which a car is lost, as `study loss` has them; `None` where nobody looked.
+/// Width of the sectors in which a car is lost, degrees, as `study loss` has it; `None` where nobody looked.
 fn blind(point: &FrontPoint) -> Option<f64> {
     point.scores.range_card.as_ref().map(|_| lost(&point.scores))
 }
 
-/// Meaning of the column of blind bearings, with the distances that were looked at.
+/// Meaning of the column of blind sectors, with the distances that were looked at.
 pub(super) fn blind_in_words(front: &Front) -> String {
     let card = front.points.iter().find_map(|point| point.scores.range_card.as_ref());
-    format!("blind °: bearings in which a car is lost {}", RangeCard::between_in_words(card))
+    format!(
+        "blind °: width of the sectors of 30° in which a car is lost somewhere {}",
+        RangeCard::between_in_words(card)
+    )
 }
 
 /// A value of an objective as tables and drawings show it: gains and missing shares that are shares in per cent.
@@ -349,7 +352,8 @@ mod tests {
         assert_eq!((&*rows[2][0], &*rows[2][2]), ("mine", "25.00"));
         assert_eq!(rows[2].last().map(String::as_str), Some("baseline"));
         // Sensors that reach 20 m: nobody looked farther.
-        let words = "blind °: bearings in which a car is lost between 5 and";
+        let words =
+            "blind °: width of the sectors of 30° in which a car is lost somewhere between 5 and";
         assert_eq!(blind_in_words(&front), format!("{words} 50 m"));
         let card = RangeCard { blind_between: [5.0, 20.0], ..RangeCard::default() };
         front.points[0].scores.range_card = Some(card);

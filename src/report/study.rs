@@ -67,7 +67,7 @@ const DRAWN: [(ScoreColumn, &str); 2] =
 /// Requirements that are drawn at most: more would hide each other.
 const MOST_DRAWN: usize = 6;
 
-/// Degrees of bearings in which a car is lost; see [`RangeCard::blind_between`].
+/// Width of the sectors in which a car is lost, degrees; see [`RangeCard::blind_between`].
 pub(super) fn lost(scores: &Scores) -> f64 {
     let of = |guard: &Guard| match guard {
         Guard::BlindSector(sector) => sector.degrees(),
@@ -118,7 +118,7 @@ fn first_of(sweep: &Sweep, title: &str, faults: impl Fn(&SweepRow) -> Vec<String
     format!("{title} in {count} of {} rows; at {}:\n{faults}", all.len(), head(sweep, first))
 }
 
-/// A table a placement: scores, requirements, degrees in which a car is lost, and rules at each value.
+/// A table a placement: scores, requirements, width of the sectors in which a car is lost, and rules at each value.
 pub(crate) fn sweep_text(all: &[Sweep]) -> String {
     let of = |sweep: &Sweep| {
         let Sweep { placement, lidar, mirrored_lidar, field, .. } = sweep;
@@ -136,7 +136,9 @@ pub(crate) fn sweep_text(all: &[Sweep]) -> String {
         }
         if let Some(card) = &first.scores.range_card {
             let between = RangeCard::between_in_words(Some(card));
-            text += &format!("car lost °: bearings in which a car is lost {between}\n");
+            text += &format!(
+                "car lost °: width of the sectors of 30° in which a car is lost somewhere {between}\n"
+            );
         }
         text += &first_of(sweep, "rules broken", |row| row.broken_rules.clone());
         text + &first_of(sweep, "a LiDAR looks at the own vehicle", |row| {

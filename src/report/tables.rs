@@ -202,7 +202,7 @@ pub(crate) fn overlap_csv(all: &[Overlap]) -> String {
     csv(rows)
 }
 
-/// A row a value of the field: scores, bearings in which a car is lost, rules that are broken.
+/// A row a value of the field: scores, width of the sectors in which a car is lost, rules that are broken.
 pub(crate) fn sweep_csv(all: &[Sweep]) -> String {
     let mut first = header("lidar,field,value,unit,as_given");
     first.extend(score_titles(&[]));

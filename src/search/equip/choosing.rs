@@ -1,6 +1,7 @@
 //! The search for equipment on one coarse grid over all models and mounts, and how far it is.
 
 mod candidates;
+mod few;
 
 use serde::{Deserialize, Serialize};
 
@@ -275,7 +276,7 @@ impl Equip {
     }
 
     /// A climb from the equipment grown by gain, then one from that grown by gain for the money; the better end of
-    /// them.
+    /// them, or the best of all rigs where they are few.
     pub(super) fn step(&mut self, state: &mut Choosing, watch: &mut Watch) -> EquipStep {
         if let Some(climb) = &mut state.climb {
             if climb.index < climb.poses.len() && climb.round < ROUNDS {
@@ -292,7 +293,11 @@ impl Equip {
         let grown = match state.ends.len() {
             0 => self.grown(Vec::new(), |gain, _| gain, 0, watch),
             1 => self.grown(Vec::new(), |gain, price| gain / price.max(1e-9), ROUNDS, watch),
-            _ => return EquipStep::Done(self.better(&state.ends)),
+            _ => {
+                let few = self.best_of_few(watch);
+                let ends: Vec<Vec<u32>> = state.ends.iter().cloned().chain(few).collect();
+                return EquipStep::Done(self.better(&ends));
+            }
         };
         if watch.is_over() {
             return self.cut(state, grown, watch);

@@ -1,0 +1,47 @@
+//! The best of all rigs on a grid that has few of them: fixed brackets, say, of which only the sensors are open.
+
+use super::*;
+
+/// Most poses of a grid whose rigs are counted.
+const FEW_POSES: u32 = 64;
+/// Most rigs that are looked at one by one.
+const FEW_RIGS: usize = 1000;
+
+/// Sensors to which others are added whose poses have higher numbers than `last`.
+struct Begun {
+    chosen: Vec<Choice>,
+    last: Option<u32>,
+}
+
+impl Equip {
+    /// Poses of the best rig within the limits, the first of equal ones; `None` where rigs are many, where there is none, and
+    /// where the watch is over. Climbs exchange one sensor at a time: they may end at a rig that only two exchanges at once
+    /// better.
+    pub(super) fn best_of_few(&mut self, watch: &Watch) -> Option<Vec<u32>> {
+        if self.pose_count() > FEW_POSES {
+            return None;
+        }
+        let mut open = vec![Begun { chosen: Vec::new(), last: None }];
+        let mut best: Option<(f64, Vec<u32>)> = None;
+        let mut count = 0;
+        while let Some(Begun { chosen, last }) = open.pop() {
+            let mut groups = self.candidates(&chosen);
+            groups.retain(|group| last.is_none_or(|last| group.one.pose > last));
+            count += groups.len();
+            if count > FEW_RIGS || watch.is_over() {
+                return None;
+            }
+            let added: Vec<(u32, Option<u32>)> =
+                groups.iter().map(|of| (of.one.pose, of.image.map(|image| image.pose))).collect();
+            let values = self.grid.values_with_groups(&Self::poses(&chosen), &added);
+            for (group, value) in groups.iter().zip(values) {
+                let rig: Vec<Choice> = chosen.iter().copied().chain(group.choices()).collect();
+                if self.is_rig(&rig) && best.as_ref().is_none_or(|(most, _)| value > *most) {
+                    best = Some((value, Self::poses(&rig)));
+                }
+                open.push(Begun { chosen: rig, last: Some(group.one.pose) });
+            }
+        }
+        best.map(|(_, poses)| poses)
+    }
+}
