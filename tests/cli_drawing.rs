@@ -27,6 +27,28 @@ fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
 }
 
 #[test]
+fn the_name_of_the_arrow_to_the_front_ends_before_the_legend() {
+    let dir = folder();
+    // One LiDAR at the rear that looks back: nothing but the arrow reaches ahead of the body.
+    let rear = json!({ "x": -1.9, "y": 0.95, "z": 0.75, "yaw": 3.1, "sensor": "side, narrow" });
+    write_rig(&dir, "p.json", "rig", [rear]);
+    let svg = read(&handed_over(&dir, ""), "drawing.svg");
+    let left_of = |words: &str| -> (f64, f64) {
+        let before = svg.split(&format!(">{words}</text>")).next().unwrap();
+        let element = before.rsplit_once("<text").unwrap().1;
+        let [x, size] = [" x", " font-size"].map(|key| {
+            let value = element.split_once(&format!("{key}=\"")).unwrap().1;
+            value.split_once('"').unwrap().0.parse().unwrap()
+        });
+        (x, size)
+    };
+    let ((front, size), (legend, _)) =
+        (left_of("front"), left_of("Optical centres, mm from the datum:"));
+    // A letter is at most 0.6 sizes wide.
+    assert!(front + 5.0 * 0.6 * size < legend, "{front} {size} {legend}");
+}
+
+#[test]
 fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let dir = folder();
     let lines = |svg: &str| svg.matches("stroke-width=\"0.12\"").count();
