@@ -29,9 +29,13 @@ fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
 #[test]
 fn the_name_of_the_arrow_to_the_front_ends_before_the_legend() {
     let dir = folder();
-    // One LiDAR at the rear that looks back: nothing but the arrow reaches ahead of the body.
-    let rear = json!({ "x": -1.9, "y": 0.95, "z": 0.75, "yaw": 3.1, "sensor": "side, narrow" });
-    write_rig(&dir, "p.json", "rig", [rear]);
+    // One LiDAR high above the middle sees the ground all round: nothing but the arrow reaches ahead of the body.
+    change(&dir, "cart.json", |cart| {
+        cart["sensors"][0]["lidar"]["channels"] = json!(64);
+        cart["sensors"][0]["lidar"]["fov"] = json!([-80, 10]);
+    });
+    let high = json!({ "x": -0.5, "y": 0, "z": 4.5, "sensor": "turning" });
+    write_rig(&dir, "p.json", "rig", [high]);
     let svg = read(&handed_over(&dir, ""), "drawing.svg");
     let left_of = |words: &str| -> (f64, f64) {
         let before = svg.split(&format!(">{words}</text>")).next().unwrap();
