@@ -246,6 +246,16 @@ fn a_body_of_a_wrong_size_or_place_is_told_by_its_own_name() {
         assert!(!far.contains("m large"), "{far}");
         assert!(!told(poses, &|_| ()).contains("large"));
     }
+    // Its boom hangs over ground that no cell looks at.
+    let boom =
+        json!([{ "class": "vehicle", "box": { "min": [0, -0.1, 2], "max": [3, 0.1, 2.3] } }]);
+    let mut ego = trailer(still.clone());
+    ego["bodies"][0]["parts"] = boom;
+    room_with(dir.path(), "r.json", &ego);
+    // From x = 0.8 m, 0.8 m wide, to 2.2 m, 0.2 m wide.
+    let args = "study nearfield r.json p.json --backend cpu";
+    stderr(&dir, args)
+        .says("0.7 m² within the outline of the body lie under parts that are 1 m up or more");
     // The first body, which another one joins, and alone.
     told(&still, &|ego| ego["body"] = mesh(json!(1e-6)))
         .says(&format!("r.json: the ego's first body {tiny}"));

@@ -182,6 +182,29 @@ fn the_drawing_has_no_blind_zone_beside_a_body_that_narrows() {
     assert!(is_filled([-1.0, -1.01]) && is_filled([4.01, 0.0]), "{path}");
 }
 
+#[test]
+fn ground_under_a_boom_is_measured() {
+    let with = |more: &str| {
+        let scene = written(
+            Path::new(""),
+            &format!(r#""coverage": "first-hit", "ego": {{ "body": [{} {more}] }}"#, body()),
+        );
+        let corners = scene.body().into_iter().flatten();
+        let footprint = Footprint::of(corners.map(|[x, y, _]| [x, y].map(f64::from))).unwrap();
+        under_raised(&scene, &footprint)
+    };
+    // The hull narrows from 2 m at the body to 0.4 m at the end of the boom, 3 m ahead of it.
+    let boom = |z: f64| {
+        let top = z + 0.4;
+        format!(
+            r#", {{ "class": "vehicle", "box": {{ "min": [2, -0.2, {z}], "max": [5, 0.2, {top}] }} }}"#
+        )
+    };
+    assert_eq!(with(""), 0.0);
+    assert!((with(&boom(2.0)) - 3.0 * 1.2).abs() < 1e-6, "{}", with(&boom(2.0)));
+    assert_eq!(with(&boom(0.9)), 0.0);
+}
+
 /// Corners `x,y x,y …`.
 fn corners_of(text: &str) -> Vec<[f64; 2]> {
     let number = |text: &str| text.parse().unwrap();
