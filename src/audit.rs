@@ -13,6 +13,7 @@ use crate::search::Evaluator;
 use crate::vehicle::Placement;
 use trial::{changed_worlds, gaming_placements, jittered};
 
+pub(crate) use trial::LIKES_LOSS;
 pub use trial::{Trial, TrialResult};
 
 /// Mountings that are drawn within the tolerance.

@@ -94,6 +94,14 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     stderr(&dir, "rig handover p.json --vehicle v.json --out h").says("has 2 poses");
     read_text(&dir, "h/README.txt")
         .says("boxes, masks and drawing are of frame 0; where they stand otherwise, others are needed (a scene before");
+    // Rules that hold in frame 0 may be missed in another pose, which no line NOT MET would tell.
+    let held = "Requirements: bodies as in frame 0 alone";
+    for file in ["h/README.txt", "h/drawing.svg"] {
+        read_text(&dir, file).says(held);
+    }
+    tractor(json!([pose(0.0)]));
+    stderr(&dir, "rig handover p.json --vehicle v.json --out h --force");
+    assert!(!read_text(&dir, "h/README.txt").contains(held));
     tractor(json!([]));
     fails(&dir, "study targets p.json --vehicle v.json")
         .says("bodies[0].poses: an empty list is not a list of at least one pose");
@@ -217,4 +225,61 @@ fn bodies_that_cannot_be_end_in_one_sentence_and_exit_code_2() {
     room_with(dir.path(), "r.json", &mesh("mm.stl"));
     fails(&dir, "cast r.json p.json --out h.npz --strict")
         .says("the ego body is 4400.0 m large; lengths are in metres, 4400 mm would be 4.40 m: divide the numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`");
+}
+
+#[test]
+fn a_body_of_a_wrong_size_or_place_is_told_by_its_own_name() {
+    let dir = TempDir::new().unwrap();
+    // Two triangles of 1.8 m, in millimetres.
+    let facet = |z: i32| {
+        format!(
+            "facet normal 0 0 0\nouter loop\nvertex -1900 -500 200\nvertex -200 -500 {z}\nvertex -1900 500 2000\n\
+             endloop\nendfacet\n"
+        )
+    };
+    write(&dir, "w.stl", &format!("solid\n{}{}endsolid\n", facet(200), facet(300)));
+    let mesh =
+        |scale: Value| json!([{ "class": "vehicle", "mesh": { "file": "w.stl", "scale": scale } }]);
+    let told = |poses: &Value, change: &dyn Fn(&mut Value)| {
+        let mut ego = trailer(poses.clone());
+        change(&mut ego);
+        room_with(dir.path(), "r.json", &ego);
+        let args = "cast r.json p.json --out h.npz --force --backend cpu";
+        String::from_utf8(sightline(&dir, args).stderr).unwrap()
+    };
+    let tiny = "is 0.0018 m large with the `scale` of 0.000001 that its mesh has; lengths are in metres: `\"scale\": 0.001` \
+                would make it 1.80 m";
+    let still = json!([pose(0.0)]);
+    for (poses, who) in [
+        (&still, "ego's body at ego.bodies[0]"),
+        (&json!(YAWS.map(pose)), "ego's body 0 that moves"),
+    ] {
+        let large = told(poses, &|ego| ego["bodies"][0]["parts"] = mesh(json!(1)));
+        let words =
+            format!("r.json: the {who} is 1800.0 m large with the `scale` of 1 that its mesh has");
+        assert!(large.contains(&words) && !large.contains("the ego body is"), "{large}");
+        told(poses, &|ego| ego["bodies"][0]["parts"] = mesh(json!(1e-6)))
+            .says(&format!("r.json: the {who} {tiny}"));
+        let far = told(poses, &|ego| ego["bodies"][0]["poses"][0]["z"] = json!(1750));
+        far.says(
+            "r.json: ego.bodies[0].poses[0].z: 1750 m is far from the vehicle; lengths are in metres, 1750 mm are 1.75 m",
+        );
+        assert!(!far.contains("m large"), "{far}");
+        assert!(!told(poses, &|_| ()).contains("large"));
+    }
+    // Its boom hangs over ground that no cell looks at.
+    let boom =
+        json!([{ "class": "vehicle", "box": { "min": [0, -0.1, 2], "max": [3, 0.1, 2.3] } }]);
+    let mut ego = trailer(still.clone());
+    ego["bodies"][0]["parts"] = boom;
+    room_with(dir.path(), "r.json", &ego);
+    // From x = 0.8 m, 0.8 m wide, to 2.2 m, 0.2 m wide.
+    let args = "study nearfield r.json p.json --backend cpu";
+    stderr(&dir, args)
+        .says("0.7 m² within the outline of the body lie under parts that are 1 m up or more");
+    // The first body, which another one joins, and alone.
+    told(&still, &|ego| ego["body"] = mesh(json!(1e-6)))
+        .says(&format!("r.json: the ego's first body {tiny}"));
+    told(&json!(YAWS.map(pose)), &|ego| ego["body"] = mesh(json!(1e-6)))
+        .says(&format!("r.json: the ego body {tiny}"));
 }

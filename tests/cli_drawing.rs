@@ -27,6 +27,32 @@ fn the_drawing_has_three_views_at_one_scale_with_every_lidar() {
 }
 
 #[test]
+fn the_name_of_the_arrow_to_the_front_ends_before_the_legend() {
+    let dir = folder();
+    // One LiDAR high above the middle sees the ground all round: nothing but the arrow reaches ahead of the body.
+    change(&dir, "cart.json", |cart| {
+        cart["sensors"][0]["lidar"]["channels"] = json!(64);
+        cart["sensors"][0]["lidar"]["fov"] = json!([-80, 10]);
+    });
+    let high = json!({ "x": -0.5, "y": 0, "z": 4.5, "sensor": "turning" });
+    write_rig(&dir, "p.json", "rig", [high]);
+    let svg = read(&handed_over(&dir, ""), "drawing.svg");
+    let left_of = |words: &str| -> (f64, f64) {
+        let before = svg.split(&format!(">{words}</text>")).next().unwrap();
+        let element = before.rsplit_once("<text").unwrap().1;
+        let [x, size] = [" x", " font-size"].map(|key| {
+            let value = element.split_once(&format!("{key}=\"")).unwrap().1;
+            value.split_once('"').unwrap().0.parse().unwrap()
+        });
+        (x, size)
+    };
+    let ((front, size), (legend, _)) =
+        (left_of("front"), left_of("Optical centres, mm from the datum:"));
+    // A letter is at most 0.6 sizes wide.
+    assert!(front + 5.0 * 0.6 * size < legend, "{front} {size} {legend}");
+}
+
+#[test]
 fn names_and_numbers_of_mounts_within_a_hand_lie_apart_with_lines_to_them() {
     let dir = folder();
     let lines = |svg: &str| svg.matches("stroke-width=\"0.12\"").count();

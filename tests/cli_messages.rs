@@ -218,6 +218,29 @@ fn doubts_about_a_vehicle_are_told_once() {
 }
 
 #[test]
+fn a_rule_beyond_a_stated_rated_range_says_what_its_beams_leave_out() {
+    let dir = folder();
+    let told = |rated: Option<f64>, response: bool| {
+        of_car(&dir, |car| {
+            if let Some(rated) = rated {
+                car["sensors"][0]["response"] = json!({ "rated_range": rated });
+            }
+            car["require"] = json!([{ "target": "child", "within": 8, "share": 0.1, "response": response },
+                                    { "target": "tyre", "within": 8, "share": 0.1, "response": response }]);
+        })
+    };
+    // A child reflects 10 %, for which ranges are rated; of a tyre's 2 % enough light comes back to 8 · √0.2 = 3.6 m.
+    let words = "require[1]: beams on tyre count to 8 m whether enough light comes back or not; it reflects 2 %, \
+                 which is seen half of the time by spin to 4 m (`rated_range`); `\"response\": true` counts";
+    let at_eight = told(Some(8.0), false);
+    assert!(at_eight.contains(words) && !at_eight.contains("require[0]"), "{at_eight}");
+    told(Some(7.0), false).says("require[0]: beams on child").says("by spin to 7 m");
+    for silent in [told(None, false), told(Some(7.0), true)] {
+        assert!(!silent.contains("rated_range"), "{silent}");
+    }
+}
+
+#[test]
 fn one_placement_of_a_file_is_read_alike_by_every_command() {
     let dir = folder();
     let names = |args: &str| -> Vec<String> {

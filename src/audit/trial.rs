@@ -20,7 +20,7 @@ use crate::vehicle::{BeamTable, MAX_LIDARS, Placement, SensorPose, Sensors, Unkn
 const HARMLESS: f64 = 0.01;
 
 /// Score that is the larger the less is seen, by its definition: it is told of, and decides about no trial.
-const LIKES_LOSS: &str = "s_mig";
+pub(crate) const LIKES_LOSS: &str = "s_mig";
 /// Largest vertical part of a beam of a sensor that looks down: 5.7° up.
 const DOWN: f32 = 0.1;
 

@@ -117,6 +117,18 @@ impl Footprint {
     }
 }
 
+/// Metres above the ground from which on somebody may stand or lie under a part of the body.
+pub(crate) const RAISED: f64 = 1.0;
+
+/// Square metres within the outline of the body that only parts reach which are raised everywhere: ground under a boom,
+/// which no cell of the near field looks at.
+pub(crate) fn under_raised(scene: &Scene, footprint: &Footprint) -> f64 {
+    let reaches_down = |triangle: &[[f32; 3]; 3]| triangle.iter().any(|c| f64::from(c[2]) < RAISED);
+    let low = scene.body().into_iter().filter(reaches_down).flatten();
+    let low = Footprint::of(low.map(|[x, y, _]| [x, y].map(f64::from)));
+    footprint.area() - low.map_or(0.0, |low| low.area())
+}
+
 /// Square metres of a polygon without crossings.
 fn polygon_area(corners: &[[f64; 2]]) -> f64 {
     let next = corners.iter().cycle().skip(1);

@@ -3,7 +3,7 @@
 use super::ScoreColumn;
 use super::columns::{align_with_notes, table_text};
 use super::text::numbered;
-use crate::audit::{Audit, TrialResult};
+use crate::audit::{Audit, LIKES_LOSS, TrialResult};
 use crate::score::{Guard, Scores};
 
 /// A row a scene: attempts caught and fooled, and the least Kendall's τ under changes.
@@ -55,7 +55,28 @@ pub(crate) fn audit_text(found: &Audit) -> String {
         found.base.name, found.objective
     );
     text += &stability_text(found);
-    text + if found.passed { "\npassed\n" } else { "\nFAILED: a score was fooled unnoticed\n" }
+    text + &verdict(found)
+}
+
+/// Scores that say of themselves whether an attempt fooled them, and may be the objective.
+const WATCHED: [&str; 4] = ["near_gain", "information_gain", "m_sog_scaled", "m_sog"];
+
+/// Passed, or the scores that were fooled unnoticed; the objective is named where it was not.
+fn verdict(found: &Audit) -> String {
+    if found.passed {
+        return "\npassed\n".to_owned();
+    }
+    let trials = found.trials.iter().filter(|trial| trial.verdict == TrialResult::Fooled);
+    let mut fooled: Vec<&str> = Vec::new();
+    for name in trials.flat_map(|trial| &trial.fooled).filter(|name| **name != LIKES_LOSS) {
+        if !fooled.contains(name) {
+            fooled.push(name);
+        }
+    }
+    let objective = found.objective.as_str();
+    let holds = WATCHED.contains(&objective) && !fooled.contains(&objective);
+    let holds = if holds { format!("; {objective} was not") } else { String::new() };
+    format!("\nFAILED: a score was fooled unnoticed: {}{holds}\n", fooled.join(", "))
 }
 
 /// The scores of the base under each change of the model, then the ranking of all placements.
@@ -108,6 +129,7 @@ fn guards_line(scores: &Scores) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::audit::Trial;
 
     #[test]
     fn the_start_of_an_audit_shows_its_own_guards() {
@@ -129,5 +151,23 @@ mod tests {
         }
         let ranking = lines.iter().rposition(|line| line.starts_with("none ")).unwrap();
         assert!(lines[ranking].ends_with("  start"), "{text}");
+        assert!(text.ends_with("\npassed\n"), "{text}");
+        // A score that was fooled where a guard tells, or that likes blindness, is none of them.
+        let trial = |fooled: &[&'static str], verdict| Trial {
+            name: "down".to_owned(),
+            scores: found.base.clone(),
+            fooled: fooled.to_vec(),
+            verdict,
+        };
+        let trials = vec![
+            trial(&["m_sog", "s_mig"], TrialResult::Fooled),
+            trial(&["information_gain"], TrialResult::Caught),
+            trial(&["m_sog", "m_sog_scaled"], TrialResult::Fooled),
+        ];
+        let failed = Audit { trials, passed: false, ..found };
+        let words = "\nFAILED: a score was fooled unnoticed: m_sog, m_sog_scaled";
+        assert!(audit_text(&failed).ends_with(&format!("{words}; near_gain was not\n")));
+        let failed = Audit { objective: "m_sog".to_owned(), ..failed };
+        assert!(audit_text(&failed).ends_with(&format!("{words}\n")));
     }
 }

@@ -166,8 +166,8 @@ fn panel(
             polygon points=(corners(around(footprint, within).into_iter().map(at))) fill="none"
                 stroke=(GREY) stroke-dasharray="3 3" stroke-width=".7" {}
         }
-        polygon points=(corners(near.zone.polygon.iter().map(|c| at(*c)))) fill=(ACCENT)
-            fill-opacity=".18" stroke=(ACCENT) {}
+        path d=(around_box(footprint, near, at)) fill=(ACCENT) fill-opacity=".18" fill-rule="evenodd" {}
+        polygon points=(corners(near.zone.polygon.iter().map(|c| at(*c)))) fill="none" stroke=(ACCENT) {}
         polygon points=(corners(footprint.corners().iter().map(|c| at(*c)))) fill=(FAINT) stroke=(INK) {}
         @for pole in &near.poles {
             @let (x, y) = at(pole.at);
@@ -180,6 +180,19 @@ fn panel(
         }
         (front(footprint, at))
     }
+}
+
+/// The blind zone with the box around the body as a hole: no lane begins within the box, and ground beside a body
+/// that narrows may be seen there.
+fn around_box(
+    footprint: &Footprint,
+    near: &NearField,
+    at: &dyn Fn([f64; 2]) -> (f64, f64),
+) -> String {
+    let [[back, right], [front, left]] = footprint.bounds();
+    let hole = [[back, right], [front, right], [front, left], [back, left]];
+    let zone = corners(near.zone.polygon.iter().map(|c| at(*c)));
+    format!("M{zone}zM{}z", corners(hole.into_iter().map(at)))
 }
 
 /// Frames that a drawing is of, where bodies move.

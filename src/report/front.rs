@@ -179,6 +179,11 @@ pub(super) fn has_requirements(front: &Front) -> bool {
     front.points.iter().any(|point| !point.scores.required.is_empty())
 }
 
+/// True if copies of any point were looked at: a search whose time is over looks at none.
+pub(super) fn has_copies(front: &Front) -> bool {
+    all_shown(front).any(|point| copies(point).is_some())
+}
+
 pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
     let (all, requires) = (front.objectives.all(), has_requirements(front));
     let by_number = all.contains(&FrontObjective::Sensors);
@@ -186,8 +191,8 @@ pub(super) fn front_rows(front: &Front) -> Vec<Vec<String>> {
     titles.extend(all.iter().map(title));
     titles.extend((!by_number).then(|| "sensors".to_owned()));
     titles.extend(requires.then(|| REQUIRED.to_owned()));
-    let [has_copies, has_blind] =
-        [copies, blind].map(|of| all_shown(front).any(|point| of(point).is_some()));
+    let has_copies = has_copies(front);
+    let has_blind = all_shown(front).any(|point| blind(point).is_some());
     titles.extend(has_copies.then(|| "copies %".to_owned()));
     titles.extend(has_blind.then(|| "blind °".to_owned()));
     titles.push("pick".to_owned());
@@ -361,6 +366,20 @@ mod tests {
         let record = FrontRecord::new(&front);
         let text = front_text(&front, &record, "runs".as_ref());
         assert!(text.contains(&format!("\n{words} 20 m\n")), "{text}");
+    }
+
+    #[test]
+    fn copies_are_explained_where_a_column_has_them() {
+        let mut front = single();
+        front.points[0].scores.required = vec![Seen::of("car", 1.0)];
+        let words = "copies %: copies mounted within the tolerance";
+        for share in [None, Some(0.5)] {
+            front.points[0].scores.requirements_hold_in = share;
+            let titles = &front_rows(&front)[0];
+            let text = front_text(&front, &FrontRecord::new(&front), "runs".as_ref());
+            let both = [titles.contains(&"copies %".to_owned()), text.contains(words)];
+            assert_eq!(both, [share.is_some(); 2], "{text}");
+        }
     }
 
     #[test]

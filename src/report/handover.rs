@@ -258,6 +258,8 @@ impl Views {
             zone,
             around_body,
         };
+        // The legend begins a gap to the right of the view, which has room for the arrow's name alone.
+        views.top.high[0] = views.top.high[0].max(draw::arrow_end(&views.top.outline));
         // The views from above and from the right stand one over the other, those upright side by side.
         let side = &mut views.side;
         for (other, k) in [(&mut views.top, 0), (&mut views.front, 1)] {

@@ -40,6 +40,7 @@ pub use parts::{PartOwner, Track};
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
 pub use sightline_files::json::{DescriptionError, FileKind, Location};
 pub use street::street;
+pub(crate) use target::RATED_REFLECTANCE;
 pub use target::{Target, preset_targets};
 
 /// Largest scene file in bytes; ten million listed directions fit.

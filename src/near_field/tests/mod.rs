@@ -144,6 +144,75 @@ fn rings_and_the_shadow_of_the_body_in_closed_form() {
 }
 
 #[test]
+fn the_drawing_has_no_blind_zone_beside_a_body_that_narrows() {
+    let base = "[[-2, -1], [1, -1], [4, -0.2], [4, 0.2], [1, 1], [-2, 1]]";
+    let scene = written(
+        Path::new(""),
+        &format!(
+            r#""coverage": "first-hit",
+            "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": 0 }} }}],
+            "ego": {{ "body": [{{ "class": "vehicle", "prism": {{ "base": {base}, "z": [0, 1.5] }} }}] }}"#
+        ),
+    );
+    let channels: Vec<(f64, f64)> = (0..40).map(|k| (-62.3 + 1.5 * f64::from(k), OFFSET)).collect();
+    let problem = problem(&scene).with_sensors(BeamTable::spinning(&channels, 250, 100.0).unwrap());
+    let problem = Arc::new(problem);
+    let site = NearSite::new(&scene, &problem).unwrap();
+    let placement = one(SensorPose::at(-1.9, 0.9, 2.0));
+    let near = site.look(&mut cpu(&problem), &placement).unwrap();
+    let svg = crate::report::coverage::near_field_svg(site.footprint(), &[(&placement, &near)]);
+    // Loops of the filled path; drawings have 14 pixels a metre, 10.5 m around the box, and 56 pixels above.
+    let path = svg.split("fill-rule=\"evenodd\"").next().unwrap();
+    let path = path.rsplit_once("d=\"M").unwrap().1.split_once("z\"").unwrap().0;
+    let loops: Vec<Vec<[f64; 2]>> = path.split("zM").map(corners_of).collect();
+    assert_eq!(loops.len(), 2);
+    let is_filled = |[x, y]: [f64; 2]| {
+        let [x, y] = [(x + 2.0 + 10.5) * 14.0, 56.0 + (1.0 - y + 10.5) * 14.0];
+        let crosses = |a: &[f64; 2], b: &[f64; 2]| {
+            (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+        };
+        let of = |all: &Vec<[f64; 2]>| {
+            let next = all.iter().cycle().skip(1);
+            all.iter().zip(next).filter(|(a, b)| crosses(a, b)).count()
+        };
+        loops.iter().map(of).sum::<usize>() % 2 == 1
+    };
+    // Beside the nose, within the box around the body; then just before the edges, where the zone begins.
+    assert!([0.8, -0.8].iter().all(|y| !is_filled([3.5, *y])), "{path}");
+    assert!(is_filled([-1.0, -1.01]) && is_filled([4.01, 0.0]), "{path}");
+}
+
+#[test]
+fn ground_under_a_boom_is_measured() {
+    let with = |more: &str| {
+        let scene = written(
+            Path::new(""),
+            &format!(r#""coverage": "first-hit", "ego": {{ "body": [{} {more}] }}"#, body()),
+        );
+        let corners = scene.body().into_iter().flatten();
+        let footprint = Footprint::of(corners.map(|[x, y, _]| [x, y].map(f64::from))).unwrap();
+        under_raised(&scene, &footprint)
+    };
+    // The hull narrows from 2 m at the body to 0.4 m at the end of the boom, 3 m ahead of it.
+    let boom = |z: f64| {
+        let top = z + 0.4;
+        format!(
+            r#", {{ "class": "vehicle", "box": {{ "min": [2, -0.2, {z}], "max": [5, 0.2, {top}] }} }}"#
+        )
+    };
+    assert_eq!(with(""), 0.0);
+    assert!((with(&boom(2.0)) - 3.0 * 1.2).abs() < 1e-6, "{}", with(&boom(2.0)));
+    assert_eq!(with(&boom(0.9)), 0.0);
+}
+
+/// Corners `x,y x,y …`.
+fn corners_of(text: &str) -> Vec<[f64; 2]> {
+    let number = |text: &str| text.parse().unwrap();
+    let corner = |text: &str| text.split_once(',').map(|(x, y)| [number(x), number(y)]).unwrap();
+    text.split_whitespace().map(corner).collect()
+}
+
+#[test]
 fn a_sensor_close_above_the_roof_wastes_beams_and_says_so() {
     let scene = scene("");
     let channels: Vec<(f64, f64)> = (0..16).map(|k| (-24.7 + 1.6 * f64::from(k), OFFSET)).collect();

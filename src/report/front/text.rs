@@ -1,7 +1,8 @@
 //! A front in words: its sentences, and its table as text.
 
 use super::{
-    FrontRecord, REQUIRED, all_shown, blind_in_words, copies, front_rows, has_requirements,
+    FrontRecord, REQUIRED, all_shown, blind_in_words, copies, front_rows, has_copies,
+    has_requirements,
 };
 use crate::job::{Front, FrontPoint, FrontStopped};
 use crate::json::counted;
@@ -145,7 +146,7 @@ pub(crate) fn front_text(front: &Front, record: &FrontRecord, folder: &std::path
         for point in all_shown(front) {
             text += &format!("  {}: {}\n", point.placement.name, point.equipment);
         }
-        if has_requirements(front) {
+        if has_copies(front) {
             text += "\ncopies %: copies mounted within the tolerance that meet all requirements; ";
         } else {
             text += "\n";

@@ -22,6 +22,10 @@ const ZONE_EDGE: Stroke = Stroke::solid(ACCENT, 0.3);
 const THIN: Stroke = Stroke::solid(INK, 0.15);
 /// Half of a cross at the place of a LiDAR whose number stands aside, millimetres.
 const CROSS: f64 = 1.2;
+/// Metres ahead of the body at which the arrow to the front begins and ends.
+const ARROW: [f64; 2] = [0.3, 1.3];
+/// Corners of the box that stands in for a missing body.
+const BARE: [Flat; 2] = [[-1.0; 2], [1.0; 2]];
 /// Line from a mount to its name where other words keep both apart.
 const LEADER: Stroke = Stroke::solid(SOFT, 0.12);
 
@@ -34,8 +38,8 @@ pub(super) fn top(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, shee
     let mut labels = Labels::default();
     labels.keep_signs(&lidars);
     datum(drawing, panel, ["x", "y"], &mut labels);
-    let [low, high] = bounds(&views.top.outline).unwrap_or([[-1.0; 2], [1.0; 2]]);
-    let [from, to] = [0.3, 1.3].map(|by| panel.at([high[0] + by, 0.5 * (low[1] + high[1])]));
+    let [low, high] = bounds(&views.top.outline).unwrap_or(BARE);
+    let [from, to] = ARROW.map(|by| panel.at([high[0] + by, 0.5 * (low[1] + high[1])]));
     arrow(drawing, from, to);
     let front = [to[0] + 1.0, to[1] + 1.0];
     labels.keep(front, WORDS, "front", Anchor::Start);
@@ -271,6 +275,12 @@ pub(super) fn number(drawing: &mut Drawing, at: Point, lidar: usize) {
 fn rectangle(shown: &View, mount: &DrawnMount) -> [Flat; 2] {
     let [a, b] = mount.corners.map(|corner| (shown.flat)(corner.into()));
     [[a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])]]
+}
+
+/// Metres ahead of the ego origin at which the arrow to the front ends.
+pub(super) fn arrow_end(outline: &[Vec<Flat>]) -> f64 {
+    let [_, high] = bounds(outline).unwrap_or(BARE);
+    high[0] + ARROW[1]
 }
 
 /// Corners of the box around loops; `None` without any.

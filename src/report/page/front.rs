@@ -6,8 +6,8 @@ use super::search::repeat;
 use super::{heading, layout, on_backend, section, whole};
 use crate::job::Front;
 use crate::report::front::{
-    all_shown, blind_in_words, front_plot, front_rows, front_verdict, has_requirements, picks_of,
-    refined_in_words,
+    all_shown, blind_in_words, front_plot, front_rows, front_verdict, has_copies, has_requirements,
+    picks_of, refined_in_words,
 };
 use crate::report::text::{notes, requirements_in_words};
 use crate::report::{FrontRecord, ScoreColumn};
@@ -39,7 +39,7 @@ fn trade(front: &Front, record: &FrontRecord) -> Markup {
             " The knee is farthest from the line or plane between the best of each objective, each axis scaled to \
              [0, 1]. Sensors are chosen on a coarse grid of poses: other placements may be better. "
             (layout::prose(&sentence(&refined_in_words(front, record))))
-            @if has_requirements(front) {
+            @if has_copies(front) {
                 " copies %: copies mounted within the tolerance that meet all requirements."
             }
             " " (blind_in_words(front)) "."

@@ -267,8 +267,17 @@ impl Handed {
         let moves = scene.has_moving_bodies() && request.frame > 0;
         let outline = if moves { "; depths from the vehicle's box in frame 0" } else { "" };
         about.push(format!("Blind zone and masks: {place}, frame {}{outline}", request.frame));
+        about.extend(held_requirements(&scene).filter(|_| unchanged.is_none()));
         Ok(Self { placement, text: text.clone(), scene, about, warnings, of_run })
     }
+}
+
+/// Sentence on the one pose of bodies that move in which requirements were looked at, on level ground.
+fn held_requirements(scene: &Scene) -> Option<String> {
+    let requires = !scene.vehicle().require_order.is_empty();
+    (requires && scene.has_bodies_held_still()).then(|| {
+        "Requirements: bodies as in frame 0 alone; a scene before the placements looks at all of their poses".to_owned()
+    })
 }
 
 /// Requirements that are not met, or on paper only, in words; a line on all of them where only all together hold in too few

@@ -173,9 +173,14 @@ fn rig_of(
         notes.extend(rig.lidars.last().and_then(|lidar| optical_frame(lidar, file)));
     }
     if let Some(frame) = unknown.first() {
+        // A model that is named already has no known height, so that naming one brings none.
+        let of = rig.lidars.iter().find(|lidar| lidar.frame == *frame);
+        let mend = match of.and_then(|lidar| lidar.sensor.as_deref()) {
+            Some(sensor) => format!("--optical-height {sensor}=METRES"),
+            None => format!("--sensor {frame}=MODEL or --optical-height {frame}=METRES"),
+        };
         notes.push(Note::fact(format!(
-            "nothing says how far above its foot the optical centre of {} is, so they are taken for one; give \
-             --sensor {frame}=MODEL or --optical-height {frame}=METRES",
+            "nothing says how far above its foot the optical centre of {} is, so they are taken for one; give {mend}",
             unknown.join(", ")
         )));
     }

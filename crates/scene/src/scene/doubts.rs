@@ -8,6 +8,7 @@ mod standing;
 use glam::DVec3;
 
 pub(super) use self::shared::Filled;
+pub(super) use self::size::{far, of_moving_body, of_still_body};
 use super::route::Motion;
 use super::settings::doubts_of_scan;
 use super::{Coverage, Ground, Scene, Solid, around};
@@ -41,17 +42,17 @@ pub(super) struct SceneLocations {
 impl Scene {
     pub(super) fn doubts(&self, places: &SceneLocations) -> Vec<Note> {
         let scene = self;
-        let own = body("ego body", &scene.body, places.scales.first);
+        // A body of a wrong size among several was told by its own name.
+        let size = size_of("ego body", &scene.body, places.scales.first);
+        let size = size.filter(|_| !places.scales.told);
+        let own = size.or_else(|| shape_of("ego body", &scene.body));
         let own = own.or_else(|| standing::off_ground("ego body", &scene.body));
         let mut of_body: Vec<String> = own.into_iter().collect();
         of_body.extend(size::tiny_parts("ego body", &scene.body, &places.scales.parts));
         of_body.extend(standing::of_ground(scene, "ego body", &scene.body));
         for (i, other) in scene.bodies.iter().enumerate() {
             let who = format!("ego's {}", scene.own_body_in_words(i));
-            let scale = places.scales.others.get(i).copied().flatten();
-            let scales = places.scales.other_parts.get(i).map_or(&[][..], |scales| scales);
-            of_body.extend(size::tiny_parts(&who, &other.parts, scales));
-            let own = body(&who, &other.parts, scale);
+            let own = shape_of(&who, &other.parts);
             of_body.extend(own.or_else(|| standing::of_ground(scene, &who, &other.parts)));
         }
         let mut doubts: Vec<String> = Vec::new();
@@ -102,11 +103,16 @@ fn facing(solid: &Solid) -> DVec3 {
     sum / f64::max(all, 1e-300)
 }
 
-fn body(who: &str, solid: &Solid, scale: Option<f64>) -> Option<String> {
+/// A doubt about a body far larger or smaller than a vehicle.
+fn size_of(who: &str, solid: &Solid, scale: Option<f64>) -> Option<String> {
+    size::too_large(who, solid, scale).or_else(|| size::too_small(who, solid, scale))
+}
+
+/// A doubt about the axes of a body, or about one that is cut off; its size is looked at before.
+fn shape_of(who: &str, solid: &Solid) -> Option<String> {
     let size = extent(solid)?;
-    let wrong = size::too_large(who, solid, scale).or_else(|| size::too_small(who, solid, scale));
-    if wrong.is_some() {
-        return wrong;
+    if size::is_odd(solid) {
+        return None;
     }
     if size.z > 2.5 && size.z > 1.5 * size.x.max(size.y) {
         return Some(format!(

@@ -314,8 +314,14 @@ pub(crate) struct OwnBodies {
     pub body: Solid,
     /// Bodies with a pose for each frame.
     pub moving: Vec<OwnBody>,
-    /// Bodies that cover the first one.
+    /// Bodies that cover the first one, of a wrong size or far from it.
     pub doubts: Vec<Note>,
+    /// Doubts about the first body alone, until another one joins it.
+    first: Vec<Note>,
+    /// True if another body stands in `body`, too.
+    pub joined: bool,
+    /// True if a body was told to be of a wrong size, or far from the vehicle.
+    pub told: bool,
 }
 
 impl OwnBodies {
@@ -330,12 +336,38 @@ impl OwnBodies {
         if !first.is_empty() {
             check_area(&at.key("body"), &body)?;
         }
-        let first = doubts::Filled::of(&body).filter(|_| !others.is_empty());
-        let mut own = Self { body, ..Self::default() };
+        let alone = doubts::of_still_body("ego's first body", &body, first);
+        let filled = doubts::Filled::of(&body).filter(|_| !others.is_empty());
+        let mut own = Self { body, first: in_file(at, alone), ..Self::default() };
         for (i, body) in others.iter().enumerate() {
-            own.add(builder, at.key("bodies").item(i), body, first.as_ref())?;
+            own.add(builder, at.key("bodies").item(i), body, filled.as_ref())?;
         }
         Ok(own)
+    }
+
+    /// Adds a body as it stands in a pose to the first, which is looked at by itself before.
+    fn join(&mut self, parts: &Solid, pose: &Pose) {
+        self.body.append(parts, pose);
+        let first = std::mem::take(&mut self.first);
+        self.told |= !first.is_empty();
+        self.doubts.extend(first);
+        self.joined = true;
+    }
+
+    /// Doubts about the size of a body beside the first, and about its places.
+    fn doubt(
+        &mut self,
+        at: &Location,
+        who: &str,
+        parts: &Solid,
+        body: &BodyDescription,
+        still: bool,
+    ) {
+        let of_size = if still { doubts::of_still_body } else { doubts::of_moving_body };
+        let mut told = in_file(at, of_size(who, parts, &body.parts));
+        told.extend(doubts::far(at, body.poses.as_deref().unwrap_or_default()).map(Note::doubt));
+        self.told |= !told.is_empty();
+        self.doubts.extend(told);
     }
 
     /// Adds a body beside the first.
@@ -363,9 +395,20 @@ impl OwnBodies {
         let parts = builder.list(&at.key("parts"), &body.parts)?;
         check_area(&at.key("parts"), &parts)?;
         self.doubts.extend(first.and_then(|first| covers(&at, &parts, &motion, first)));
-        match &motion {
-            Motion::Poses(poses) if poses.len() == 1 => self.body.append(&parts, &poses[0]),
-            _ => self.moving.push(OwnBody { name, parts, motion, at }),
+        let still = match &motion {
+            Motion::Poses(poses) if poses.len() == 1 => Some(poses[0]),
+            _ => None,
+        };
+        let number = self.moving.len();
+        let who = match (&*name, still) {
+            ("", Some(_)) => format!("ego's body at {}", at.path),
+            ("", None) => format!("ego's body {number} that moves"),
+            (name, _) => format!("ego's body `{name}`"),
+        };
+        self.doubt(&at, &who, &parts, body, still.is_some());
+        match still {
+            Some(pose) => self.join(&parts, &pose),
+            None => self.moving.push(OwnBody { name, parts, motion, at }),
         }
         Ok(())
     }
@@ -375,7 +418,7 @@ impl OwnBodies {
         let mut notes = Vec::new();
         for OwnBody { parts, motion, at, .. } in std::mem::take(&mut self.moving) {
             let Motion::Poses(poses) = motion else { continue };
-            self.body.append(&parts, &poses[0]);
+            self.join(&parts, &poses[0]);
             let count = poses.len();
             notes.push(Note::fact(format!(
                 "{at}: has {count} poses, one for each frame; {HELD_STILL}"
@@ -388,6 +431,11 @@ impl OwnBodies {
     pub(crate) fn is_empty(&self) -> bool {
         self.body.faces.is_empty() && self.moving.iter().all(|body| body.parts.faces.is_empty())
     }
+}
+
+/// Doubts about the file of a place.
+fn in_file(at: &Location, doubts: Vec<String>) -> Vec<Note> {
+    doubts.into_iter().map(|doubt| Note::doubt(format!("{}: {doubt}", at.file))).collect()
 }
 
 /// A doubt about a body that takes up most of the room of the first one, or lies in it for the most part, in one of its

@@ -92,7 +92,9 @@ impl Scene {
             carrier.notes.extend(things.own.hold_still());
         }
         carrier.notes.extend(angles);
-        let places = carrier.places(&top, &scene);
+        let mut places = carrier.places(&top, &scene);
+        places.scales.told = things.own.told;
+        places.scales.first = places.scales.first.filter(|_| !things.own.joined);
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;
         let doubts = scene.doubts(&places);
         scene.notes.extend(doubts);
@@ -118,7 +120,7 @@ impl Scene {
         let frames = things.frames(top, scene.frames)?;
         let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
         let SceneGeometry { world, actors, own, ego } = things;
-        let OwnBodies { body, moving: bodies, doubts } = own;
+        let OwnBodies { body, moving: bodies, doubts, .. } = own;
         notes.extend(doubts);
         let ego = ego.unwrap_or(Motion::Still);
         let mut origins = vec![super::parts::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
@@ -264,8 +266,8 @@ impl SceneVehicle {
         let body = if self.body.is_some() { &self.at } else { top };
         let mounts = (0..self.vehicle.mounts.len()).map(|mount| self.mount(mount)).collect();
         let scales = match (&self.body, &scene.ego) {
-            (Some(VehicleBody { shapes, others, .. }), _) => BodyScales::of(shapes, others),
-            (None, Some(ego)) => BodyScales::of(&ego.body, &ego.bodies),
+            (Some(VehicleBody { shapes, .. }), _) => BodyScales::of(shapes),
+            (None, Some(ego)) => BodyScales::of(&ego.body),
             (None, None) => BodyScales::default(),
         };
         SceneLocations {

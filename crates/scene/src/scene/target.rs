@@ -27,7 +27,7 @@ const MOST_TRIANGLES: u64 = 200_000;
 /// Largest target along any axis, in metres.
 const MOST_METRES: f64 = 100.0;
 /// Reflectance of a target that states none: sensors' rated ranges hold for it.
-const RATED_REFLECTANCE: f64 = 0.1;
+pub(crate) const RATED_REFLECTANCE: f64 = 0.1;
 /// Metres by which a target may stand off its origin or the ground before a note says so.
 const OFF_CENTRE: f64 = 1e-3;
 /// Longest hits in the trees of targets, in metres.

@@ -16,9 +16,10 @@ use super::mesh_mount::mirror_meshes;
 use super::mount::{keep_out_boxes, least_distance};
 use super::mounting::{check_pairs, face_back, level, mounting};
 use super::{
-    GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Requirement, SensorName, SpinPhase,
+    GroundRule, MAX_LIDARS, OtherSensor, OverlapRule, Requirement, Response, SensorName, SpinPhase,
     TargetRule, Ties, lidar,
 };
+use crate::scene::RATED_REFLECTANCE;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, Checked, FileKind, Location};
@@ -84,6 +85,7 @@ impl Vehicle {
         files.extend(required.files);
         notes.extend(required.notes);
         notes.extend(out_of_reach(&at.key("require"), &positions[1], &targets, &sensors));
+        notes.extend(out_of_light(&at.key("require"), &positions[1], &targets, &sensors));
         let seats = mounts.iter().map(|mount| mount.count[1]).sum();
         notes.extend(needing_more(&at.key("require"), &vehicle.require, seats));
         let other_sensors = at.key("other_sensors");
@@ -299,6 +301,37 @@ fn out_of_reach(
         ))
     };
     beyond.map(doubt).collect()
+}
+
+/// Notes on rules that count beams farther out than enough light comes back to a model whose rated range is stated;
+/// `positions` are those of the rules in the file.
+fn out_of_light(
+    at: &Location,
+    positions: &[usize],
+    rules: &[TargetRule],
+    sensors: &[VehicleSensor],
+) -> Vec<Note> {
+    let is_stated = |model: &&VehicleSensor| {
+        model.response.rated_range != Response::usual(model.lidar.range()).rated_range
+    };
+    let note = |(position, rule): (&usize, &TargetRule)| {
+        let of_rated = (rule.target.reflectance / RATED_REFLECTANCE).sqrt();
+        let reach = |model: &VehicleSensor| model.response.rated_range * of_rated;
+        let short = sensors.iter().filter(is_stated).filter(|model| reach(model) < rule.within);
+        let short = short.map(|model| format!("{} to {:.0} m", model.name, reach(model)));
+        let short = short.collect::<Vec<_>>().join(", ");
+        (!rule.target.returning_only && !short.is_empty()).then(|| {
+            Note::fact(format!(
+                "{}: beams on {} count to {} m whether enough light comes back or not; it reflects {} %, which is \
+                 seen half of the time by {short} (`rated_range`); `\"response\": true` counts the beams that return",
+                at.item(*position),
+                rule.target.name,
+                rule.within,
+                1e2 * rule.target.reflectance
+            ))
+        })
+    };
+    positions.iter().zip(rules).filter_map(note).collect()
 }
 
 /// Doubts about requirements that take two or three LiDARs, where the mounts hold fewer.

@@ -144,7 +144,13 @@ fn the_optical_centre_lies_up_the_sensors_own_z() {
         let wanted = SensorPose { x: 0.6 + x, y: -0.4 + y, z: 2.8 + z, ..POSE };
         assert!(close(&pose, &wanted, 1e-15), "{pose:?}, not {wanted:?}");
         assert_eq!(notes.len(), usize::from(height == 0.0), "{notes:?}");
+        // A model is named, so that naming one is no help.
+        let mend = "give --optical-height other=METRES";
+        assert!(notes.iter().all(|note| note.text().ends_with(mend)), "{notes:?}");
     }
+    let (_, notes) = autoware(&ImportSettings::default());
+    let mend = format!("give --sensor {frame}=MODEL or --optical-height {frame}=METRES");
+    assert!(notes.iter().any(|note| note.text().ends_with(&mend)), "{notes:?}");
 }
 
 #[test]

@@ -2,11 +2,15 @@
 
 use glam::DVec3;
 
-use super::super::description::{BodyDescription, ShapeDescription};
+use super::super::description::{PoseDescription, ShapeDescription};
 use super::{Scene, Solid, around, extent, height_at_origin};
+use crate::vehicle::FARTHEST_ON_VEHICLE;
+use sightline_files::json::Location;
 
 /// Longest and shortest body of a vehicle, in metres.
 const BODY: [f64; 2] = [0.3, 30.0];
+/// Least metres of a body that stands still beside others.
+const LAMP: f64 = 0.03;
 /// Metres between which most vehicles are long.
 const USUAL: [f64; 2] = [1.5, 25.0];
 /// Scales of meshes: metres, millimetres, centimetres, inches, feet.
@@ -14,25 +18,69 @@ const SCALES: [f64; 5] = [1.0, 0.001, 0.01, 0.0254, 0.3048];
 /// Scale of the smallest unit that meshes of vehicles are drawn in: millimetres.
 const LEAST_UNIT: f64 = 0.001;
 
-/// Scales that the meshes of bodies are given: of the first body, and of each beside it.
+/// Scales that the meshes of the first body are given.
 #[derive(Debug, Default)]
 pub(in crate::scene) struct BodyScales {
+    /// `None` where other bodies stand in it, too.
     pub first: Option<f64>,
-    pub others: Vec<Option<f64>>,
     /// Scale of each shape of the first body; `None` of one that is no mesh or has none.
     pub parts: Vec<Option<f64>>,
-    /// The scales of the shapes of each body beside it.
-    pub other_parts: Vec<Vec<Option<f64>>>,
+    /// True if a body was told to be of a wrong size by its own name, or to stand far from the vehicle.
+    pub told: bool,
 }
 
 impl BodyScales {
-    pub(in crate::scene) fn of(first: &[ShapeDescription], others: &[BodyDescription]) -> Self {
-        let each = |shapes: &[ShapeDescription]| shapes.iter().map(scale_of_mesh).collect();
-        let (parts, first) = (each(first), scale_of(first));
-        let other_parts = others.iter().map(|body| each(&body.parts)).collect();
-        let others = others.iter().map(|body| scale_of(&body.parts)).collect();
-        Self { first, others, parts, other_parts }
+    pub(in crate::scene) fn of(first: &[ShapeDescription]) -> Self {
+        let parts = first.iter().map(scale_of_mesh).collect();
+        Self { first: scale_of(first), parts, told: false }
     }
+}
+
+/// Doubts about the size of a body that stands still beside others, and of its shapes: it may be a lamp.
+pub(in crate::scene) fn of_still_body(
+    who: &str,
+    solid: &Solid,
+    shapes: &[ShapeDescription],
+) -> Vec<String> {
+    of_body_from(LAMP, who, solid, shapes)
+}
+
+/// Doubts about the size of a body that moves, and of its shapes.
+pub(in crate::scene) fn of_moving_body(
+    who: &str,
+    solid: &Solid,
+    shapes: &[ShapeDescription],
+) -> Vec<String> {
+    of_body_from(BODY[0], who, solid, shapes)
+}
+
+fn of_body_from(least: f64, who: &str, solid: &Solid, shapes: &[ShapeDescription]) -> Vec<String> {
+    let (scale, scales) = (scale_of(shapes), shapes.iter().map(scale_of_mesh));
+    let size = too_large(who, solid, scale).or_else(|| smaller_than(least, who, solid, scale));
+    let mut all: Vec<String> = size.into_iter().collect();
+    all.extend(tiny_parts(who, solid, &scales.collect::<Vec<_>>()));
+    all
+}
+
+/// A doubt about the first pose of a body that stands far from its vehicle.
+pub(in crate::scene) fn far(at: &Location, poses: &[PoseDescription]) -> Option<String> {
+    let of_pose = |(k, pose): (usize, &PoseDescription)| {
+        let each = [("x", pose.x), ("y", pose.y), ("z", pose.z)];
+        let (key, metres) =
+            each.into_iter().find(|(_, metres)| metres.abs() > FARTHEST_ON_VEHICLE)?;
+        Some(format!(
+            "{}: {metres} m is far from the vehicle; lengths are in metres, {metres} mm are {} m",
+            at.key("poses").item(k).key(key),
+            metres / 1000.0
+        ))
+    };
+    poses.iter().enumerate().find_map(of_pose)
+}
+
+/// True if a body is far larger or smaller than a vehicle.
+pub(super) fn is_odd(solid: &Solid) -> bool {
+    let longest = extent(solid).map_or(1.0, DVec3::max_element);
+    !(BODY[0]..=BODY[1]).contains(&longest)
 }
 
 fn scale_of_mesh(shape: &ShapeDescription) -> Option<f64> {
@@ -65,8 +113,12 @@ pub(in crate::scene) fn too_large(who: &str, solid: &Solid, scale: Option<f64>) 
 
 /// A doubt about a body that is far smaller than a vehicle.
 pub(super) fn too_small(who: &str, solid: &Solid, scale: Option<f64>) -> Option<String> {
+    smaller_than(BODY[0], who, solid, scale)
+}
+
+fn smaller_than(least: f64, who: &str, solid: &Solid, scale: Option<f64>) -> Option<String> {
     let longest = extent(solid)?.max_element();
-    if longest >= BODY[0] {
+    if longest >= least {
         return None;
     }
     Some(scale.map_or_else(
