@@ -183,13 +183,16 @@ pub(super) fn front(drawing: &mut Drawing, rig: &DrawnRig<'_>, views: &Views, sh
     drawing.words([x + 1.5, 0.5 * (lower + upper)], WORDS, words);
 }
 
+/// Place of an edge across a view, and the depth of the blind zone before it, both in metres.
+type BlindSide = (f64, Option<f64>);
+
 /// A view with the ground, on it the blind depths from the edges to its left and right, and the body's extent below.
 fn upright(
     drawing: &mut Drawing,
     rig: &DrawnRig<'_>,
     shown: &View,
     panel: &Panel,
-    (across, depths): (&str, Option<[(f64, Option<f64>); 2]>),
+    (across, depths): (&str, Option<[BlindSide; 2]>),
 ) {
     let ([left, right, ..], [_, ground]) = (panel.edges(), panel.at([0.0; 2]));
     drawing.line([[left, ground], [right, ground]], Stroke::solid(GREY, 0.25));
