@@ -77,6 +77,7 @@ pub(super) fn sentence(error: &clap::Error, program: &Command, arguments: &[OsSt
         .or_else(|| unknown_study(error, command))
         .or_else(|| known_elsewhere(error))
         .or_else(|| scenes_of_a_resumed_run(error))
+        .or_else(|| no_scene(error))
         .or_else(|| unknown_command(error, program, command))
         .unwrap_or_else(|| told(error));
     with_help(&told, &names)
@@ -118,6 +119,13 @@ fn scenes_of_a_resumed_run(error: &clap::Error) -> Option<String> {
     let names_both = told.contains("[SCENE]") && told.contains("--resume ");
     (error.kind() == ErrorKind::ArgumentConflict && names_both)
         .then(|| "--resume: a resumed run knows its scenes; leave them out".to_owned())
+}
+
+/// Refusal of a command without its scene, with a way to have one.
+fn no_scene(error: &clap::Error) -> Option<String> {
+    let told = told(error);
+    (error.kind() == ErrorKind::MissingRequiredArgument && told.contains("<SCENE>"))
+        .then(|| format!("{told}; `sightline scene new --out street.json` makes a scene"))
 }
 
 /// Words of clap: the fault, lists that belong to it, and tips but for the one to write `--` before an option.
@@ -320,6 +328,10 @@ mod tests {
                 "'--seed <N>': give a whole number from 0 to 18446744073709551615",
             ),
             ("score s.json --frames 0", "0 is not a whole number from 1 on"),
+            (
+                "chart --out c",
+                "provided: <SCENE>; `sightline scene new --out street.json` makes a scene",
+            ),
             ("scene make", "unrecognized subcommand 'make'"),
         ] {
             let said = refused(line);
