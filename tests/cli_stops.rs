@@ -32,7 +32,7 @@ fn write_inputs(dir: &Path) {
     scene["lidar"]["channels"] = json!(8);
     scene["lidar"]["azimuth_steps"] = json!(90);
     write("scene.json", &scene);
-    scene["frames"] = json!(12000);
+    scene["frames"] = json!(10000);
     scene["rate"] = json!(200);
     write("busy.json", &scene);
     let mut vehicle = read("scenes/vehicles/car.json");

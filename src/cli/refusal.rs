@@ -124,7 +124,7 @@ fn scenes_of_a_resumed_run(error: &clap::Error) -> Option<String> {
 /// Refusal of a command without its scene, with a way to have one.
 fn no_scene(error: &clap::Error) -> Option<String> {
     let told = told(error);
-    (error.kind() == ErrorKind::MissingRequiredArgument && told.contains("<SCENE>"))
+    (error.kind() == ErrorKind::MissingRequiredArgument && told.contains("<SCENE"))
         .then(|| format!("{told}; `sightline scene new --out street.json` makes a scene"))
 }
 
@@ -328,10 +328,7 @@ mod tests {
                 "'--seed <N>': give a whole number from 0 to 18446744073709551615",
             ),
             ("score s.json --frames 0", "0 is not a whole number from 1 on"),
-            (
-                "chart --out c",
-                "provided: <SCENE>; `sightline scene new --out street.json` makes a scene",
-            ),
+            ("chart --out c", "; `sightline scene new --out street.json` makes a scene"),
             ("scene make", "unrecognized subcommand 'make'"),
         ] {
             let said = refused(line);
