@@ -75,8 +75,8 @@ const LEAST_RAISED: f64 = 0.5;
 fn note_raised(area: f64, computing: &Computing<'_>) {
     if area >= LEAST_RAISED {
         computing.watcher.note(&format!(
-            "{area:.1} m² within the outline of the body lie under parts that are {RAISED} m up or more; that ground is not \
-             looked at: a requirement on a `target` is"
+            "{area:.1} m² within the outline of the body lie under parts that are {RAISED} m up or more; no number judges that \
+             ground: ask for a `target` there in `require`"
         ));
     }
 }
