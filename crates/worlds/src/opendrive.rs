@@ -3,6 +3,7 @@
 //! The crate `xodr` evaluates reference lines, widths, elevations, superelevations and links in `f64`
 //! and hands them over as lanes of `f32` points; here they become strips and lanes.
 
+mod attributes;
 mod curves;
 mod document;
 mod doubts;
