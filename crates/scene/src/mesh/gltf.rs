@@ -45,11 +45,12 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Parsed<RawMesh> {
         ));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let Parts { root: mut json, blob, animations, frames } = gltf_json::read(bytes)?;
+    let Parts { root: mut json, blob, animations, frames, strange } = gltf_json::read(bytes)?;
     check_attributes(&json)?;
     check_nodes(&json)?;
     let passed = |name: &str| PASSED.split(' ').any(|start| name.starts_with(start));
     let mut mesh = RawMesh::default();
+    mesh.notes.extend(strange);
     let unknown = json.extensions_used.iter().map(String::as_str);
     let unknown: Vec<&str> = unknown.filter(|name| !READ.contains(name) && !passed(name)).collect();
     if !unknown.is_empty() {
