@@ -398,7 +398,12 @@ fn joints(
             joint.children().find(|node| node.has_tag_name(tag))?.attribute(key)
         };
         let name = joint.attribute("name").unwrap_or_default();
-        let rest = UrdfJoint::read(name, kind, get).map_err(|problem| fault(&*of, problem))?;
+        let names = |tag: &str| {
+            let element = joint.children().find(|node| node.has_tag_name(tag));
+            element.map_or_else(Vec::new, |node| node.attributes().map(|a| a.name()).collect())
+        };
+        let rest = UrdfJoint::refuse_others(names).and_then(|()| UrdfJoint::read(name, kind, get));
+        let rest = rest.map_err(|problem| fault(&*of, problem))?;
         let place = Joint { parent, parent_from_child: origin(joint, &of)?, rest };
         if let Some(other) = &above[child] {
             let problem = format!("joint `{}` has the same child; leave one out", other.rest.name);
