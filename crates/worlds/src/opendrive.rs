@@ -10,6 +10,7 @@ mod doubts;
 mod objects;
 mod stations;
 mod values;
+mod widths;
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -27,6 +27,11 @@ const OF_JOINT: [&str; 10] = [
     "origin", "parent", "child", "axis", "limit", "mimic", "calibration", "dynamics",
     "hardwareInterface", "safety_controller",
 ];
+/// Elements of a link, further ones of simulators among them. One in capitals is told by its place.
+const OF_LINK: [&str; 10] = [
+    "visual", "collision", "inertial", "material", "sensor", "contact", "gravity", "kinematic",
+    "self_collide", "verbose",
+];
 /// Elements of a shape; looks and contacts place nothing.
 const OF_SHAPE: [&str; 6] =
     ["origin", "geometry", "material", "name", "verbose", "contact_coefficients"];
@@ -334,7 +339,9 @@ fn strange(robot: Node) -> Vec<String> {
                 "visual" | "collision" => inner.filter(|tag| !OF_SHAPE.contains(tag)).collect(),
                 "parent" | "child" if is_joint => inner.collect(),
                 _ if is_joint && !OF_JOINT.contains(&tag) => vec![tag],
-                "origin" if !is_joint => vec![tag],
+                _ if !is_joint && !OF_LINK.iter().any(|of| of.eq_ignore_ascii_case(tag)) => {
+                    vec![tag]
+                }
                 _ => Vec::new(),
             };
             let plain = odd.into_iter().filter(|tag| has_no_prefix(tag));

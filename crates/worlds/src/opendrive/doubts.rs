@@ -46,18 +46,19 @@ fn road(plan: Node) -> String {
 
 /// A geometry that does not begin where the one before it ends.
 fn gap(plan: Node) -> Option<String> {
+    gap_above(plan, GAP)
+        .map(|words| format!("{}: {words}; the road is taken with that gap", road(plan)))
+}
+
+/// The first gap of more than so many metres between two geometries, in words.
+pub(super) fn gap_above(plan: Node, most: f64) -> Option<String> {
     let mut all: Vec<Node> = geometries(plan).collect();
     all.sort_by(|a, b| number(*a, "s").total_cmp(&number(*b, "s")));
     all.windows(2).find_map(|pair| {
         let ([x, y], [u, v]) = (end(pair[0])?, begin(pair[1]));
-        let by = maths::hypot(u - x, v - y);
-        let s = number(pair[1], "s");
-        (by > GAP).then(|| {
-            format!(
-                "{}: the <geometry> at s = {s} begins {by:.2} m from the end of the one before it; the road is taken \
-                 with that gap",
-                road(plan)
-            )
+        let (by, s) = (maths::hypot(u - x, v - y), number(pair[1], "s"));
+        (by > most).then(|| {
+            format!("the <geometry> at s = {s} begins {by:.2} m from the end of the one before it")
         })
     })
 }

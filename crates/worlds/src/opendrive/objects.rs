@@ -8,7 +8,7 @@ use sightline_files::Note;
 use xodr::{Mesh, Object, ObjectType, Point, Provenance, RoadNetwork};
 
 use super::document::{RoadFacts, number_or_0 as number, shown};
-use super::values;
+use super::widths;
 use crate::network::{MARK, MapShape, Network, class};
 use crate::world::WorldError;
 
@@ -236,8 +236,10 @@ pub(super) fn check(node: Node<'_, '_>, name: &str, attributes: &[&str]) -> Resu
     }
     // The search for the next record is none of elements without polynomials.
     let along = if polynomials.is_empty() { 0.0 } else { along(node, name) };
-    if name == "width" {
-        values::wide(node, along)?;
+    match name {
+        "width" => widths::wide(node, along)?,
+        "laneOffset" => widths::aside(node, along)?,
+        _ => {}
     }
     for coefficients in polynomials {
         let [a, b, c, d] = coefficients.map(|name| number(node, name).abs());

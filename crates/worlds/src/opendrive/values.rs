@@ -8,6 +8,7 @@ use roxmltree::{Document, Node};
 use sightline_files::Note;
 
 use super::document::{number_or_0 as number, shown};
+use super::doubts::gap_above;
 
 /// Words of a truth value.
 const TRUTH: &[&str] = &["true", "false", "1", "0"];
@@ -48,13 +49,9 @@ const RECORDS: &[(&str, &str, &[&str])] = &[
     ("lane", "height", &["sOffset"]),
 ];
 
-/// Metres below 0 that rounding leaves of a lane's width.
-const NARROWEST: f64 = -0.01;
-/// Shortest stretch whose width is followed beyond its start, in metres.
-const SHORTEST: f64 = 0.1;
 /// Metres beyond the end of a road that rounding leaves.
 const BEYOND: f64 = 1e-3;
-/// Most metres of a road behind the end of its reference line.
+/// Most metres of a road behind the end of its reference line, and between two geometries.
 const MOST_BEHIND: f64 = 1000.0;
 /// Most corners of an outline: the time to fill it grows with their square.
 const MOST_CORNERS: usize = 10_000;
@@ -73,8 +70,9 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     for (_, attribute, words) in WORDS.iter().filter(|(known, ..)| *known == name) {
         let value = node.attribute(*attribute).filter(|value| !value.trim().is_empty());
         let Some(value) = value else { continue };
-        // The library takes any other spelling for none: `TRUE` would be false.
-        if !words.contains(&value) {
+        // The library takes any other spelling for none: `TRUE` would be false. It reads a `pRange` in any case.
+        let in_any_case = |word: &str| *attribute == "pRange" && word.eq_ignore_ascii_case(value);
+        if !words.iter().any(|word| *word == value || in_any_case(word)) {
             let words = words.join(", ");
             return Err(format!("`{attribute}` is `{}`; write one of {words}", shown(value)));
         }
@@ -82,6 +80,9 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     repeated(node, name)?;
     match name {
         "road" => as_long_as_its_line(node),
+        // Lanes would be drawn across the gap.
+        "planView" => gap_above(node, MOST_BEHIND)
+            .map_or(Ok(()), |words| Err(format!("has a gap: {words}; correct x and y"))),
         "roadMark" => {
             let width = number(node, "width");
             let wanted = "write metres, 0.12 for a line, or none";
@@ -172,32 +173,6 @@ fn repeated(node: Node<'_, '_>, name: &str) -> Result<(), String> {
         }
     }
     Ok(())
-}
-
-/// Refuses a width that falls below 0 before the next record, `length` metres on.
-///
-/// # Errors
-/// The width, and a remedy.
-pub(super) fn wide(node: Node<'_, '_>, length: f64) -> Result<(), String> {
-    let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| number(node, name));
-    let at = |x: f64| a + x * (b + x * (c + x * d));
-    // Ends of the stretch, and where the derivative b + 2cx + 3dx² is 0.
-    let root = (c * c - 3.0 * b * d).max(0.0).sqrt();
-    let turns = if d == 0.0 {
-        [-b / (2.0 * c); 2]
-    } else {
-        [(-c - root) / (3.0 * d), (-c + root) / (3.0 * d)]
-    };
-    // Programs end a section by a stretch of a centimetre, whose polynomial is any.
-    let length = if length < SHORTEST { 0.0 } else { length };
-    let inside = turns.into_iter().filter(|x| *x > 0.0 && *x < length);
-    let lowest = inside.chain([0.0, length]).map(|x| (at(x), x)).min_by(|p, q| p.0.total_cmp(&q.0));
-    match lowest {
-        Some((width, x)) if width < NARROWEST => Err(format!(
-            "is a width of {width:.3} m at {x:.2} m from its start; write coefficients of 0 or more metres"
-        )),
-        _ => Ok(()),
-    }
 }
 
 /// Length of the road that an element stands on, in metres.
@@ -403,12 +378,18 @@ mod tests {
         for right in [
             "<lane id='1' level='true'/>",
             "<lane id='1' level=''/>",
+            "<paramPoly3 pRange='arclength'/>",
             "<roadMark sOffset='0' width='0'/>",
             "<road length='1119'><planView><geometry s='20' length='100'/></planView></road>",
         ] {
             assert_eq!(told(right), "", "{right}");
         }
         for (text, words) in [
+            (
+                "<planView><geometry s='0' x='0' length='9'><line/></geometry><geometry s='9' x='1010' length='9'>\
+                 <line/></geometry></planView>",
+                "has a gap: the <geometry> at s = 9 begins 1001.00 m from the end of the one before it; correct",
+            ),
             ("<lane id='1' level='TRUE'/>", "`level` is `TRUE`; write one of true, false, 1, 0"),
             ("<signal orientation=' + '/>", "`orientation` is ` + `; write one of +, -, none"),
             ("<roadMark sOffset='0' width='-0.12'/>", "`width` is -0.12; write metres"),

@@ -106,6 +106,8 @@ fn shapes_at_another_place_and_unknown_words_are_doubted() {
             fixed.replace("<mesh ", "<mesh units=\"mm\" "),
             "`units` in <mesh> of link `base` is not known",
         ),
+        (more(&link.replace("visual", "visuals")), "<visuals> of link `x`"),
+        (more("<link name=\"y\"><inertial/><contact/><my:look/></link>"), ""),
         (fixed.replace("<mesh ", "<mesh my:units=\"mm\" "), ""),
         (more(&format!("<gazebo>{link}</gazebo>")), ""),
     ] {
