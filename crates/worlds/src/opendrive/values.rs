@@ -118,6 +118,8 @@ fn as_long_as_its_line(road: Node<'_, '_>) -> Result<(), String> {
     let plan = road.children().filter(|node| node.has_tag_name("planView"));
     let geometries = plan.flat_map(|plan| plan.children()).filter(|n| n.has_tag_name("geometry"));
     let ends = geometries.map(|node| number(node, "s") + number(node, "length"));
+    // A geometry of no length is told for itself.
+    let ends = ends.filter(|end| *end >= 0.0);
     let (length, end) = (number(road, "length"), ends.fold(f64::NEG_INFINITY, f64::max));
     if end.is_finite() && length > end + MOST_BEHIND {
         return Err(format!(
