@@ -1,5 +1,7 @@
 //! The JSON of a glTF, reduced to its meshes before it is checked: looks, motion and cameras have no surface.
 
+use std::collections::BTreeSet;
+
 use glam::{DMat4, DQuat, DVec3};
 use gltf::json::Root;
 use gltf::json::validation::{Error, Validate};
@@ -19,6 +21,8 @@ pub(super) struct Parts {
     pub frames: Vec<DMat4>,
     /// A word on keys that glTF does not know.
     pub strange: Option<Note>,
+    /// Names of the extensions of nodes, meshes and primitives, also where the file does not list them.
+    pub extensions: BTreeSet<String>,
 }
 
 /// Keys of the objects in each list, beside `name`, `extensions` and `extras`.
@@ -49,6 +53,18 @@ fn strange(json: &Value) -> Option<Note> {
         })
     };
     of_lists.or_else(|| list(json, "meshes").find_map(of_mesh))
+}
+
+/// Names of the extensions that nodes, meshes and primitives have.
+fn extensions(json: &Value) -> BTreeSet<String> {
+    fn all<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = &'a Value> {
+        value[key].as_array().into_iter().flatten()
+    }
+    let meshes = || all(json, "meshes");
+    let objects =
+        all(json, "nodes").chain(meshes()).chain(meshes().flat_map(|mesh| all(mesh, "primitives")));
+    let names = objects.filter_map(|object| object["extensions"].as_object());
+    names.flat_map(|extensions| extensions.keys().cloned()).collect()
 }
 
 /// A word on the first key of an object that is neither one of `keys` nor one of all objects: a doubt where it is nearly one that
@@ -86,7 +102,7 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<Parts> {
     let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let UniqueKeys(mut json) = serde_json::from_slice(&text[..end]).map_err(no_json)?;
     whole(&mut json);
-    let strange = strange(&json);
+    let (strange, extensions) = (strange(&json), extensions(&json));
     let animations = json["animations"].as_array().map_or(0, Vec::len);
     if let Some(json) = json.as_object_mut() {
         reduce(json);
@@ -98,7 +114,7 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<Parts> {
     let nodes = json["nodes"].as_array();
     let frames = nodes.into_iter().flatten().enumerate().map(|(i, node)| frame(i, node));
     let frames = frames.collect::<Parsed<_>>()?;
-    Ok(Parts { root, blob, animations, frames, strange })
+    Ok(Parts { root, blob, animations, frames, strange, extensions })
 }
 
 /// `N` numbers of a list; `None` where there is no such list.

@@ -294,6 +294,12 @@ fn gltf_keys_that_nobody_reads_are_told() {
         ("\"indices\"", "\"indexes\"", true, "meshes[0].primitives[0]: the key `indexes`"),
         (
             "\"mesh\":0",
+            "\"mesh\":0,\"extensions\":{\"EXT_mesh_gpu_instancings\":{}}",
+            true,
+            "not read: EXT_mesh_gpu_instancings;",
+        ),
+        (
+            "\"mesh\":0",
             "\"mesh\":0,\"zzz\":1",
             false,
             "nodes[1]: the key `zzz` is not known here, and not read",
