@@ -10,7 +10,7 @@ use sightline_files::Note;
 use sightline_files::json::check_xml;
 
 use super::stations::{Profile, RoadStations};
-use super::{MAX_LENGTH, MAX_POINTS, attributes, doubts, objects, stations, values};
+use super::{MAX_LENGTH, MAX_POINTS, doubts, objects, stations, values};
 use crate::world::WorldError;
 
 /// Elements that are read: their numbers decide a surface, a shape or a way.
@@ -227,7 +227,6 @@ pub(super) fn checked(text: &str, file: &str) -> Result<RoadFacts, WorldError> {
     }
     document.notes.extend(doubts::doubts(&xml, file));
     document.notes.extend(values::notes(&xml, file));
-    document.notes.extend(attributes::unknown_ones(&xml, file));
     document.notes.extend(objects::of_unknown_types(&xml, file));
     Ok(document)
 }

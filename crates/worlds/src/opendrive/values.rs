@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use roxmltree::{Document, Node};
 use sightline_files::Note;
 
+use super::attributes::unknown_ones;
 use super::document::{number_or_0 as number, shown};
 use super::doubts::gap_above;
 
@@ -218,7 +219,7 @@ pub(super) fn notes(xml: &Document<'_>, file: &str) -> Vec<Note> {
     let past = what(past.collect(), "reach beyond the ends of their roads and are cut there");
     let low = what(low.collect(), "have no `height` and lie flat on the ground");
     let roads = [loose_links(xml, file), loose_junctions(xml, file), gaps_of_lanes(xml, file)];
-    let others = [without_lanes(xml, file), versions(xml, file)];
+    let others = [without_lanes(xml, file), versions(xml, file), unknown_ones(xml, file)];
     [past, low].into_iter().chain(roads).chain(others).flatten().collect()
 }
 

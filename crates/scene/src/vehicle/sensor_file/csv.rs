@@ -258,8 +258,7 @@ pub(super) fn parse_livox(
         samples.push([time, across, zenith]);
         largest = [largest[0].max(across.abs()), largest[1].max(zenith)];
     }
-    let untold = if is_titled || window.is_some() { &[][..] } else { &samples };
-    refuse_numbers_of_channels(at, untold)?;
+    refuse_numbers_of_channels(at, &samples, is_titled || window.is_some())?;
     // Rows may stand in any order of time.
     let first = samples.iter().map(|sample| sample[0]).reduce(f64::min).unwrap_or_default();
     let [from, to] = window.unwrap_or([first, first + FRAME]);
@@ -289,8 +288,8 @@ pub(super) fn parse_livox(
 }
 
 /// Refuses times that count by one, as channels do: the first 0.1 s of them would be one beam.
-fn refuse_numbers_of_channels(at: &Location, samples: &[[f64; 3]]) -> Checked<()> {
-    if samples.len() < 2 || samples.windows(2).any(|two| two[1][0] - two[0][0] != 1.0) {
+fn refuse_numbers_of_channels(at: &Location, samples: &[[f64; 3]], is_known: bool) -> Checked<()> {
+    if is_known || samples.len() < 2 || samples.windows(2).any(|two| two[1][0] - two[0][0] != 1.0) {
         return Ok(());
     }
     let wanted = "a column that a title explains; write `Channel,Elevation,Azimuth` or `Time,Azimuth,Zenith` above";
