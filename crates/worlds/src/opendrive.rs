@@ -3,12 +3,14 @@
 //! The crate `xodr` evaluates reference lines, widths, elevations, superelevations and links in `f64`
 //! and hands them over as lanes of `f32` points; here they become strips and lanes.
 
+mod attributes;
 mod curves;
 mod document;
 mod doubts;
 mod objects;
 mod stations;
 mod values;
+mod widths;
 
 use std::collections::BTreeMap;
 use std::path::Path;

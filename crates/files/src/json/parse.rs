@@ -197,6 +197,17 @@ pub fn plain_words(text: &str) -> String {
         "expected value" => Some("no value that JSON knows; numbers are finite, as 1.5"),
         "key must be a string" => Some(NO_KEY),
         "number out of range" => Some("a number too large; write a finite one, as 1.5"),
+        "trailing characters" => Some("something follows the end of the value; remove it"),
+        "invalid escape" => Some("a backslash that JSON does not know; write two, or a slash"),
+        "unexpected end of hex escape" | "lone leading surrogate in hex escape" => {
+            Some("half of a pair of \\u escapes; write both, or the sign itself")
+        }
+        "recursion limit exceeded" => {
+            Some("more than 128 lists and objects in each other; flatten them")
+        }
+        other if other.starts_with("control character") => {
+            Some("a line break or a tab in a text in quotes; write \\n or \\t")
+        }
         own if own.starts_with(IS_A_LIST) || own.starts_with(TWICE) => Some(own),
         _ => None,
     };
@@ -431,6 +442,28 @@ mod tests {
             let read = parse::<Value>(text, "f").unwrap_err().to_string();
             let skipped = parse::<IgnoredAny>(text, "f").unwrap_err().to_string();
             assert!(read.contains(&told) && skipped.contains(&told), "{read}; {skipped}");
+        }
+    }
+
+    #[test]
+    fn slips_inside_of_texts_are_told_with_a_remedy() {
+        for (text, told) in [
+            (
+                r#"{"a": "C:\Users"}"#.to_owned(),
+                "a backslash that JSON does not know; write two, or a slash",
+            ),
+            (r#"{"a": "\ud83d"}"#.to_owned(), "half of a pair of \\u escapes; write both"),
+            (
+                "{\"a\": \"one\ntwo\"}".to_owned(),
+                "a line break or a tab in a text in quotes; write \\n",
+            ),
+            (
+                format!("{{\"a\": {}", "[".repeat(200)),
+                "more than 128 lists and objects in each other",
+            ),
+        ] {
+            let read = parse::<Value>(&text, "f").unwrap_err().to_string();
+            assert_holds!(read, told);
         }
     }
 

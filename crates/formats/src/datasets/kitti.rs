@@ -258,6 +258,9 @@ fn read_labels(path: &Path) -> Checked<Vec<PointLabel>> {
         .collect()
 }
 
+/// Metres beyond which no LiDAR is from its camera.
+const FARTHEST: f64 = 20.0;
+
 /// Pose of the LiDAR in the camera's frame; lines that are not known become a note.
 fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Checked<Pose> {
     let (mut found, mut unknown) = (None, Vec::new());
@@ -280,6 +283,13 @@ fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Checked<Pose> {
         let names = unknown.join("`, `");
         Note::fact(format!(
             "{}: {known} lines, `{names}`, are not known here, and not read.",
+            path.display()
+        ))
+    }));
+    let far = found.as_ref().map_or(0.0, |pose| pose.translation.abs().max_element());
+    notes.extend((far > FARTHEST).then(|| {
+        Note::doubt(format!(
+            "{}: `Tr` moves by {far} m, farther than a vehicle is long; millimetres? Write metres.",
             path.display()
         ))
     }));

@@ -193,6 +193,7 @@ fn rig_of(
         None => refused!("{file}: {source}"),
     })?;
     notes.extend(below_ground(&rig, file));
+    notes.extend(at_one_place(&rig, file));
     Ok(ImportedRig { rig, format, left_out, notes })
 }
 
@@ -228,6 +229,19 @@ fn doubts(frames: &FrameTree, lidar: &RigFrame, base: &str, given: bool, notes: 
     }
 }
 
+/// A doubt about two LiDARs that stand in one pose: one sensor, which the files have twice, most likely.
+fn at_one_place(rig: &Rig, file: &str) -> Option<Note> {
+    let same = |a: &RigLidar, b: &RigLidar| a.pose.values() == b.pose.values();
+    let (k, other) = rig.lidars.iter().enumerate().find_map(|(k, lidar)| {
+        Some((k, rig.lidars[..k].iter().find(|other| same(other, lidar))?))
+    })?;
+    let (one, two) = (&other.frame, &rig.lidars[k].frame);
+    Some(Note::doubt(format!(
+        "{file}: `{one}` and `{two}` stand in one pose; one sensor that comes twice? Name each LiDAR once by --frame, or correct \
+         a pose"
+    )))
+}
+
 fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
     let low =
         rig.lidars.iter().filter_map(|lidar| Some((&lidar.frame, doubt_of_ground(&lidar.pose)?)));
@@ -245,7 +259,8 @@ fn of_placements(source: &RigSource, settings: &ImportSettings) -> Checked<Impor
         let sensor = settings.sensors.get(&lidar.frame).cloned();
         lidar.sensor = sensor.or(lidar.sensor.take());
     }
-    let notes = placement_doubts(&rig, &source.file);
+    let mut notes = placement_doubts(&rig, &source.file);
+    notes.extend(at_one_place(&rig, &source.file));
     Ok(ImportedRig { rig, format: RigFormat::Json, left_out: Vec::new(), notes })
 }
 

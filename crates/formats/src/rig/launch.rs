@@ -107,8 +107,12 @@ impl Launch<'_> {
 
     /// Truth of an attribute, if it is there.
     fn truth(&self, node: Node, key: &str) -> Checked<Option<bool>> {
-        let Some(text) = node.attribute(key) else { return Ok(None) };
         let at = yaml::place(node, self.file).key(key);
+        let odd = |name: &&str| *name != key && name.eq_ignore_ascii_case(key);
+        if let Some(odd) = node.attributes().map(|attribute| attribute.name()).find(odd) {
+            return Err(wrong(&at, odd, "an attribute in small letters"));
+        }
+        let Some(text) = node.attribute(key) else { return Ok(None) };
         match self.resolved(text, &at)?.trim().to_lowercase().as_str() {
             "true" | "1" => Ok(Some(true)),
             "false" | "0" => Ok(Some(false)),

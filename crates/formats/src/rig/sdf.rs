@@ -144,6 +144,12 @@ fn moving(node: Node) -> Option<MovingJoint> {
 /// Keeps which link a joint holds on which other one.
 fn read_hold(node: Node, scope: &str, frames: &mut FrameTree) {
     let link = |key: &str| yaml::child(node, key).map(|link| yaml::text(link).trim().to_owned());
+    if node.attribute("type").is_none() {
+        let name = node.attribute("name").unwrap_or_default();
+        frames.notes.push(Note::doubt(format!(
+            "the joint `{name}` has no `type` and is taken as fixed; write type=\"fixed\", or the type that it has"
+        )));
+    }
     if let (Some(parent), Some(child)) = (link("parent"), link("child")) {
         let (parent, child) = (format!("{scope}{parent}"), format!("{scope}{child}"));
         // A gearbox couples two links that other joints hold.

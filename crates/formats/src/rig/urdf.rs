@@ -52,6 +52,7 @@ pub(super) fn read(source: &RigSource, frames: &mut FrameTree) -> Checked<()> {
     refuse_links_twice(robot, file)?;
     doubt_sensors_of_links(robot, file, frames);
     frames.doubt_misplaced(file, misplaced(&text, &[&["robot", "joint", "parent"]], &["gazebo"]));
+    frames.doubt_misplaced(file, misplaced(&text, &[&["gazebo", "sensor", "pose"]], &["plugin"]));
     if robot.children().any(|node| node.has_tag_name("include")) {
         frames.notes.push(Note::doubt(format!(
             "{file}: <include> is not read; a LiDAR in it is missing. Merge the files, and read that"
@@ -211,7 +212,12 @@ fn read_joints(robot: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
             |tag: &str, key: &str| yaml::child(joint, tag).and_then(|node| node.attribute(key));
         let name = joint.attribute("name").unwrap_or_default();
         let kind = joint.attribute("type").unwrap_or_default();
-        joints.push(UrdfJoint::read(name, kind, get).map_err(|words| told(joint, words))?);
+        let names = |tag: &str| {
+            let element = yaml::child(joint, tag);
+            element.map_or_else(Vec::new, |node| node.attributes().map(|a| a.name()).collect())
+        };
+        let read = UrdfJoint::refuse_others(names).and_then(|()| UrdfJoint::read(name, kind, get));
+        joints.push(read.map_err(|words| told(joint, words))?);
     }
     let values = UrdfJoint::at_rest(&joints).map_err(|(k, words)| told(all[k], words))?;
     for ((node, joint), value) in all.into_iter().zip(&joints).zip(values) {

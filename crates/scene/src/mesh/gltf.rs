@@ -45,12 +45,17 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Parsed<RawMesh> {
         ));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let Parts { root: mut json, blob, animations, frames } = gltf_json::read(bytes)?;
+    let Parts { root: mut json, blob, animations, frames, strange, extensions } =
+        gltf_json::read(bytes)?;
     check_attributes(&json)?;
     check_nodes(&json)?;
     let passed = |name: &str| PASSED.split(' ').any(|start| name.starts_with(start));
     let mut mesh = RawMesh::default();
-    let unknown = json.extensions_used.iter().map(String::as_str);
+    mesh.notes.extend(strange);
+    let used = || json.extensions_used.iter();
+    // Files may use what they do not list.
+    let unlisted = extensions.iter().filter(|name| !used().any(|used| used == *name));
+    let unknown = used().chain(unlisted).map(String::as_str);
     let unknown: Vec<&str> = unknown.filter(|name| !READ.contains(name) && !passed(name)).collect();
     if !unknown.is_empty() {
         let told = unknown[..unknown.len().min(MOST_TOLD)].join(", ");

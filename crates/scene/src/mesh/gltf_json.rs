@@ -1,10 +1,13 @@
 //! The JSON of a glTF, reduced to its meshes before it is checked: looks, motion and cameras have no surface.
 
+use std::collections::BTreeSet;
+
 use glam::{DMat4, DQuat, DVec3};
 use gltf::json::Root;
 use gltf::json::validation::{Error, Validate};
 use serde_json::{Map, Value};
-use sightline_files::json::{UniqueKeys, is_utf_16};
+use sightline_files::Note;
+use sightline_files::json::{UniqueKeys, is_utf_16, nearest};
 
 use super::{MeshFault, Parsed};
 
@@ -16,6 +19,66 @@ pub(super) struct Parts {
     /// Matrix from each node's frame to its parent's. The crate rounds its numbers to `f32`, by decimetres in
     /// national coordinates.
     pub frames: Vec<DMat4>,
+    /// A word on keys that glTF does not know.
+    pub strange: Option<Note>,
+    /// Names of the extensions of nodes, meshes and primitives, also where the file does not list them.
+    pub extensions: BTreeSet<String>,
+}
+
+/// Keys of the objects in each list, beside `name`, `extensions` and `extras`.
+const KEYS: [(&str, &str); 7] = [
+    ("scenes", "nodes"),
+    ("nodes", "camera children skin matrix mesh rotation scale translation weights"),
+    ("meshes", "primitives weights"),
+    ("skins", "inverseBindMatrices skeleton joints"),
+    ("accessors", "bufferView byteOffset componentType normalized count type max min sparse"),
+    ("bufferViews", "buffer byteOffset byteLength byteStride target"),
+    ("buffers", "uri byteLength"),
+];
+const OF_PRIMITIVE: &str = "attributes indices material mode targets";
+/// Keys that every object may have.
+const OF_ALL: &str = "name extensions extras";
+
+/// The first key that glTF does not know.
+fn strange(json: &Value) -> Option<Note> {
+    fn list<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = (usize, &'a Value)> {
+        value[key].as_array().into_iter().flatten().enumerate()
+    }
+    let of_lists = KEYS.into_iter().find_map(|(key, keys)| {
+        list(json, key).find_map(|(i, object)| unknown_key(&format!("{key}[{i}]"), object, keys))
+    });
+    let of_mesh = |(i, mesh)| {
+        list(mesh, "primitives").find_map(|(k, one)| {
+            unknown_key(&format!("meshes[{i}].primitives[{k}]"), one, OF_PRIMITIVE)
+        })
+    };
+    of_lists.or_else(|| list(json, "meshes").find_map(of_mesh))
+}
+
+/// Names of the extensions that nodes, meshes and primitives have.
+fn extensions(json: &Value) -> BTreeSet<String> {
+    fn all<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = &'a Value> {
+        value[key].as_array().into_iter().flatten()
+    }
+    let meshes = || all(json, "meshes");
+    let objects =
+        all(json, "nodes").chain(meshes()).chain(meshes().flat_map(|mesh| all(mesh, "primitives")));
+    let names = objects.filter_map(|object| object["extensions"].as_object());
+    names.flat_map(|extensions| extensions.keys().cloned()).collect()
+}
+
+/// A word on the first key of an object that is neither one of `keys` nor one of all objects: a doubt where it is nearly one that
+/// is absent.
+fn unknown_key(place: &str, object: &Value, keys: &str) -> Option<Note> {
+    let odd = |key: &&String| !keys.split(' ').chain(OF_ALL.split(' ')).any(|k| k == *key);
+    let key = object.as_object()?.keys().find(odd)?;
+    let absent = keys.split(' ').filter(|known| object.get(known).is_none());
+    let shown: String = key.chars().take(40).collect();
+    let text = format!("{place}: the key `{shown}` is not known here, and not read");
+    Some(match nearest(key, absent) {
+        Some(meant) => Note::doubt(format!("{text}; did you mean `{meant}`?")),
+        None => Note::fact(text),
+    })
 }
 
 /// Lists that no mesh depends on.
@@ -39,6 +102,7 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<Parts> {
     let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let UniqueKeys(mut json) = serde_json::from_slice(&text[..end]).map_err(no_json)?;
     whole(&mut json);
+    let (strange, extensions) = (strange(&json), extensions(&json));
     let animations = json["animations"].as_array().map_or(0, Vec::len);
     if let Some(json) = json.as_object_mut() {
         reduce(json);
@@ -50,7 +114,7 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<Parts> {
     let nodes = json["nodes"].as_array();
     let frames = nodes.into_iter().flatten().enumerate().map(|(i, node)| frame(i, node));
     let frames = frames.collect::<Parsed<_>>()?;
-    Ok(Parts { root, blob, animations, frames })
+    Ok(Parts { root, blob, animations, frames, strange, extensions })
 }
 
 /// `N` numbers of a list; `None` where there is no such list.

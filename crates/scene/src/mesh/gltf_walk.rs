@@ -78,9 +78,11 @@ impl<'a> NodeWalk<'a> {
         if depth > MAX_DEPTH {
             return fault(format!("is nested more than {MAX_DEPTH} nodes deep; flatten the tree"));
         }
-        let hidden = node
-            .extension_value("KHR_node_visibility")
-            .is_some_and(|value| value["visible"] == false);
+        let visible = node.extension_value("KHR_node_visibility").map(|value| &value["visible"]);
+        if visible.is_some_and(|visible| !visible.is_boolean() && !visible.is_null()) {
+            return fault("says `visible` otherwise than by true or false; correct it".to_owned());
+        }
+        let hidden = visible.is_some_and(|visible| *visible == false);
         let shows = shows && !hidden;
         for child in node.children() {
             self.place(child, placed, depth + 1, shows)?;

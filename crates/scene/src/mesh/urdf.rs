@@ -27,6 +27,11 @@ const OF_JOINT: [&str; 10] = [
     "origin", "parent", "child", "axis", "limit", "mimic", "calibration", "dynamics",
     "hardwareInterface", "safety_controller",
 ];
+/// Elements of a link, further ones of simulators among them. One in capitals is told by its place.
+const OF_LINK: [&str; 10] = [
+    "visual", "collision", "inertial", "material", "sensor", "contact", "gravity", "kinematic",
+    "self_collide", "verbose",
+];
 /// Elements of a shape; looks and contacts place nothing.
 const OF_SHAPE: [&str; 6] =
     ["origin", "geometry", "material", "name", "verbose", "contact_coefficients"];
@@ -334,7 +339,9 @@ fn strange(robot: Node) -> Vec<String> {
                 "visual" | "collision" => inner.filter(|tag| !OF_SHAPE.contains(tag)).collect(),
                 "parent" | "child" if is_joint => inner.collect(),
                 _ if is_joint && !OF_JOINT.contains(&tag) => vec![tag],
-                "origin" if !is_joint => vec![tag],
+                _ if !is_joint && !OF_LINK.iter().any(|of| of.eq_ignore_ascii_case(tag)) => {
+                    vec![tag]
+                }
                 _ => Vec::new(),
             };
             let plain = odd.into_iter().filter(|tag| has_no_prefix(tag));
@@ -398,7 +405,12 @@ fn joints(
             joint.children().find(|node| node.has_tag_name(tag))?.attribute(key)
         };
         let name = joint.attribute("name").unwrap_or_default();
-        let rest = UrdfJoint::read(name, kind, get).map_err(|problem| fault(&*of, problem))?;
+        let names = |tag: &str| {
+            let element = joint.children().find(|node| node.has_tag_name(tag));
+            element.map_or_else(Vec::new, |node| node.attributes().map(|a| a.name()).collect())
+        };
+        let rest = UrdfJoint::refuse_others(names).and_then(|()| UrdfJoint::read(name, kind, get));
+        let rest = rest.map_err(|problem| fault(&*of, problem))?;
         let place = Joint { parent, parent_from_child: origin(joint, &of)?, rest };
         if let Some(other) = &above[child] {
             let problem = format!("joint `{}` has the same child; leave one out", other.rest.name);

@@ -3,7 +3,7 @@
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
 use serde::Deserialize;
-use sightline_files::json::{Checked, Location, check};
+use sightline_files::json::{self, Checked, Location, check};
 
 described! {
     pub(crate) struct LidarDescription {
@@ -234,7 +234,7 @@ pub(crate) struct VehicleDescription<B, M> {
     #[serde(rename = "$schema")]
     _schema: Option<String>,
     /// Version of the format, 1.
-    #[serde(rename = "sightline")]
+    #[serde(default, rename = "sightline", deserialize_with = "json::version_1")]
     #[cfg_attr(feature = "schema", schemars(extend("const" = 1)))]
     _version: Option<u64>,
     /// Name in reports; the file's without its ending unless given.

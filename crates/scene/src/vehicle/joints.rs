@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DMat3, DVec3};
 use lidar_cast::geom::Pose;
+use sightline_files::json::has_no_prefix;
 
 /// A joint of a URDF, as far as its rest depends on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,6 +78,34 @@ impl UrdfJoint {
         Ok(joint)
     }
 
+    /// Refuses attributes that an axis, a limit or a mimic lacks in URDF: without the right one, the joint would stand elsewhere.
+    /// `names` gives those of a child element, by its tag.
+    ///
+    /// # Errors
+    /// The element, the attribute and the right ones, in words for a message that names the joint.
+    pub fn refuse_others<'a>(names: impl Fn(&str) -> Vec<&'a str>) -> Result<(), String> {
+        const KNOWN: [(&str, &[&str]); 3] = [
+            ("axis", &["xyz"]),
+            ("mimic", &["joint", "multiplier", "offset"]),
+            ("limit", &["lower", "upper"]),
+        ];
+        for (tag, known) in KNOWN {
+            // A limit has further ones, of speed and force.
+            let is_slip =
+                |name: &str| tag != "limit" || known.iter().any(|k| k.eq_ignore_ascii_case(name));
+            let is_odd =
+                |name: &&str| !known.contains(name) && has_no_prefix(name) && is_slip(name);
+            if let Some(odd) = names(tag).into_iter().find(is_odd) {
+                let odd: String = odd.chars().take(40).collect();
+                let known = known.join(", ");
+                return Err(format!(
+                    "<{tag}> has {odd:?}, which is not read; its attributes are {known}"
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// Values of joints at rest, in radians or metres: the mimicked joint's value, scaled and shifted, else the value nearest
     /// to 0 within the limits.
     ///
@@ -143,6 +172,20 @@ mod tests {
             values.iter().find(|(t, k, _)| (*t, *k) == (tag, key)).map(|(.., value)| *value)
         };
         UrdfJoint::read(name, kind, get).unwrap()
+    }
+
+    #[test]
+    fn attributes_that_a_joint_lacks_are_refused() {
+        let told = |tag: &str, all: &[&'static str]| {
+            let names = |of: &str| if of == tag { all.to_vec() } else { Vec::new() };
+            UrdfJoint::refuse_others(names).err().unwrap_or_default()
+        };
+        assert_eq!(told("axis", &["xyz", "drake.a"]), "");
+        assert_eq!(told("limit", &["lower", "effort", "jerk"]), "");
+        let axis = "<axis> has \"Xyz\", which is not read; its attributes are xyz";
+        assert_eq!(told("axis", &["Xyz"]), axis);
+        assert_holds!(told("limit", &["effort", "Lower"]), "<limit> has \"Lower\",");
+        assert_holds!(told("mimic", &["joint", "multiply"]), "are joint, multiplier, offset");
     }
 
     #[test]

@@ -123,6 +123,10 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
                 let nearest = nearest(key, known.iter().map(String::as_str));
                 format!("unknown key `{key}`{}", did_you_mean(&nearest, &known))
             }
+            None if words == "trailing characters" => {
+                "something follows the end of the object; a .jsonl file has one a line, without commas between them"
+                    .to_owned()
+            }
             None => comma_too_many(text, &error)
                 .unwrap_or_else(|| plain_words(words).replace("the file ends", "the text ends")),
         };
@@ -467,5 +471,15 @@ mod tests {
         assert_holds!(placement, "placements[0]: is a list; write an object with `name`");
         let line = parse::<Placement>(r#"["p", []]"#, 3, Path::new("p.jsonl")).unwrap_err();
         assert_holds!(line, "line 3, column", "is a list; write an object with `name`");
+        // Lines of a list of JSON, and lines that a carriage return ends.
+        for behind in [",", "\r{\"name\":\"q\",\"lidars\":[]}"] {
+            let text = format!(r#"{{"name":"p","lidars":[]}}{behind}"#);
+            let line = parse::<Placement>(&text, 3, Path::new("p.jsonl")).unwrap_err();
+            assert_holds!(
+                line,
+                "line 3, column",
+                "something follows the end of the object; a .jsonl"
+            );
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Sensor files of the vendors, told apart by content.
 
+mod binary;
 mod column_window;
 mod csv;
 mod isaac;
@@ -56,8 +57,8 @@ fn parse(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<Senso
 }
 
 fn parse_any(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<SensorPattern> {
-    if bytes.starts_with(csv::MAGIC) {
-        return csv::parse_npy(at, bytes);
+    if bytes.starts_with(binary::MAGIC) {
+        return binary::parse_npy(at, bytes);
     }
     if is_utf_16(bytes) {
         return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
@@ -65,7 +66,7 @@ fn parse_any(at: &Location, bytes: &[u8], window: Option<[f64; 2]>) -> Checked<S
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let text = match std::str::from_utf8(bytes) {
         Ok(text) if !text.contains('\0') => text,
-        _ if csv::is_rgl(bytes) => return csv::parse_rgl(at, bytes),
+        _ if binary::is_rgl(bytes) => return binary::parse_rgl(at, bytes),
         Err(_) if !bytes.contains(&0) => {
             let found = "text that is not UTF-8, such as Latin-1,";
             return Err(bad(at, found, "UTF-8 text; save the file as UTF-8"));

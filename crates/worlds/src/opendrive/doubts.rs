@@ -1,8 +1,5 @@
-//! Doubts about a map: reference lines that are most likely not meant as they stand, and warnings of the OpenDRIVE library.
-//!
-//! Lines have gaps between geometries, or headings in degrees; curves are not as long as they say; records begin behind the
-//! start of their road or section; roads are steep, tilted, or have steps; objects are turned by degrees. Warnings become
-//! errors or notes, or are passed over.
+//! Doubts about a map: reference lines, records, objects and marks that are most likely not meant as they stand; and warnings of
+//! the OpenDRIVE library, which become errors or notes, or are passed over.
 
 use std::collections::BTreeMap;
 use std::mem::discriminant;
@@ -10,9 +7,9 @@ use std::mem::discriminant;
 use roxmltree::{Document, Node};
 use xodr::Warning;
 
+use super::attributes::miswritten;
 use super::curves::{begin, end, is_by_length, kinked, length_of};
 use super::document::{number_or_0 as number, shown};
-use super::values::miswritten;
 use crate::world::WorldError;
 use lidar_cast::maths;
 use sightline_files::Note;
@@ -28,7 +25,7 @@ pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
     let roads = || xml.descendants().filter(|node| node.has_tag_name("planView"));
     let lines = [gap, uneven, in_degrees, stretched, kinked];
     let lines = lines.map(|doubt| roads().find_map(doubt));
-    let records = [late, steep, tilted, step, turned, high, miswritten];
+    let records = [late, steep, tilted, step, turned, high, far, broad, miswritten];
     let records = records.map(|doubt| xml.descendants().find_map(doubt));
     lines
         .into_iter()
@@ -49,18 +46,19 @@ fn road(plan: Node) -> String {
 
 /// A geometry that does not begin where the one before it ends.
 fn gap(plan: Node) -> Option<String> {
+    gap_above(plan, GAP)
+        .map(|words| format!("{}: {words}; the road is taken with that gap", road(plan)))
+}
+
+/// The first gap of more than so many metres between two geometries, in words.
+pub(super) fn gap_above(plan: Node, most: f64) -> Option<String> {
     let mut all: Vec<Node> = geometries(plan).collect();
     all.sort_by(|a, b| number(*a, "s").total_cmp(&number(*b, "s")));
     all.windows(2).find_map(|pair| {
         let ([x, y], [u, v]) = (end(pair[0])?, begin(pair[1]));
-        let by = maths::hypot(u - x, v - y);
-        let s = number(pair[1], "s");
-        (by > GAP).then(|| {
-            format!(
-                "{}: the <geometry> at s = {s} begins {by:.2} m from the end of the one before it; the road is taken \
-                 with that gap",
-                road(plan)
-            )
+        let (by, s) = (maths::hypot(u - x, v - y), number(pair[1], "s"));
+        (by > most).then(|| {
+            format!("the <geometry> at s = {s} begins {by:.2} m from the end of the one before it")
         })
     })
 }
@@ -243,6 +241,34 @@ fn high(node: Node) -> Option<String> {
     (height > MOST[usize::from(is_building)]).then(|| {
         let id = shown(object.attribute("id").unwrap_or("without an id"));
         format!("the <object> {id} is {height} m high; heights are in metres: centimetres, or millimetres?")
+    })
+}
+
+/// An object or a signal that stands farther from its road than any map of streets leads.
+fn far(node: Node) -> Option<String> {
+    const MOST: f64 = 1000.0;
+    let keys: &[&str] = match node.tag_name().name() {
+        "object" | "signal" => &["t", "zOffset"],
+        "repeat" => &["tStart", "tEnd", "zOffsetStart", "zOffsetEnd"],
+        _ => return None,
+    };
+    let key = keys.iter().find(|key| number(node, key).abs() > MOST)?;
+    let line = node.document().text_pos_at(node.range().start).row;
+    let (metres, name) = (number(node, key), node.tag_name().name());
+    Some(format!(
+        "line {line}: `{key}` of the <{name}> is {metres} m; lengths are in metres: millimetres?"
+    ))
+}
+
+/// A line on the road that is broader than any.
+fn broad(node: Node) -> Option<String> {
+    const MOST: f64 = 2.0;
+    let width = Some(number(node, "width")).filter(|_| node.has_tag_name("roadMark"))?;
+    let line = node.document().text_pos_at(node.range().start).row;
+    (width > MOST).then(|| {
+        format!(
+            "line {line}: `width` of the <roadMark> is {width} m; widths are in metres: centimetres, or millimetres?"
+        )
     })
 }
 
@@ -460,6 +486,9 @@ mod tests {
         assert!(object("type='pole' height='600'").contains("the <object> 3 is 600 m high"));
         assert_eq!(object("type='building' height='600'"), "");
         assert!(object("zoffset='1'").contains("OpenDRIVE calls it `zOffset`"));
+        assert_holds!(object("s='5' t='-8000'"), "`t` of the <object> is -8000 m;");
+        assert_holds!(object("t='8' zOffset='2500'"), "`zOffset` of the <object> is 2500 m;");
+        assert_eq!(object("t='-900' zOffset='90'"), "");
         let objects =
             |angle: f64| of_road(&format!("<objects><object id='3' hdg='{angle}'/></objects>"));
         assert_eq!([objects(1.0), objects(2.5)], ["", ""]);

@@ -8,7 +8,7 @@ use sightline_files::Note;
 use xodr::{Mesh, Object, ObjectType, Point, Provenance, RoadNetwork};
 
 use super::document::{RoadFacts, number_or_0 as number, shown};
-use super::values;
+use super::widths;
 use crate::network::{MARK, MapShape, Network, class};
 use crate::world::WorldError;
 
@@ -74,10 +74,11 @@ const TYPES: &[&str] = &[
 /// A note of objects whose type nobody knows; a doubt where capitals alone tell it from a known one.
 pub(super) fn of_unknown_types(xml: &Document<'_>, file: &str) -> Option<Note> {
     let types = xml.descendants().filter(|n| n.has_tag_name("object"));
-    let types = types.map(|n| n.attribute("type").unwrap_or_default().trim());
+    // The library knows no type with blanks around it.
+    let types = types.map(|n| n.attribute("type").unwrap_or_default());
     let unknown: Vec<&str> =
         types.filter(|kind| !TYPES.contains(kind) && class_of_mover(kind).is_none()).collect();
-    let meant = |kind: &str| TYPES.iter().find(|known| known.eq_ignore_ascii_case(kind));
+    let meant = |kind: &str| TYPES.iter().find(|known| known.eq_ignore_ascii_case(kind.trim()));
     let slip = unknown.iter().find_map(|kind| Some((*kind, *meant(kind)?)));
     let (first, known) = slip.or(unknown.first().map(|kind| (*kind, "")))?;
     let (count, first) = (unknown.len(), shown(first));
@@ -235,8 +236,10 @@ pub(super) fn check(node: Node<'_, '_>, name: &str, attributes: &[&str]) -> Resu
     }
     // The search for the next record is none of elements without polynomials.
     let along = if polynomials.is_empty() { 0.0 } else { along(node, name) };
-    if name == "width" {
-        values::wide(node, along)?;
+    match name {
+        "width" => widths::wide(node, along)?,
+        "laneOffset" => widths::aside(node, along)?,
+        _ => {}
     }
     for coefficients in polynomials {
         let [a, b, c, d] = coefficients.map(|name| number(node, name).abs());

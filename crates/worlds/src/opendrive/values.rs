@@ -7,14 +7,16 @@ use std::f64::consts::TAU;
 use roxmltree::{Document, Node};
 use sightline_files::Note;
 
-use super::document::{NUMBERS, number_or_0 as number, shown};
+use super::attributes::unknown_ones;
+use super::document::{number_or_0 as number, shown};
+use super::doubts::gap_above;
 
 /// Words of a truth value.
 const TRUTH: &[&str] = &["true", "false", "1", "0"];
 const ENDS: &[&str] = &["start", "end"];
 const KINDS: &[&str] = &["road", "junction"];
-/// Words that an attribute of an element may have, in any case. An empty text counts as none.
-const WORDS: &[(&str, &str, &[&str])] = &[
+/// Words that an attribute of an element may have. An empty text counts as none.
+pub(super) const WORDS: &[(&str, &str, &[&str])] = &[
     ("paramPoly3", "pRange", &["arcLength", "normalized"]),
     ("predecessor", "contactPoint", ENDS),
     ("successor", "contactPoint", ENDS),
@@ -48,12 +50,10 @@ const RECORDS: &[(&str, &str, &[&str])] = &[
     ("lane", "height", &["sOffset"]),
 ];
 
-/// Metres below 0 that rounding leaves of a lane's width.
-const NARROWEST: f64 = -0.01;
-/// Shortest stretch whose width is followed beyond its start, in metres.
-const SHORTEST: f64 = 0.1;
 /// Metres beyond the end of a road that rounding leaves.
 const BEYOND: f64 = 1e-3;
+/// Most metres of a road behind the end of its reference line, and between two geometries.
+const MOST_BEHIND: f64 = 1000.0;
 /// Most corners of an outline: the time to fill it grows with their square.
 const MOST_CORNERS: usize = 10_000;
 /// Most turns of an arc or a spiral; a ramp of a car park has ten.
@@ -69,15 +69,26 @@ const FLAT: &[&str] = &["crosswalk", "roadMark", "parkingSpace", "patch", "roadS
 /// The value, and a remedy, in words that follow the element's place.
 pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     for (_, attribute, words) in WORDS.iter().filter(|(known, ..)| *known == name) {
-        let value = node.attribute(*attribute).map(str::trim).filter(|value| !value.is_empty());
+        let value = node.attribute(*attribute).filter(|value| !value.trim().is_empty());
         let Some(value) = value else { continue };
-        if !words.iter().any(|word| word.eq_ignore_ascii_case(value)) {
+        // The library takes any other spelling for none: `TRUE` would be false. It reads a `pRange` in any case.
+        let in_any_case = |word: &str| *attribute == "pRange" && word.eq_ignore_ascii_case(value);
+        if !words.iter().any(|word| *word == value || in_any_case(word)) {
             let words = words.join(", ");
             return Err(format!("`{attribute}` is `{}`; write one of {words}", shown(value)));
         }
     }
     repeated(node, name)?;
     match name {
+        "road" => as_long_as_its_line(node),
+        // Lanes would be drawn across the gap.
+        "planView" => gap_above(node, MOST_BEHIND)
+            .map_or(Ok(()), |words| Err(format!("has a gap: {words}; correct x and y"))),
+        "roadMark" => {
+            let width = number(node, "width");
+            let wanted = "write metres, 0.12 for a line, or none";
+            if width < 0.0 { Err(format!("`width` is {width}; {wanted}")) } else { Ok(()) }
+        }
         "object" | "objectReference" => on_its_road(node, BEYOND),
         "arc" => turns(node, &["curvature"]),
         "spiral" => turns(node, &["curvStart", "curvEnd"]),
@@ -103,24 +114,20 @@ pub(super) fn check(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     }
 }
 
-/// Doubt about an attribute in other capitals than OpenDRIVE has: its value is lost.
-pub(super) fn miswritten(node: Node<'_, '_>) -> Option<String> {
-    let name = node.tag_name().name();
-    let of_numbers = NUMBERS.iter().filter(|(element, ..)| *element == name);
-    let of_words = WORDS.iter().filter(|(element, ..)| *element == name);
-    let known = of_numbers.flat_map(|(_, must, may)| must.iter().chain(*may).copied());
-    let known: Vec<&str> = known.chain(of_words.map(|(_, attribute, _)| *attribute)).collect();
-    node.attributes().find_map(|attribute| {
-        let odd = attribute.name();
-        let is_it = |known: &&str| *known != odd && known.eq_ignore_ascii_case(odd);
-        let right = known.iter().copied().find(is_it)?;
-        let line = node.document().text_pos_at(node.range().start).row;
-        node.attribute(right).is_none().then(|| {
-            format!(
-                "line {line}: `{odd}` of the <{name}> is not read; OpenDRIVE calls it `{right}`"
-            )
-        })
-    })
+/// Refuses a road that goes on for long behind its reference line: points there lie on one another, or are invented.
+fn as_long_as_its_line(road: Node<'_, '_>) -> Result<(), String> {
+    let plan = road.children().filter(|node| node.has_tag_name("planView"));
+    let geometries = plan.flat_map(|plan| plan.children()).filter(|n| n.has_tag_name("geometry"));
+    let ends = geometries.map(|node| number(node, "s") + number(node, "length"));
+    // A geometry of no length is told for itself.
+    let ends = ends.filter(|end| *end >= 0.0);
+    let (length, end) = (number(road, "length"), ends.fold(f64::NEG_INFINITY, f64::max));
+    if end.is_finite() && length > end + MOST_BEHIND {
+        return Err(format!(
+            "`length` is {length} m, and its <planView> ends at {end} m; correct one of the two"
+        ));
+    }
+    Ok(())
 }
 
 /// Refuses an arc or a spiral that turns round and round: a curvature of another unit, most likely.
@@ -171,32 +178,6 @@ fn repeated(node: Node<'_, '_>, name: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Refuses a width that falls below 0 before the next record, `length` metres on.
-///
-/// # Errors
-/// The width, and a remedy.
-pub(super) fn wide(node: Node<'_, '_>, length: f64) -> Result<(), String> {
-    let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| number(node, name));
-    let at = |x: f64| a + x * (b + x * (c + x * d));
-    // Ends of the stretch, and where the derivative b + 2cx + 3dx² is 0.
-    let root = (c * c - 3.0 * b * d).max(0.0).sqrt();
-    let turns = if d == 0.0 {
-        [-b / (2.0 * c); 2]
-    } else {
-        [(-c - root) / (3.0 * d), (-c + root) / (3.0 * d)]
-    };
-    // Programs end a section by a stretch of a centimetre, whose polynomial is any.
-    let length = if length < SHORTEST { 0.0 } else { length };
-    let inside = turns.into_iter().filter(|x| *x > 0.0 && *x < length);
-    let lowest = inside.chain([0.0, length]).map(|x| (at(x), x)).min_by(|p, q| p.0.total_cmp(&q.0));
-    match lowest {
-        Some((width, x)) if width < NARROWEST => Err(format!(
-            "is a width of {width:.3} m at {x:.2} m from its start; write coefficients of 0 or more metres"
-        )),
-        _ => Ok(()),
-    }
-}
-
 /// Length of the road that an element stands on, in metres.
 fn road_length(node: Node<'_, '_>) -> Option<f64> {
     let road = node.ancestors().find(|n| n.has_tag_name("road"))?;
@@ -238,7 +219,7 @@ pub(super) fn notes(xml: &Document<'_>, file: &str) -> Vec<Note> {
     let past = what(past.collect(), "reach beyond the ends of their roads and are cut there");
     let low = what(low.collect(), "have no `height` and lie flat on the ground");
     let roads = [loose_links(xml, file), loose_junctions(xml, file), gaps_of_lanes(xml, file)];
-    let others = [without_lanes(xml, file), versions(xml, file)];
+    let others = [without_lanes(xml, file), versions(xml, file), unknown_ones(xml, file)];
     [past, low].into_iter().chain(roads).chain(others).flatten().collect()
 }
 
@@ -388,6 +369,41 @@ fn versions(xml: &Document<'_>, file: &str) -> Option<Note> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The library reads `TRUE` as false and ` + ` as none; points behind a `paramPoly3` lie on one another.
+    #[test]
+    fn values_that_the_library_reads_otherwise_are_refused() {
+        let told = |text: &str| {
+            let xml = Document::parse(text).unwrap();
+            let node = xml.root_element();
+            check(node, node.tag_name().name()).err().unwrap_or_default()
+        };
+        for right in [
+            "<lane id='1' level='true'/>",
+            "<lane id='1' level=''/>",
+            "<paramPoly3 pRange='arclength'/>",
+            "<roadMark sOffset='0' width='0'/>",
+            "<road length='1119'><planView><geometry s='20' length='100'/></planView></road>",
+        ] {
+            assert_eq!(told(right), "", "{right}");
+        }
+        for (text, words) in [
+            (
+                "<planView><geometry s='0' x='0' length='9'><line/></geometry><geometry s='9' x='1010' length='9'>\
+                 <line/></geometry></planView>",
+                "has a gap: the <geometry> at s = 9 begins 1001.00 m from the end of the one before it; correct",
+            ),
+            ("<lane id='1' level='TRUE'/>", "`level` is `TRUE`; write one of true, false, 1, 0"),
+            ("<signal orientation=' + '/>", "`orientation` is ` + `; write one of +, -, none"),
+            ("<roadMark sOffset='0' width='-0.12'/>", "`width` is -0.12; write metres"),
+            (
+                "<road length='1121'><planView><geometry s='20' length='100'/></planView></road>",
+                "`length` is 1121 m, and its <planView> ends at 120 m; correct one of the two",
+            ),
+        ] {
+            assert_holds!(told(text), words);
+        }
+    }
 
     /// The least number has no opposite of its own size.
     #[test]

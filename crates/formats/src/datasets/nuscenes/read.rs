@@ -42,7 +42,7 @@ pub fn read_nuscenes(
     let mut tracks = tracks(&tables, &samples, &by_token)?;
     let categories = Arc::new(categories);
     let mut read = Vec::new();
-    for (index, (_, name)) in scenes.iter().enumerate() {
+    for (index, (_, name, stated)) in scenes.iter().enumerate() {
         let times: Vec<f64> =
             samples.iter().filter(|s| s.scene == index).map(|s| s.timestamp).collect();
         let keyframes = keyframes.remove(&index).unwrap_or_default();
@@ -57,6 +57,7 @@ pub fn read_nuscenes(
             categories: Arc::clone(&categories),
             notes: times_doubted(&tables, name, &times).into_iter().chain(tables.notes()).collect(),
         };
+        scene.notes.extend(samples_doubted(&tables, name, times.len(), *stated));
         scene.notes.extend(poses_doubted(&tables, &scene));
         scene.notes.extend(boxes_doubted(&tables, &scene));
         scene.notes.extend(ground::doubts(&scene, None)?);
@@ -104,6 +105,20 @@ fn times_doubted(tables: &SourceTables, scene: &str, times: &[f64]) -> Option<No
     )))
 }
 
+/// A doubt about a scene whose number of samples is another one in the table of scenes.
+fn samples_doubted(
+    tables: &SourceTables,
+    scene: &str,
+    found: usize,
+    stated: Option<u64>,
+) -> Option<Note> {
+    let stated = stated.filter(|stated| *stated != found as u64)?;
+    Some(Note::doubt(format!(
+        "{}: `nbr_samples` of the scene {scene:?} is {stated}, and {found} samples name it; is each `scene_token` right?",
+        tables.path("scene").display()
+    )))
+}
+
 /// Doubts about where LIDAR_TOP stands on the vehicle, and about a vehicle that does not drive forwards.
 fn poses_doubted(tables: &SourceTables, scene: &NuscenesScene) -> Vec<Note> {
     let keyframes = &scene.keyframes;
@@ -119,6 +134,19 @@ fn poses_doubted(tables: &SourceTables, scene: &NuscenesScene) -> Vec<Note> {
     };
     let mut notes: Vec<Note> = units.into_iter().map(of_units).collect();
     let ego = |frame: &Keyframe| frame.world_from_sensor.compose(&frame.ego_from_sensor.inverse());
+    let turns = |pair: &[Keyframe]| {
+        let [before, now] = [0, 1].map(|k| ego(&pair[k]).rotation.x_axis);
+        before.dot(now) < 0.0
+    };
+    if let Some(k) = keyframes.windows(2).position(turns) {
+        notes.push(Note::doubt(format!(
+            "{}: the vehicle of the scene {:?} turns by more than 90 degrees between its keyframes {k} and {}; rotations are w, x, \
+             y, z.",
+            tables.path("ego_pose").display(),
+            scene.name,
+            k + 1
+        )));
+    }
     let steps = keyframes.windows(2).map(|pair| {
         let step = ego(&pair[0]).inverse().apply(ego(&pair[1]).translation);
         (step.x, step.length())
@@ -166,8 +194,8 @@ fn boxes_doubted(tables: &SourceTables, scene: &NuscenesScene) -> Vec<Note> {
     doubts.into_iter().flatten().collect()
 }
 
-/// Token and name of the scenes, in the requested order or the table's.
-fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, String)>> {
+/// Token, name and stated number of samples of the scenes, in the requested order or the table's.
+fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<WantedScene>> {
     if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         let name = &names[k];
         return Err(refused!(
@@ -178,7 +206,8 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, Strin
     tables.rows("scene", |row: SceneRow| {
         tables.refuse_twice("scene", &row.token, !tokens.insert(row.token.clone()))?;
         tables.refuse_twice("scene", &row.name, !known.insert(row.name.clone()))?;
-        all.push((row.token, row.name));
+        let stated = row.nbr_samples.and_then(|count| count.as_u64());
+        all.push((row.token, row.name, stated));
         Ok(())
     })?;
     if all.is_empty() {
@@ -186,8 +215,8 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, Strin
         return Err(refused!("{}: lists no scene; give a set of at least one", path.display()));
     }
     let find = |name: &String| {
-        all.iter().find(|(_, known)| known == name).cloned().ok_or_else(|| {
-            let known = quoted(all.iter().map(|(_, name)| name));
+        all.iter().find(|(_, known, _)| known == name).cloned().ok_or_else(|| {
+            let known = quoted(all.iter().map(|(_, name, _)| name));
             refused!(
                 "{}: no scene is called {name:?}; it has {known}",
                 tables.path("scene").display()
@@ -197,6 +226,9 @@ fn scenes(tables: &SourceTables, names: &[String]) -> Checked<Vec<(String, Strin
     let wanted: Result<Vec<_>, _> = names.iter().map(find).collect();
     Ok(if names.is_empty() { all } else { wanted? })
 }
+
+/// Token, name and stated number of samples of a scene.
+type WantedScene = (String, String, Option<u64>);
 
 struct Sample {
     token: String,
@@ -208,10 +240,10 @@ struct Sample {
 /// Samples of the scenes, by scene and time, and the tokens of all samples.
 fn samples(
     tables: &SourceTables,
-    scenes: &[(String, String)],
+    scenes: &[WantedScene],
 ) -> Checked<(Vec<Sample>, HashSet<String>)> {
     let scene: HashMap<&str, usize> =
-        scenes.iter().enumerate().map(|(i, (token, _))| (token.as_str(), i)).collect();
+        scenes.iter().enumerate().map(|(i, (token, ..))| (token.as_str(), i)).collect();
     let (mut samples, mut tokens) = (Vec::new(), HashSet::new());
     tables.rows("sample", |row: SampleRow| {
         let again = !tokens.insert(row.token.clone());

@@ -32,10 +32,7 @@ const MOST_METRES: f64 = 1e7;
 /// read: they say where and how the set was recorded.
 const PASSED: [(&str, &[&str]); 10] = [
     // Other rows say the same: a sample names its scene.
-    (
-        "scene",
-        &["description", "log_token", "nbr_samples", "first_sample_token", "last_sample_token"],
-    ),
+    ("scene", &["description", "log_token", "first_sample_token", "last_sample_token"]),
     // Times order the samples.
     ("sample", &["prev", "next"]),
     ("sensor", &["modality"]),
@@ -86,7 +83,7 @@ macro_rules! rows {
 // Times are microseconds, rotations quaternions w, x, y, z, sizes width, length, height. `index` is the label of lidarseg;
 // sets without it lack the field.
 rows! {
-    SceneRow { token: String, name: String }
+    SceneRow { token: String, name: String, nbr_samples: Option<serde_json::Value> }
     SampleRow { token: String, scene_token: String, timestamp: f64 }
     SensorRow { token: String, channel: String }
     CalibratedRow { token: String, sensor_token: String, translation: [f64; 3], rotation: [f64; 4] }

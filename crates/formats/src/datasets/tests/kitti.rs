@@ -311,6 +311,20 @@ fn poses_that_lie_on_their_side_or_lead_sideways_are_doubted() {
     assert_holds!(notes(folder.path()), "frame 0 leans by 90 degrees");
 }
 
+#[test]
+fn a_calibration_in_millimetres_is_doubted() {
+    let told = |calib: &str| {
+        let folder = sequence();
+        std::fs::write(folder.path().join("calib.txt"), calib).unwrap();
+        let sequence = KittiSequence::open(folder.path()).unwrap();
+        let doubts = sequence.notes().iter().filter(|note| note.text().contains("`Tr` moves"));
+        doubts.map(ToString::to_string).collect::<String>()
+    };
+    assert_eq!(told(CALIB), "");
+    let told = told(&CALIB.replace("-0.2", "-270"));
+    assert_holds!(told, "`Tr` moves by 270 m, farther than a vehicle is long; millimetres?");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_device_is_not_read_to_its_end() {

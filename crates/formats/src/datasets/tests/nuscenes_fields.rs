@@ -96,3 +96,34 @@ fn boxes_of_other_orders_are_doubted() {
     let back = doubts([1.9, 4.5, 1.6], std::f64::consts::PI);
     assert!(back.contains("vehicles move backwards or sideways in 1 of 1 steps"), "{back}");
 }
+
+/// Four keyframes a metre apart, the third with a rotation in another order; and a scene of five samples.
+#[test]
+fn a_keyframe_turned_round_and_a_sample_that_is_missing_are_doubted() {
+    let doubts = |odd: DQuat, stated: usize| {
+        let folder = tempfile::tempdir().unwrap();
+        let keyframe = |k: usize| {
+            let turn = if k == 2 { odd } else { DQuat::IDENTITY };
+            let points = (0..50).map(|k| ([4.0 + 0.1 * k as f32, 1.0, -1.84], 24)).collect();
+            Keyframe {
+                time: 1000.0 + 0.5 * k as f64,
+                ego: (DVec3::new(k as f64, 0.0, 0.0), turn),
+                points,
+            }
+        };
+        write(folder.path(), &[0, 1, 2, 3].map(keyframe), &[]);
+        let path = folder.path().join("v1.0-mini/scene.json");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let changed = text.replace("\"nbr_samples\": 4", &format!("\"nbr_samples\": {stated}"));
+        std::fs::write(path, changed).unwrap();
+        said(folder.path()).concat()
+    };
+    assert_eq!(doubts(DQuat::from_rotation_z(0.5), 4), "");
+    let turned = doubts(DQuat::from_rotation_z(std::f64::consts::PI), 4);
+    assert_holds!(turned, "turns by more than 90 degrees between its keyframes 1 and 2; rotations");
+    let missing = doubts(DQuat::IDENTITY, 5);
+    assert_holds!(
+        missing,
+        "`nbr_samples` of the scene \"scene-0061\" is 5, and 4 samples name it;"
+    );
+}

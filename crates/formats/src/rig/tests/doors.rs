@@ -411,7 +411,7 @@ fn elements_in_capitals_or_at_another_place_are_doubted() {
     };
     let link = "<link name='b'><pose>3 0 2 0 0 0</pose><sensor name='b' type='ray'/></link>";
     let sdf = |more: &str| {
-        let first = link.replace("'b'", "'a'");
+        let first = link.replace("'b'", "'a'").replace("3 0 2", "2 0 2");
         format!("<sdf version='1.9'><model name='m'>{first}{more}</model></sdf>")
     };
     let said = |text: &str| doubts(&read(text).unwrap());
@@ -440,4 +440,46 @@ fn elements_in_capitals_or_at_another_place_are_doubted() {
     ] {
         assert!(said(&text).contains(told), "{text}: {}", said(&text));
     }
+}
+
+#[test]
+fn attributes_and_poses_that_readers_lose_are_told() {
+    let urdf = |axis: &str, pose: &str| {
+        format!(
+            "<robot name='r'><link name='base_link'/><link name='lidar'/><joint name='j' type='revolute'>\
+             <parent link='base_link'/><child link='lidar'/>{axis}<limit lower='0.5' upper='1'/></joint>\
+             <gazebo reference='lidar'><sensor name='s' type='ray'>{pose}</sensor></gazebo></robot>"
+        )
+    };
+    let pose = "<pose>0 0 1 0 0 0</pose>";
+    let right = read(&urdf("<axis xyz='0 0 1'/>", pose)).unwrap();
+    assert_eq!(right.rig.lidars[0].pose.values(), [0.0, 0.0, 1.0, 0.0, 0.0, 0.5]);
+    let told = error(&urdf("<axis XYZ='0 0 1'/>", pose));
+    assert_holds!(told, "<axis> has \"XYZ\", which is not read; its attributes are xyz");
+    let capitals = read(&urdf("<axis xyz='0 0 1'/>", &pose.replace("pose", "Pose"))).unwrap();
+    assert_holds!(
+        doubts(&capitals),
+        "<gazebo>/<sensor>/<Pose>, in place of <gazebo>/<sensor>/<pose>,"
+    );
+    let sdf = "<sdf version='1.9'><model name='m'><link name='base_link'/><link name='lidar'/><joint name='j'>\
+               <parent>base_link</parent><child>lidar</child></joint></model></sdf>";
+    assert_holds!(doubts(&read(sdf).unwrap()), "the joint `j` has no `type` and is taken as fixed");
+    let launch = "<launch><group If='false'><node pkg='tf2_ros' exec='static_transform_publisher' \
+                  args='--z 2 --frame-id base_link --child-frame-id lidar'/></group></launch>";
+    assert_holds!(error(launch), "`If` stands where an attribute in small letters belongs");
+}
+
+#[test]
+fn lidars_in_one_pose_are_doubted() {
+    let carla = |y: f64| {
+        let one = |kind: &str, id: &str, y: f64| {
+            format!(
+                r#"{{"type": "sensor.lidar.{kind}", "id": "{id}", "x": 0, "y": {y}, "z": 2.4}}"#
+            )
+        };
+        format!("[{}, {}]", one("ray_cast", "L", 0.0), one("ray_cast_semantic", "S", y))
+    };
+    let told = doubts(&read(&carla(0.0)).unwrap());
+    assert_holds!(told, "`L` and `S` stand in one pose; one sensor that comes twice?");
+    assert_eq!(doubts(&read(&carla(0.1)).unwrap()), "");
 }

@@ -268,6 +268,47 @@ fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
     let hidden = serde_json::json!({ "KHR_node_visibility": { "visible": false } });
     let hidden = kinds_gltf(|json| json["nodes"][1]["extensions"] = hidden.clone()).unwrap();
     assert_eq!(hidden.faces.len(), 10);
+    let odd = serde_json::json!({ "KHR_node_visibility": { "visible": "false" } });
+    let odd = kinds_gltf(|json| json["nodes"][1]["extensions"] = odd.clone()).unwrap_err();
+    assert_holds!(odd.problem, "otherwise than by true or false");
+}
+
+/// A key that is nearly one of glTF moves nothing, and a key of somebody's own changes nothing.
+#[test]
+fn gltf_keys_that_nobody_reads_are_told() {
+    let notes = |from: &str, to: &str| {
+        let text = triangle_gltf(2, 40, 3).replacen(from, to, 1);
+        let mesh = gltf::read(text.as_bytes(), Path::new("")).unwrap();
+        let told = mesh.notes.iter().map(|note| (note.is_doubt(), note.text().to_owned()));
+        told.collect::<Vec<_>>()
+    };
+    assert_eq!(notes("", ""), []);
+    assert_eq!(notes("\"mesh\":0", "\"mesh\":0,\"extras\":{\"a\":1},\"name\":\"n\""), []);
+    for (from, to, is_doubt, words) in [
+        (
+            "\"translation\"",
+            "\"translations\"",
+            true,
+            "nodes[0]: the key `translations` is not known here, and not read; did",
+        ),
+        ("\"indices\"", "\"indexes\"", true, "meshes[0].primitives[0]: the key `indexes`"),
+        (
+            "\"mesh\":0",
+            "\"mesh\":0,\"extensions\":{\"EXT_mesh_gpu_instancings\":{}}",
+            true,
+            "not read: EXT_mesh_gpu_instancings;",
+        ),
+        (
+            "\"mesh\":0",
+            "\"mesh\":0,\"zzz\":1",
+            false,
+            "nodes[1]: the key `zzz` is not known here, and not read",
+        ),
+    ] {
+        let told = notes(from, to);
+        assert_eq!((told.len(), told[0].0), (1, is_doubt), "{told:?}");
+        assert_holds!(told[0].1, words);
+    }
 }
 
 #[test]

@@ -96,6 +96,8 @@ fn shapes_at_another_place_and_unknown_words_are_doubted() {
     let visual = r#""urdf": {"file": "car/urdf/car.urdf", "packages": ".", "without": ["lidar"]}"#;
     let link = r#"<link name="x"><visual><geometry><box size="1 1 1"/></geometry></visual></link>"#;
     let more = |more: &str| fixed.replace("</robot>", &format!("{more}</robot>"));
+    let joint = r#"<joint name="x" type="fixed"><parent link="base"/><child link="x"/></joint>"#;
+    let hung = |link: &str| more(&format!("{link}{joint}"));
     for (text, wanted) in [
         (
             more(&format!("<group>{link}</group>")),
@@ -106,6 +108,8 @@ fn shapes_at_another_place_and_unknown_words_are_doubted() {
             fixed.replace("<mesh ", "<mesh units=\"mm\" "),
             "`units` in <mesh> of link `base` is not known",
         ),
+        (hung(&link.replace("visual", "visuals")), "<visuals> of link `x`"),
+        (hung("<link name=\"x\"><inertial/><contact/><my:look/></link>"), ""),
         (fixed.replace("<mesh ", "<mesh my:units=\"mm\" "), ""),
         (more(&format!("<gazebo>{link}</gazebo>")), ""),
     ] {

@@ -48,6 +48,8 @@ const PASSED: Passed = &[
 struct Metadata {
     beam_intrinsics: Option<Answer<BeamIntrinsics>>,
     sensor_info: Option<Answer<Info>>,
+    // Ouster Studio's name for it stands second.
+    #[serde(alias = "config_txt")]
     config_params: Option<Answer<Config>>,
     lidar_data_format: Option<Answer<DataFormat>>,
     data_format: Option<Answer<DataFormat>>,

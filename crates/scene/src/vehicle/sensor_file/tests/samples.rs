@@ -135,6 +135,12 @@ fn ouster_flat_and_nested() {
         assert_eq!(pattern.model.as_deref(), Some("OS-1-2"));
         assert_holds!(pattern.notes[0], note);
     }
+    // The name that Ouster Studio writes.
+    let studio = read(
+        nested.replace("config_params", "config_txt").replace("[0, 360000]", "[90000, 270000]"),
+    );
+    let [from, to] = studio.unwrap().azimuth.unwrap();
+    assert!((from - -90.0).abs() < 0.2 && (to - 90.0).abs() < 0.2, "{from} {to}");
     let missing = message(r#"{"beam_intrinsics": {"beam_altitude_angles": [1]}}"#);
     assert_begins!(missing, "f: beam_intrinsics: `beam_azimuth_angles` is missing");
     let mode = message(flat.replace("512x10", "fast"));

@@ -49,6 +49,36 @@ fn whole_times_are_doubted_by_many_rows_of_no_stated_unit() {
     }
 }
 
+/// Hesai's rows without their titles would be a pattern of one beam: 15° to the side, straight up.
+#[test]
+fn channels_without_titles_are_no_pattern() {
+    let rows = |title: &str| {
+        let row = |k: u32| format!("{k},{},1.042\n", 15 - k);
+        format!("{title}{}", (1..15).map(row).collect::<String>())
+    };
+    let told = message(rows(""));
+    assert_holds!(
+        told,
+        "a first column that counts by one is not a column that a title explains; write `Channel,"
+    );
+    assert_eq!(channels(&read(rows("Channel,Elevation,Azimuth\n")).unwrap()).len(), 14);
+    // Seconds, or one row, say nothing of channels.
+    assert_eq!(directions(&read("0,30,80\n0.01,31,80\n").unwrap()).len(), 2);
+    assert_eq!(directions(&read("1,30,80\n").unwrap()).len(), 1);
+}
+
+#[test]
+fn titles_of_parts_of_a_degree_are_refused() {
+    for unit in ["(mrad)", "[gon]", "/arcmin", "(0.01deg)", " (1/100 deg)", " / centidegrees"] {
+        let told = message(format!("Channel,Elevation{unit},Azimuth\n1,15,1\n2,3,2\n"));
+        assert!(told.contains("is not a column of degrees; convert it"), "{unit}: {told}");
+    }
+    for unit in ["", "(deg)", " [°]", "/degrees", " (clockwise, 0-360)"] {
+        let read = read(format!("Channel,Elevation,Azimuth{unit}\n1,15,1\n2,3,2\n")).unwrap();
+        assert_eq!(channels(&read).len(), 2, "{unit}");
+    }
+}
+
 /// A window of Ouster is in thousandths of a degree, in firmware 1 in hundredths.
 #[test]
 fn windows_of_an_ouster_in_degrees_are_refused_and_whole_turns_are_no_window() {
