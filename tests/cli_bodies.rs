@@ -274,9 +274,21 @@ fn a_body_of_a_wrong_size_or_place_is_told_by_its_own_name() {
     ego["bodies"][0]["parts"] = boom;
     room_with(dir.path(), "r.json", &ego);
     // From x = 0.8 m, 0.8 m wide, to 2.2 m, 0.2 m wide.
-    let args = "study nearfield r.json p.json --backend cpu";
-    stderr(&dir, args)
-        .says("0.7 m² within the outline of the body lie under parts that are 1 m up or more");
+    let words = "0.7 m² within the outline of the body lie under parts that are 1 m up or more";
+    stderr(&dir, "study nearfield r.json p.json --backend cpu").says(words);
+    // Scores say so where ground is required.
+    let lidar = json!({ "channels": 8, "fov": [-25, 2], "azimuth_steps": 90, "range": 40 });
+    for (rule, is_said) in [
+        (json!({ "ground": 3, "share": 0 }), true),
+        (json!({ "target": "car", "within": 9, "share": 0 }), false),
+    ] {
+        let vehicle = json!({ "sightline": 1, "body": ego["body"], "bodies": ego["bodies"], "require": [rule],
+            "sensors": [{ "name": "a", "lidar": lidar }],
+            "mounts": [{ "min": [-0.8, -0.6, 1.2], "max": [1, 0.6, 2], "name": "roof", "count": [1, 2] }] });
+        write(&dir, "v.json", &vehicle);
+        let said = stderr(&dir, "score r.json p.json --vehicle v.json --backend cpu");
+        assert_eq!(said.contains(words), is_said, "{said}");
+    }
     // The first body, which another one joins, and alone.
     told(&still, &|ego| ego["body"] = mesh(json!(1e-6)))
         .says(&format!("r.json: the ego's first body {tiny}"));

@@ -118,7 +118,9 @@ impl Footprint {
 }
 
 /// Metres above the ground from which on somebody may stand or lie under a part of the body.
-pub(crate) const RAISED: f64 = 1.0;
+const RAISED: f64 = 1.0;
+/// Least ground under raised parts of the body that is told of, square metres.
+const LEAST_RAISED: f64 = 0.5;
 
 /// Square metres within the outline of the body that only parts reach which are raised everywhere: ground under a boom,
 /// which no cell of the near field looks at.
@@ -127,6 +129,17 @@ pub(crate) fn under_raised(scene: &Scene, footprint: &Footprint) -> f64 {
     let low = scene.body().into_iter().filter(reaches_down).flatten();
     let low = Footprint::of(low.map(|[x, y, _]| [x, y].map(f64::from)));
     footprint.area() - low.map_or(0.0, |low| low.area())
+}
+
+/// Sentence on ground under raised parts of a body, which no number on near ground judges; `None` for little of it.
+pub(crate) fn under_raised_in_words(scene: &Scene) -> Option<String> {
+    let area = under_raised(scene, &outline(scene, 0).ok()?);
+    (area >= LEAST_RAISED).then(|| {
+        format!(
+            "{area:.1} m² within the outline of the body lie under parts that are {RAISED} m up or more; no number judges that \
+             ground: ask for a `target` there in `require`"
+        )
+    })
 }
 
 /// Square metres of a polygon without crossings.

@@ -41,8 +41,10 @@ mod look;
 mod required;
 mod zone;
 
+#[cfg(test)]
+pub(crate) use self::body::under_raised;
 pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, mounts_into_body, self_hits};
-pub(crate) use self::body::{RAISED, WheelPlane, under_raised};
+pub(crate) use self::body::{WheelPlane, under_raised_in_words};
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
 pub(crate) use look::{CLOSE, bodies_move, body_poses, outline, place, returned_hits};
 pub use look::{NearField, NearSite};

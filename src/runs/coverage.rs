@@ -19,7 +19,7 @@ use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
 use crate::engine::BackendError;
 use crate::files::Session;
 use crate::job::Job;
-use crate::near_field::{Footprint, NearField, NearSite, RAISED, under_raised};
+use crate::near_field::{Footprint, NearField, NearSite, under_raised_in_words};
 use crate::report::coverage::near_field_svg;
 use crate::report::targets::{targets_figures, targets_svg};
 use crate::scan::conditions::in_words;
@@ -68,19 +68,6 @@ pub struct NearFields {
     pub near_fields: Vec<NearField>,
 }
 
-/// Least ground under raised parts of the body that is told of, square metres.
-const LEAST_RAISED: f64 = 0.5;
-
-/// Tells of ground that no number looks at, since raised parts of the body hang over it.
-fn note_raised(area: f64, computing: &Computing<'_>) {
-    if area >= LEAST_RAISED {
-        computing.watcher.note(&format!(
-            "{area:.1} m² within the outline of the body lie under parts that are {RAISED} m up or more; no number judges that \
-             ground: ask for a `target` there in `require`"
-        ));
-    }
-}
-
 /// Looks at the near field of each placement, and draws it where the request names a file.
 ///
 /// # Errors
@@ -113,7 +100,7 @@ pub fn near_fields(
         return Err(no_layouts(&request.scene));
     }
     let site = NearSite::new(scene, &evaluator.shared_problem())?;
-    note_raised(under_raised(scene, site.footprint()), computing);
+    under_raised_in_words(scene).iter().for_each(|words| watcher.note(words));
     watcher.listen(GRACE);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut all = Vec::new();

@@ -11,7 +11,7 @@ use crate::Note;
 use crate::engine::BackendError;
 use crate::files::Input;
 use crate::job::{Job, JobError, JobFiles, JobScene};
-use crate::near_field::mounts_into_body;
+use crate::near_field::{mounts_into_body, under_raised_in_words};
 use crate::problem::StageTimes;
 use crate::psog::{Psog, PsogError};
 use crate::scan::conditions::{Condition, ConditionKind};
@@ -125,9 +125,12 @@ pub(crate) fn job_within(
     Ok(Loaded { job, times })
 }
 
-/// Notes that the ground of a scene is not level where targets of requirements and range cards stand.
+/// Notes that the ground of a scene is not level where targets of requirements and range cards stand, and, where the vehicle
+/// requires ground, that none is judged under raised parts of its body.
 pub(super) fn note_relief(job: &Job, watcher: &dyn Watcher) -> Result<(), RunError> {
-    job.relief_in_words()?.iter().for_each(|words| watcher.note(words));
+    let requires = !job.scene().vehicle().ground.is_empty();
+    let raised = requires.then(|| under_raised_in_words(job.scene())).flatten();
+    job.relief_in_words()?.iter().chain(&raised).for_each(|words| watcher.note(words));
     Ok(())
 }
 
