@@ -174,7 +174,7 @@ fn with_own_words(sentence: &str) -> String {
 }
 
 /// A sentence with models by frame as Python takes them, `models={"top": "MODEL"}`, and with the last word alone of the command
-/// of a hand-over.
+/// of a hand-over. No argument has the height of an optical centre.
 fn with_models(sentence: &str) -> String {
     let mut told = sentence.to_owned();
     if let Some((before, after)) = told.split_once("`sightline rig handover ") {
@@ -185,6 +185,9 @@ fn with_models(sentence: &str) -> String {
     let end = |text: &str| text.find([' ', ',', ';']).unwrap_or(text.len());
     if let Some((before, after)) = told.split_once(" or --optical-height ") {
         told = format!("{before}{}", &after[end(after)..]);
+    }
+    if let Some((before, after)) = told.split_once("give --optical-height ") {
+        told = format!("{before}add it to z of `poses`{}", &after[end(after)..]);
     }
     while let Some((before, after)) = told.split_once("--sensor") {
         if after.starts_with("-file") {

@@ -189,6 +189,7 @@ def test_sentences_are_told_in_python_s_words() -> None:
         "one model: the file of a vehicle, `--vehicle FILE` (in Python vehicle=…)": "one model: the file of a vehicle, vehicle=…",
         "give a vehicle with --vehicle (in Python load the scene with one)": "give vehicle= when the scene is loaded",
         "give --sensor top=MODEL or --optical-height top=METRES": 'give models={"top": "MODEL"}',
+        "for one; give --optical-height VLP-16=METRES": "for one; add it to z of `poses`",
         "name a model of that view with --sensor": "name a model of that view with models=",
         "is at z = 0, --base-link=0,0,2 counts heights": "is at z = 0, base_link=0,0,2 counts heights",
         "pick one with --base-frame top": "pick one with base_frame=top",
