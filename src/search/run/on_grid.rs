@@ -1,6 +1,6 @@
 //! Swaps on a grid of sensor poses, over the frames of the search, and bounds, over those that it began with.
 
-use super::state::{Phase, Run};
+use super::state::{Phase, Run, State};
 use crate::score::Standing;
 use crate::search::bound::bounds;
 use crate::search::error::SearchError;
@@ -179,13 +179,15 @@ impl Run {
                 return Ok(());
             }
         }
-        self.turn_away(&starts, work.casts / self.frames().len() as u64, watch)
+        self.turn_away(before, &starts, work.casts / self.frames().len() as u64, watch)
     }
 
     /// Where the best end looks at the own body, swaps once more from the ends with LiDARs that look away, with so many
-    /// `casts` at most on each grid. Their end joins the others: the best of them is the result.
+    /// `casts` at most on each grid. Their end joins the others: the best of them is the result. A run that is stopped here
+    /// goes on from the state `before`.
     fn turn_away(
         &mut self,
+        before: State,
         starts: &[Placement],
         casts: u64,
         watch: &mut Watch,
@@ -213,13 +215,17 @@ impl Run {
                 watch.tell(&Event::Progress { work: Work::Refinements, done, total })
             };
             let found = swap_from(evaluator, objective, &on_grid, AWAY_STEPS, starts, &mut go_on)?;
-            let Some(found) = found else { continue };
-            self.note_swaps(found.poses_cast);
-            let Some(swaps) = &mut self.state.swaps else { return Ok(()) };
-            swaps.evaluations += found.evaluations;
-            swaps.poses_cast += found.poses_cast;
-            swaps.others.insert(0, found.placement.clone());
-            end = found.placement;
+            if let (Some(found), Some(swaps)) = (found, &mut self.state.swaps) {
+                swaps.evaluations += found.evaluations;
+                swaps.poses_cast += found.poses_cast;
+                swaps.others.insert(0, found.placement.clone());
+                self.note_swaps(found.poses_cast);
+                end = found.placement;
+            }
+            if watch.is_over() {
+                self.cut_at(before, watch);
+                break;
+            }
         }
         Ok(())
     }
