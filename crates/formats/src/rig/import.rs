@@ -176,11 +176,11 @@ fn rig_of(
         // A model that is named already has no known height, so that naming one brings none.
         let of = rig.lidars.iter().find(|lidar| lidar.frame == *frame);
         let mend = match of.and_then(|lidar| lidar.sensor.as_deref()) {
-            Some(sensor) => format!("--optical-height {sensor}=METRES"),
-            None => format!("--sensor {frame}=MODEL or --optical-height {frame}=METRES"),
+            Some(sensor) => format!("give --optical-height {sensor}=METRES"),
+            None => format!("give --sensor {frame}=MODEL or --optical-height {frame}=METRES"),
         };
         notes.push(Note::fact(format!(
-            "nothing says how far above its foot the optical centre of {} is, so they are taken for one; give {mend}",
+            "nothing says how far above its foot the optical centre of {} is, so they are taken for one; {mend}",
             unknown.join(", ")
         )));
     }
