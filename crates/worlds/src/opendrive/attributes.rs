@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use roxmltree::{Document, Node};
 use sightline_files::Note;
-use sightline_files::json::nearest;
+use sightline_files::json::{counted, nearest};
 
 use super::document::{NUMBERS, shown};
 use super::values::WORDS;
@@ -92,7 +92,7 @@ pub(super) fn unknown_ones(xml: &Document<'_>, file: &str) -> Option<Note> {
         }
     }
     let told = |((element, odd), count): (&(&str, &str), &usize)| {
-        format!("`{}` of <{element}> {count} times", shown(odd))
+        format!("`{}` of <{element}> {}", shown(odd), counted(*count, "time"))
     };
     let list: Vec<String> = counts.iter().take(NAMED).map(told).collect();
     (!list.is_empty()).then(|| {
