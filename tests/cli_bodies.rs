@@ -107,7 +107,7 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
         .says("bodies[0].poses: an empty list is not a list of at least one pose");
 }
 
-/// Corners of a path from its first one, tenths of a millimetre: its place on the sheet depends on what is around it.
+/// Corners of a path less its first corner, in tenths of a millimetre; its place on the sheet depends on other shapes.
 fn shape(path: &str) -> Vec<[i64; 2]> {
     let corners = path.split('"').nth(1).unwrap().split(['M', 'L', 'Z']);
     let corners = corners.filter_map(|corner| corner.split_once(' '));

@@ -77,7 +77,7 @@ fn the_folder_of_a_run_alone_brings_its_scene_and_vehicle() {
         said.says("runs/yard: the folder of a run alone; with ");
         assert_eq!(said.contains("yard.json, "), command != "study targets", "{command}: {said}");
         said.says("cart.json, as in the run");
-        // A vehicle that is given stands for itself; commands that need a scene take that of the run.
+        // The vehicle given is taken; commands that need a scene take the scene of the run.
         let (code, [_, said]) = asked("runs/yard:plain --vehicle cart.json");
         assert!(code.is_some_and(|code| code < 2), "{command}: {said}");
         let on_level = ["nearfield", "redundancy", "tolerance", "sweep", "targets"];

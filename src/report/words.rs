@@ -121,11 +121,9 @@ fn judged_at(
 
 /// Sentence on LiDARs below the ground; empty where there are none.
 fn below_in_words(best: &Scored) -> String {
-    let below = |guard: &Guard| match guard {
-        Guard::BelowGround { lidar, mount, depth } => {
-            Some(format!("{} by {depth:.2} m", lidar_name(*lidar, mount.as_deref())))
-        }
-        _ => None,
+    let below = |guard: &Guard| {
+        let Guard::BelowGround { lidar, mount, depth } = guard else { return None };
+        Some(format!("{} by {depth:.2} m", lidar_name(*lidar, mount.as_deref())))
     };
     let each: Vec<String> = best.scores.guards.iter().filter_map(below).collect();
     if each.is_empty() { String::new() } else { format!("BELOW THE GROUND: {}. ", each.join(", ")) }

@@ -102,7 +102,7 @@ pub(super) fn with_run_vehicle<'a>(
     computing: &Computing<'a>,
 ) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
     if computing.vehicle.is_some() {
-        return Ok((files.to_vec(), computing.clone()));
+        return with_run(files, computing);
     }
     brought(files, computing, |run| match run.vehicle {
         Some(_) => Vec::new(),

@@ -76,7 +76,7 @@ impl GridSearch {
     /// leads to a placement that does not. Guards take a cast of the whole placement, so they are asked at the end
     /// alone. If one is violated there, the climb is done again and each swap is checked. Requirements need no check: a
     /// missing share is taken off the objective, see [`Self::require`]. Where LiDARs are to look away from the own body,
-    /// none turns to it unless that brings more of what is required.
+    /// one turns to it only if fewer places of the requirements are then missing.
     ///
     /// `go_on` is asked before each turn, after every few candidates and as by [`Self::hold_while`], with the poses
     /// cast so far. Once it says no, the turn under way does not count and the climb ends where that turn began,
@@ -333,9 +333,12 @@ impl GridSearch {
         one: &[u32],
         other: &[u32],
     ) -> Result<bool, SearchError> {
+        if !self.has_requirements() {
+            return Ok(false);
+        }
         // An atlas that forgets may not hold them any more.
         self.hold(evaluator, &[one, other].concat())?;
-        Ok(self.has_requirements() && self.lacks(one)[0] < self.lacks(other)[0])
+        Ok(self.lacks(one)[0] < self.lacks(other)[0])
     }
 
     /// Candidates of a turn between two calls of `go_on`: no more than fit into the atlas.

@@ -3,7 +3,8 @@
 //! Poses of every model on every mount lie on one coarse grid with both ends of every pose field, each cast once into a few
 //! frames. The information gain and the requirements are both submodular in the set of sensors. So sensors are added one
 //! by one, the best first: once by gain, and once by gain for the price. Then single sensors are exchanged, moved, dropped
-//! or added while that gains. A grid of few rigs is looked at rig by rig. A start or baseline whose sensors are better takes the place of what was chosen. A [`Choosing`] is the checkpoint from which a choice continues to the same equipment.
+//! or added while that gains. A grid of few rigs is looked at rig by rig. A start or baseline with better sensors replaces
+//! the choice. A [`Choosing`] is the checkpoint from which a choice continues to the same equipment.
 
 mod choosing;
 mod equipped;

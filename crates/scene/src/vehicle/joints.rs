@@ -79,7 +79,7 @@ impl UrdfJoint {
     }
 
     /// Refuses attributes that an axis, a limit or a mimic lacks in URDF: without the right one, the joint would stand elsewhere.
-    /// `names` gives those of a child element, by its tag.
+    /// `names` gives the attributes of a child element, by its tag.
     ///
     /// # Errors
     /// The element, the attribute and the right ones, in words for a message that names the joint.

@@ -304,7 +304,7 @@ fn out_of_reach(
 }
 
 /// Notes on rules that count beams farther out than enough light comes back to a model whose rated range is stated;
-/// `positions` are those of the rules in the file.
+/// `positions` are the places of the rules in the file.
 fn out_of_light(
     at: &Location,
     positions: &[usize],
