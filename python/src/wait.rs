@@ -2,8 +2,8 @@
 //! `sightline._progress` shows from the thread that waits how far it is.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SendError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
@@ -43,10 +43,40 @@ pub(crate) fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
+type Job = Box<dyn FnOnce() + Send>;
+
+/// Threads that have done their work and wait for more. None ever ends: the C library gives a new thread what an ended one
+/// leaves, and ends the process where that thread then finds no memory for its thread-local variables.
+static IDLE: Mutex<Vec<Sender<Job>>> = Mutex::new(Vec::new());
+
+fn idle() -> MutexGuard<'static, Vec<Sender<Job>>> {
+    IDLE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Starts work on a thread of its own.
+///
+/// # Errors
+/// A thread that the system does not give.
 pub(crate) fn start(work: impl FnOnce() + Send + 'static) -> PyResult<()> {
+    let mut job: Job = Box::new(|| pooled(work));
+    // A fork has no threads but the one that forked.
+    while let Some(waiting) = (!is_forked()).then(|| idle().pop()).flatten() {
+        match waiting.send(job) {
+            Ok(()) => return Ok(()),
+            Err(SendError(unsent)) => job = unsent,
+        }
+    }
     let named = std::thread::Builder::new().name("sightline".into());
-    let started = named.spawn(|| pooled(work));
+    let started = named.spawn(move || {
+        let (sender, jobs) = channel();
+        job();
+        idle().push(sender.clone());
+        // `sender` is kept, so that it waits for ever.
+        for next in &jobs {
+            next();
+            idle().push(sender.clone());
+        }
+    });
     started.map(drop).map_err(|error| {
         PyOSError::new_err(format!(
             "cannot start a thread: {error}; raise the limits of memory (ulimit -v) or threads (ulimit -u) of this process"

@@ -212,7 +212,7 @@ resource.setrlimit(resource.RLIMIT_AS, (now + (int(sys.argv[1]) << 20),) * 2)
 try:
     scene.score(scene.random_poses(64))
 except (MemoryError, OSError) as error:
-    print(error)
+    print(repr(error))
 """
 
 
@@ -226,4 +226,4 @@ def test_a_process_without_memory_ends_with_a_sentence() -> None:
         )  # fmt: skip
         assert child.returncode in (0, 2), child.stderr
         said.add(child.stdout or child.stderr)
-    assert sum("memory" in words for words in said) >= 2, said
+    assert sum("memory" in words.lower() for words in said) >= 2, said
