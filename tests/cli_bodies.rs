@@ -57,6 +57,91 @@ fn beams_end_at_a_trailer_in_each_frame_as_at_one_that_stands_so() {
     assert_ne!(seen[0], distances(dir.path(), "none.json", 0));
 }
 
+/// A named trailer, and a LiDAR on its roof as it stands where the trailer has turned.
+fn on_trailer(poses: Value, yaw: f64) -> (Value, Value) {
+    let mut ego = trailer(poses);
+    ego["bodies"][0]["name"] = json!("trailer");
+    let (sin, cos) = yaw.sin_cos();
+    let [x, y] = [-1.5 * cos - 0.1 * sin, -1.5 * sin + 0.1 * cos];
+    (ego, json!({ "x": -0.8 + x, "y": y, "z": 2.2, "pitch": 0.1, "yaw": 3.0 + yaw }))
+}
+
+#[test]
+fn a_lidar_rides_on_a_trailer() {
+    let dir = TempDir::new().unwrap();
+    let (bends, mut rides) = on_trailer(json!(YAWS.map(pose)), 0.0);
+    let fixed = json!({ "x": 0.4, "y": -0.3, "z": 1.7, "yaw": 1 });
+    room_with(dir.path(), "bends.json", &bends);
+    for (frame, yaw) in YAWS.into_iter().enumerate() {
+        let (ego, stays) = on_trailer(json!([pose(yaw)]), yaw);
+        room_with(dir.path(), "stands.json", &ego);
+        write_rig(&dir, "p.json", "p", json!([stays, fixed]));
+        let stands = distances(dir.path(), "stands.json", frame);
+        rides["rides_on"] = json!("trailer");
+        write_rig(&dir, "p.json", "p", json!([rides, fixed]));
+        let carried = distances(dir.path(), "bends.json", frame);
+        let off = |(a, b): &(&f32, &f32)| a != b && (*a - *b).abs() > 1e-4;
+        let differing = carried.iter().zip(&stands).filter(off).count();
+        assert!(differing <= 2, "{frame}: {differing} of 960 beams");
+        if frame > 0 {
+            rides.as_object_mut().unwrap().remove("rides_on");
+            write_rig(&dir, "p.json", "p", json!([rides, fixed]));
+            let left = distances(dir.path(), "bends.json", frame);
+            assert!(left.iter().zip(&stands).filter(off).count() > 100, "{frame}");
+        }
+    }
+    rides["rides_on"] = json!("trailor");
+    write_rig(&dir, "p.json", "p", json!([rides, fixed]));
+    let error = fails(&dir, "cast bends.json p.json --out h.npz --force --backend cpu");
+    assert!(
+        error.contains("there is no body to ride on `trailor`; did you mean `trailer`?"),
+        "{error}"
+    );
+}
+
+/// The room with a vehicle of one LiDAR on the roof of its trailer, which must see cars, and its best share by `score`.
+fn share_of_cars(dir: &TempDir, (ego, lidar): (Value, Value)) -> f64 {
+    let mut scene = read_json(room(dir.path()));
+    for key in ["lidar", "mount"] {
+        scene.as_object_mut().unwrap().remove(key);
+    }
+    scene["vehicle"] = json!({ "sightline": 1, "body": ego["body"], "bodies": ego["bodies"],
+        "sensors": [{ "name": "a", "lidar": { "channels": 16, "fov": [-25, 2], "azimuth_steps": 90, "range": 40 } }],
+        "mounts": [{ "name": "roof", "min": [-2.5, -0.3, 2.2], "max": [-2, 0.3, 2.3], "yaw": [3, 3.2], "count": 1,
+                     "pitch": [0, 0.2], "rides_on": "trailer" }],
+        "require": [{ "target": "adult", "within": 9, "beams": 3, "share": 0 }] });
+    write(dir.path(), "v.json", &scene);
+    write_rig(dir, "p.json", "p", json!([lidar]));
+    let scores = ok(dir.path(), "score v.json p.json --backend cpu");
+    scores["scores"][0]["requirements"][0]["found"].as_f64().unwrap()
+}
+
+#[test]
+fn a_rule_is_judged_with_the_lidar_where_the_trailer_carries_it() {
+    let dir = TempDir::new().unwrap();
+    let stands = YAWS.map(|yaw| share_of_cars(&dir, on_trailer(json!([pose(yaw)]), yaw)));
+    let (bends, mut lidar) = on_trailer(json!(YAWS.map(pose)), 0.0);
+    let left = share_of_cars(&dir, (bends.clone(), lidar.clone()));
+    lidar["rides_on"] = json!("trailer");
+    let carried = share_of_cars(&dir, (bends, lidar.clone()));
+    let worst = stands.into_iter().fold(1.0, f64::min);
+    assert!((carried - worst).abs() < 1e-9, "{carried} is not the worst of {stands:?}");
+    assert!((left - worst).abs() > 0.01, "{left}");
+    // A search puts LiDARs on the mount, which the body carries.
+    ok(&dir, "optimize v.json --backend cpu --evaluations 6 --out o");
+    let found = read_json(dir.path().join("o/placements.json"));
+    assert_eq!(found["placements"][0]["lidars"][0]["rides_on"], "trailer");
+    let [table, _] = printed(&dir, "score v.json o/placements.json --backend cpu");
+    assert!(!table.contains("RULE BROKEN"), "{table}");
+    lidar.as_object_mut().unwrap().remove("rides_on");
+    write_rig(&dir, "p.json", "p", json!([lidar]));
+    let [table, _] = printed(&dir, "score v.json p.json --backend cpu");
+    assert!(
+        table.contains("LiDAR 0: `trailer` carries its mount roof; give the LiDAR \"rides_on\""),
+        "{table}"
+    );
+}
+
 #[test]
 fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     let dir = TempDir::new().unwrap();

@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
-use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
+use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, Violation, table_7};
 use sightline::{Placement, Scene, SensorPose, read_placements};
 
 use crate::arguments::{self, listed, room_for};
@@ -24,7 +24,7 @@ const WANTED: &str =
 ///
 /// `poses` is `[L, 6]`: x, y, z in metres, roll, pitch, yaw in radians, in the ego frame. `sensors` names the model of
 /// each LiDAR on a vehicle that has several. `phases` `[L]` locks LiDARs that turn at angles about their own axes, radians;
-/// `NaN` for one that is as its model says. Raises `ValueError` for another shape and for numbers that are not finite.
+/// `NaN` for one that is as its model says. `rides_on` names the own body that carries each LiDAR, `""` for none. Raises `ValueError` for another shape and for numbers that are not finite.
 #[pyclass(name = "Placement", module = "sightline", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct PyPlacement(pub Placement);
@@ -32,12 +32,13 @@ pub(crate) struct PyPlacement(pub Placement);
 #[pymethods]
 impl PyPlacement {
     #[new]
-    #[pyo3(signature = (poses, *, name = "placement", sensors = None, phases = None))]
+    #[pyo3(signature = (poses, *, name = "placement", sensors = None, phases = None, rides_on = None))]
     fn new(
         poses: &Bound<'_, PyAny>,
         name: &str,
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'_, PyAny>>,
+        rides_on: Option<Vec<String>>,
     ) -> PyResult<Self> {
         let mut all = from_array(poses, &sensors_of(sensors)?, phases)?;
         let [placement] = &mut all[..] else {
@@ -47,7 +48,16 @@ impl PyPlacement {
             )));
         };
         name.clone_into(&mut placement.name);
-        let placement = all.remove(0);
+        let mut placement = all.remove(0);
+        let (bodies, lidars) = (sensors_of(rides_on)?, placement.lidars.len());
+        if !bodies.is_empty() && bodies.len() != lidars {
+            let count = bodies.len();
+            return Err(bad(format!(
+                "rides_on: has the length {count}; give a body or \"\" for each LiDAR, {lidars} in all"
+            )));
+        }
+        let pairs = placement.lidars.iter_mut().zip(bodies);
+        pairs.for_each(|(pose, body)| pose.rides_on = body);
         placement.validate().map_err(raised)?;
         Ok(Self(placement))
     }
@@ -78,6 +88,12 @@ impl PyPlacement {
         column(py, phases.collect())
     }
 
+    /// Own body that carries each LiDAR; empty text where none does.
+    #[getter]
+    fn rides_on(&self) -> Vec<&'static str> {
+        self.0.lidars.iter().map(|pose| pose.rides_on.as_str()).collect()
+    }
+
     /// The placement as a dict, with the keys of a placement file.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.0)
@@ -100,6 +116,8 @@ impl PyPlacement {
         options.set_item("sensors", named.then(|| this.sensors()))?;
         let phased = this.0.lidars.iter().any(|pose| pose.phase.is_some());
         options.set_item("phases", phased.then(|| this.phases(py)))?;
+        let carried = this.0.lidars.iter().any(|pose| !pose.rides_on.is_none());
+        options.set_item("rides_on", carried.then(|| this.rides_on()))?;
         let rebuild = py.import("sightline._pickle")?.getattr("call")?;
         let arguments = (slf.get_type(), (this.poses(py)?,), options);
         PyTuple::new(py, [rebuild, arguments.into_pyobject(py)?.into_any()])
@@ -129,6 +147,15 @@ pub(crate) fn placements_in(
     placements.iter().try_for_each(named)?;
     let doubts = Doubts::of_units();
     warn_of_placements(given.py(), placements.iter().flat_map(|one| doubts.about(one)))?;
+    if scene.vehicle().mounts.iter().any(|mount| !mount.region.rides_on.is_none()) {
+        let rules = scene.rules();
+        let carried = |one: &Placement| -> Vec<String> {
+            let broken = rules.violations(one).into_iter();
+            let told = broken.filter(|one| matches!(one, Violation::CarriedOtherwise { .. }));
+            told.map(|broken| format!("placement `{}`, {broken}", one.name)).collect()
+        };
+        warn_of_placements(given.py(), placements.iter().flat_map(carried))?;
+    }
     Ok(placements)
 }
 

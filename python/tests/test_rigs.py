@@ -148,6 +148,18 @@ def test_what_is_wrong_in_options_is_said(options: dict[str, Any], sentence: str
         Rig.from_carla([lidar()], **options)
 
 
+def test_a_placement_keeps_the_bodies_that_carry_its_lidars(small: sightline.Scene) -> None:
+    poses = [[0, 0, 2, 0, 0, 0], [1, 0, 2, 0, 0, 0]]
+    placement = sightline.Placement(poses, rides_on=["", "trailer"])
+    assert pickle.loads(pickle.dumps(placement)) == placement
+    assert placement.rides_on == ["", "trailer"]
+    assert placement.to_dict()["lidars"][1]["rides_on"] == "trailer"
+    with pytest.raises(ValueError, match='LiDAR 1: there is no body to ride on `trailer`'):
+        small.score(placement)
+    with pytest.raises(ValueError, match="^rides_on: has the length 1; give a body"):
+        sightline.Placement(poses, rides_on=["trailer"])
+
+
 def test_sensors_and_suites_are_pickled(small: sightline.Scene) -> None:
     turning = {"channels": 3, "fov": [-20, 0], "azimuth": [-60, 60], "azimuth_steps": 32, "range": 50}
     for form in (turning, {"directions": [[1, 0.3, 0], [0, 2, 1]], "range": 50}):

@@ -449,7 +449,8 @@ fn tilted(placement: &Placement, [x, y]: [f64; 2], turn: DMat3) -> Placement {
         let pose = Pose::new(lidar.position(), lidar.roll, lidar.pitch, lidar.yaw);
         let translation = about + turn * (pose.translation - about);
         let moved = SensorPose::from(&Pose { rotation: turn * pose.rotation, translation });
-        SensorPose { sensor: lidar.sensor, phase: lidar.phase, ..moved }
+        let SensorPose { sensor, phase, rides_on, .. } = *lidar;
+        SensorPose { sensor, phase, rides_on, ..moved }
     };
     let lidars = placement.lidars.iter().map(turned).collect();
     Placement { name: placement.name.clone(), lidars }

@@ -43,6 +43,8 @@ pub struct TargetSite {
     surface: Option<Arc<SiteSurface>>,
     /// True where own bodies move in the frames of the problem.
     bodies_move: bool,
+    /// Number of the frame in which the own bodies stand so.
+    bodies_of: usize,
 }
 
 /// Surface of a scene in a frame, on which targets stand.
@@ -135,7 +137,8 @@ impl TargetSite {
     pub fn new(sensors: Sensors, body: Frame) -> Self {
         let finders = sensors.models().iter().map(|_| OnceLock::new()).collect();
         let plan = Arc::new(BodyPlan::of(&body));
-        Self { sensors, finders, body, plan, receiving: None, surface: None, bodies_move: false }
+        let (receiving, surface, bodies_move, bodies_of) = (None, None, false, 0);
+        Self { sensors, finders, body, plan, receiving, surface, bodies_move, bodies_of }
     }
 
     /// Models and own body of a problem. In weather a beam counts if enough light comes back. A problem of a mirror
@@ -155,8 +158,9 @@ impl TargetSite {
         let ground = GroundBelow::of(surface, problem.body());
         let wheels = ground.wheels(&surface.geometry);
         let surface_of = SiteSurface { ground, wheels, frame: surface.frame, is_mirrored };
-        let (body, surface) = (surface.geometry.clone(), Some(Arc::new(surface_of)));
-        Some(Self { body, plan, surface, ..Self::of(problem) })
+        let (body, bodies_of) = (surface.geometry.clone(), surface.frame);
+        let surface = Some(Arc::new(surface_of));
+        Some(Self { body, plan, surface, bodies_of, ..Self::of(problem) })
     }
 
     /// Models and own body of a scene's vehicle.
@@ -175,9 +179,9 @@ impl TargetSite {
         Self { receiving, ..self }
     }
 
-    /// A copy whose own bodies stand in other poses, one for each body; `None` where their number is another. In a scene
-    /// they are the last that stand there.
-    pub(super) fn with_bodies_at(&self, poses: &[Pose]) -> Option<Self> {
+    /// A copy whose own bodies stand in other poses, one for each body, as in a frame of a number; `None` where there are more
+    /// or fewer bodies. In a scene they are the last that stand there.
+    pub(super) fn with_bodies_at(&self, poses: &[Pose], frame: usize) -> Option<Self> {
         let all = self.body.instances();
         let others = all.len().checked_sub(poses.len())?;
         if others > 0 && self.surface.is_none() {
@@ -187,7 +191,7 @@ impl TargetSite {
         let at = |(of, &ego_from_instance)| Instance { ego_from_instance, ..Instance::clone(of) };
         let own = Frame::new(bodies.iter().zip(poses).map(at));
         let body = Frame::new(others.iter().chain(own.instances()).cloned());
-        Some(Self { plan: Arc::new(BodyPlan::of(&own)), body, ..self.clone() })
+        Some(Self { plan: Arc::new(BodyPlan::of(&own)), body, bodies_of: frame, ..self.clone() })
     }
 
     /// True if the own bodies of both stand alike.
@@ -281,14 +285,20 @@ impl TargetSite {
         self.surface.as_ref().is_some_and(|surface| surface.is_mirrored)
     }
 
-    /// Pose of a LiDAR: on level ground with a free start angle at 0.
+    /// Pose of a LiDAR: on level ground with a free start angle at 0. The body that it rides on carries it.
     fn pose_of(&self, model: usize, lidar: &SensorPose) -> Pose {
-        if let Some(surface) = &self.surface {
-            let lidar = if surface.is_mirrored { lidar.mirrored() } else { *lidar };
-            return self.sensors.ego_from_sensor(model, &lidar, surface.frame);
-        }
-        let phase = lidar.phase.unwrap_or_else(|| self.sensors.models()[model].phase.at_rest());
-        self.sensors.ego_from_sensor(model, &SensorPose { phase: Some(phase), ..*lidar }, 0)
+        let pose = match &self.surface {
+            Some(surface) => {
+                let lidar = if surface.is_mirrored { lidar.mirrored() } else { *lidar };
+                self.sensors.turned(model, &lidar, surface.frame)
+            }
+            None => {
+                let at_rest = self.sensors.models()[model].phase.at_rest();
+                let phase = Some(lidar.phase.unwrap_or(at_rest));
+                self.sensors.turned(model, &SensorPose { phase, ..*lidar }, 0)
+            }
+        };
+        self.sensors.carried(lidar, self.bodies_of, pose)
     }
 
     /// LiDARs of a placement on the vehicle, nothing else around it.

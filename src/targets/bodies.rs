@@ -58,7 +58,7 @@ impl BodyPoses {
         let problems: Vec<(&Problem, bool)> = problems.into_iter().collect();
         let (mut sites, mut poses) = (vec![at_first], Vec::new());
         for (bodies, frame) in problems.iter().flat_map(|(problem, _)| body_poses(problem)) {
-            let Some(site) = sites[0].with_bodies_at(&bodies) else { continue };
+            let Some(site) = sites[0].with_bodies_at(&bodies, frame) else { continue };
             let known = sites.iter().position(|known| known.stands_as(&site));
             let number = known.unwrap_or_else(|| {
                 sites.push(site);
@@ -108,7 +108,8 @@ impl BodyPoses {
 fn in_scene(problem: &Problem, is_mirrored: bool) -> Vec<(TargetSite, usize)> {
     let Some(site) = TargetSite::in_scene(problem, is_mirrored) else { return Vec::new() };
     let poses = body_poses(problem).into_iter();
-    let posed = poses.filter_map(|(bodies, frame)| Some((site.with_bodies_at(&bodies)?, frame)));
+    let posed =
+        poses.filter_map(|(bodies, frame)| Some((site.with_bodies_at(&bodies, frame)?, frame)));
     let posed: Vec<_> = posed.collect();
     match posed.is_empty() {
         true => vec![(site, problem.surface().map_or(0, |surface| surface.frame))],

@@ -225,14 +225,19 @@ impl Task {
         if self.ends_at_hits { self.world.frames().len() } else { 1 }
     }
 
-    /// First frame with the geometry of `frame` and sensors at equal phases: both frames have equal coverage.
+    /// First frame with the geometry of `frame`, sensors at equal phases, and the bodies that carry them in equal poses: both
+    /// frames have equal coverage.
     ///
     /// # Panics
     /// A frame that does not exist.
     pub fn first_equal(&self, frame: usize) -> usize {
         match self.ends_at_hits {
             true if self.sensors.has_free_phase() => frame,
-            true => self.world.first_equal(frame),
+            true => {
+                let first = self.world.first_equal(frame);
+                let numbers = [frame, first].map(|frame| self.number_of(frame));
+                if self.sensors.stand_alike(numbers) { first } else { frame }
+            }
             false => 0,
         }
     }

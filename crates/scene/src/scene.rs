@@ -6,6 +6,7 @@
 //! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
 //! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
 
+mod carriers;
 mod classes;
 pub(crate) mod description;
 mod doubts;
@@ -72,6 +73,8 @@ pub struct Scene {
     body: Solid,
     /// Bodies of the ego that move against the first.
     bodies: Vec<OwnBody>,
+    /// Names of bodies of the ego that do not.
+    still: Vec<String>,
     ego: Motion,
     /// Transform of each part, in the frame of its owner; see [`Scene::part`].
     origins: Vec<DVec3>,
@@ -251,7 +254,7 @@ impl Scene {
         if let Some(sensors) = self.sensors.get() {
             return Ok(sensors.clone());
         }
-        let sensors = self.vehicle.models()?;
+        let sensors = self.vehicle.models()?.riding(self.rides());
         Ok(self.sensors.get_or_init(|| sensors).clone())
     }
 

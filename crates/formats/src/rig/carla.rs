@@ -34,6 +34,7 @@ pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorP
         yaw: 0.0 - angle(pose.yaw),
         sensor: pose.sensor,
         phase: pose.phase.map(|phase| 0.0 - angle(phase)),
+        rides_on: pose.rides_on,
     }
 }
 

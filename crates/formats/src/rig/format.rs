@@ -335,6 +335,7 @@ pub fn export(
     }
     warnings.extend(lost_phases(rig, format));
     warnings.extend(lost_models(rig, format));
+    warnings.extend((format != RigFormat::Json).then(|| lost_carriers(rig)).flatten());
     Ok(Exported { files, warnings })
 }
 
@@ -348,6 +349,14 @@ fn lost_phases(rig: &Rig, format: RigFormat) -> Option<String> {
             phased.join(", ")
         )
     })
+}
+
+/// Warning about LiDARs that ride on a body, which no format of other programs says.
+fn lost_carriers(rig: &Rig) -> Option<String> {
+    let ridden = rig.lidars.iter().filter(|lidar| !lidar.pose.rides_on.is_none());
+    let frames = quoted(ridden.map(|lidar| &lidar.frame));
+    (!frames.is_empty())
+        .then(|| format!("{frames}: written where the body that carries it stands in frame 0"))
 }
 
 fn pretty(value: &Value) -> String {

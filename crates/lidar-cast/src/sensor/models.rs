@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::placement::nearest;
-use super::{BeamTable, Placement, Response, SensorName, SensorPose};
+use super::{BeamTable, Placement, Response, Ride, SensorName, SensorPose};
 use crate::geom::Pose;
 use crate::maths::mixed;
 
@@ -67,10 +67,12 @@ impl SensorModel {
     }
 }
 
-/// A placement names a model that the vehicle does not have.
+/// A placement names a model that the vehicle does not have, or a body.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no sensor `{name}`; {}the vehicle has {known}", meant(.nearest))]
+#[error("there is no {what} `{name}`; {}the vehicle has {known}", meant(.nearest))]
 pub struct UnknownSensor {
+    /// `sensor`, or `body to ride on`.
+    pub what: &'static str,
     /// Name written in the placement.
     pub name: SensorName,
     /// The most similar of the vehicle's names, if one is similar.
@@ -119,7 +121,7 @@ impl UnknownSensor {
         let names: Vec<String> = named.map(|model| format!("`{model}`")).collect();
         let known = if names.is_empty() { NAMELESS.into() } else { names.join(", ") };
         let nearest = nearest(name.as_str(), models.iter().map(SensorName::as_str));
-        Self { name, nearest, known }
+        Self { what: "sensor", name, nearest, known }
     }
 }
 
@@ -127,20 +129,21 @@ impl UnknownSensor {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensors {
     models: Arc<[SensorModel]>,
+    rides: Arc<[Ride]>,
     seed: u64,
 }
 
 impl From<BeamTable> for Sensors {
     /// One model without a name, locked at 0.
     fn from(table: BeamTable) -> Self {
-        Self { models: [SensorModel::plain(table)].into(), seed: 0 }
+        Self { models: [SensorModel::plain(table)].into(), rides: [].into(), seed: 0 }
     }
 }
 
 impl Sensors {
     /// From models in the vehicle's order; `None` without any.
     pub fn new(models: Vec<SensorModel>) -> Option<Self> {
-        (!models.is_empty()).then(|| Self { models: models.into(), seed: 0 })
+        (!models.is_empty()).then(|| Self { models: models.into(), rides: [].into(), seed: 0 })
     }
 
     /// A copy with other beams of one model.
@@ -153,12 +156,17 @@ impl Sensors {
         Self { models: models.into(), ..self.clone() }
     }
 
+    /// A copy with the own bodies that may carry sensors.
+    pub fn riding(self, rides: Vec<Ride>) -> Self {
+        Self { rides: rides.into(), ..self }
+    }
+
     /// A copy with another seed.
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }
     }
 
-    /// Sensors mirrored at the plane y = 0: beam tables and phases.
+    /// Sensors mirrored at the plane y = 0: beam tables and phases. Bodies that carry them stand as they do.
     pub fn mirrored(&self) -> Self {
         let image = |model: &SensorModel| {
             let (table, phase) = (model.table.mirrored(), model.phase.mirrored());
@@ -189,8 +197,11 @@ impl Sensors {
     /// name where the vehicle has several models.
     ///
     /// # Errors
-    /// The vehicle has no such model.
+    /// The vehicle has no such model, or no body that is to carry it.
     pub fn number(&self, pose: &SensorPose) -> Result<usize, UnknownSensor> {
+        if !pose.rides_on.is_none() && Ride::find(&self.rides, pose.rides_on).is_none() {
+            return Err(Ride::unknown(&self.rides, pose.rides_on));
+        }
         if pose.sensor.is_none() {
             return Ok(0);
         }
@@ -283,9 +294,27 @@ impl Sensors {
         self.models.iter().any(|model| model.phase == SpinPhase::Free)
     }
 
-    /// Sensor-to-ego transform of a sensor of a model in a frame: its pose after a turn by the phase,
-    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase). The pose's phase counts; without one, the model's.
+    /// True if all bodies that may carry sensors stand alike in two frames.
+    pub fn stand_alike(&self, frames: [usize; 2]) -> bool {
+        self.rides.iter().all(|ride| ride.pose(frames[0]) == ride.pose(frames[1]))
+    }
+
+    /// Sensor-to-ego transform of a sensor of a model in a frame: as [`Self::turned`], carried by the body that it rides on.
     pub fn ego_from_sensor(&self, model: usize, pose: &SensorPose, frame: usize) -> Pose {
+        self.carried(pose, frame, self.turned(model, pose, frame))
+    }
+
+    /// A transform to the ego frame of frame 0, carried by the body that a sensor rides on to where it stands in a frame.
+    pub fn carried(&self, pose: &SensorPose, frame: usize, ego_from_sensor: Pose) -> Pose {
+        match Ride::find(&self.rides, pose.rides_on) {
+            Some(ride) => ride.pose(frame).compose(&ego_from_sensor),
+            None => ego_from_sensor,
+        }
+    }
+
+    /// Sensor-to-ego transform of a sensor of a model that nothing carries: its pose after a turn by the phase,
+    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase). The pose's phase counts; without one, the model's.
+    pub fn turned(&self, model: usize, pose: &SensorPose, frame: usize) -> Pose {
         let rest = pose.ego_from_sensor();
         let phase = match (pose.phase, self.models[model].phase) {
             (Some(phase), _) => phase,

@@ -44,6 +44,10 @@ pub struct SensorPose {
     /// as its model says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phase: Option<f64>,
+    /// Own body that moves and carries the sensor, whose pose counts where that body stands in frame 0; none: the vehicle's
+    /// frame carries it.
+    #[serde(default, skip_serializing_if = "SensorName::is_none")]
+    pub rides_on: SensorName,
 }
 
 impl SensorPose {
@@ -78,7 +82,8 @@ impl SensorPose {
 
     /// Pose of six numbers in the order of [`Self::FIELDS`], of the vehicle's first model.
     pub const fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
-        Self { x, y, z, roll, pitch, yaw, sensor: SensorName::NONE, phase: None }
+        let (sensor, phase, rides_on) = (SensorName::NONE, None, SensorName::NONE);
+        Self { x, y, z, roll, pitch, yaw, sensor, phase, rides_on }
     }
 
     /// Mirrored at the plane y = 0: y, roll, yaw and phase change sign.
@@ -89,9 +94,9 @@ impl SensorPose {
     }
 
     /// Sum of the differences of the six numbers, in m and rad, angles up to half a turn; infinite between sensors
-    /// of different models. Phases do not count: the image of a sensor is mirrored as it is mounted.
+    /// of different models or on different bodies. Phases do not count: the image of a sensor is mirrored as it is mounted.
     pub fn difference(&self, other: &Self) -> f64 {
-        if self.sensor != other.sensor {
+        if self.sensor != other.sensor || self.rides_on != other.rides_on {
             return f64::INFINITY;
         }
         self.differences(other).into_iter().sum()
@@ -252,7 +257,7 @@ const MAX_NAMES: usize = 4096;
 /// All names so far; a name's number is its position from 1 on.
 static NAMES: RwLock<Vec<&'static str>> = RwLock::new(Vec::new());
 
-/// Name of a sensor model of a vehicle; none means the vehicle's first.
+/// Name of a sensor model of a vehicle, where none means its first, or of an own body that carries a sensor.
 ///
 /// Names are kept for as long as the program runs, each once, so that poses are plain numbers to copy.
 #[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -277,9 +282,7 @@ impl SensorName {
     /// there are more than 4096 different names.
     pub fn new(name: &str) -> Result<Self, String> {
         if !Self::is_name(name) {
-            return Err(format!(
-                "{name:?} is no name of a sensor; give 1 to {MAX_NAME} printable characters"
-            ));
+            return Err(format!("{name:?} is no name; give 1 to {MAX_NAME} printable characters"));
         }
         let mut names = NAMES.write().unwrap_or_else(PoisonError::into_inner);
         let at = match names.iter().position(|known| *known == name) {

@@ -203,7 +203,7 @@ impl Problem {
             );
             return Err(ProblemError::Rule(index, told));
         }
-        let sensors = sensors.into();
+        let sensors = sensors.into().riding(scene.rides());
         let far = Task::far_range_of(roi, sensors.longest_range());
         let world = if frames.is_empty() { World::default() } else { make_world(far)? };
         let task = Task::new(*roi, content, sensors, world, ends_at_hits).numbered(frames);

@@ -314,6 +314,8 @@ pub(crate) struct OwnBodies {
     pub body: Solid,
     /// Bodies with a pose for each frame.
     pub moving: Vec<OwnBody>,
+    /// Names of bodies that keep one pose.
+    pub still: Vec<String>,
     /// Bodies that cover the first one, of a wrong size or far from it.
     pub doubts: Vec<Note>,
     /// Doubts about the first body alone, until another one joins it.
@@ -407,7 +409,10 @@ impl OwnBodies {
         };
         self.doubt(&at, &who, &parts, body, still.is_some());
         match still {
-            Some(pose) => self.join(&parts, &pose),
+            Some(pose) => {
+                self.join(&parts, &pose);
+                self.still.push(name);
+            }
             None => self.moving.push(OwnBody { name, parts, motion, at }),
         }
         Ok(())
@@ -416,9 +421,10 @@ impl OwnBodies {
     /// Puts bodies with a pose for each frame where they are in frame 0, with a note for each.
     pub(crate) fn hold_still(&mut self) -> Vec<Note> {
         let mut notes = Vec::new();
-        for OwnBody { parts, motion, at, .. } in std::mem::take(&mut self.moving) {
+        for OwnBody { name, parts, motion, at } in std::mem::take(&mut self.moving) {
             let Motion::Poses(poses) = motion else { continue };
             self.join(&parts, &poses[0]);
+            self.still.push(name);
             let count = poses.len();
             notes.push(Note::fact(format!(
                 "{at}: has {count} poses, one for each frame; {HELD_STILL}"

@@ -113,21 +113,23 @@ impl Scene {
         things: SceneGeometry,
         dir: &Path,
     ) -> Checked<Self> {
-        let SceneVehicle { vehicle, mut files, mut notes, .. } = carrier;
+        let SceneVehicle { at, vehicle, mut files, mut notes, .. } = carrier;
         notes.extend(things.own.moving.iter().map(OwnBody::note));
         let reflectances = Reflectances::new(top, &classes, &scene.reflectance, &scene.actors)?;
         let has_geometry = things.has_geometry();
         let frames = things.frames(top, scene.frames)?;
         let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
         let SceneGeometry { world, actors, own, ego } = things;
-        let OwnBodies { body, moving: bodies, doubts, .. } = own;
+        let coverage = scene.coverage.as_deref();
+        let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
+        let mount_at = |mount| at.key("mounts").item(mount);
+        own.check_carriers(&vehicle.mounts, coverage, mount_at)?;
+        let OwnBodies { body, moving: bodies, still, doubts, .. } = own;
         notes.extend(doubts);
         let ego = ego.unwrap_or(Motion::Still);
         let mut origins = vec![super::parts::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
         origins.extend(actors.iter().map(|actor| super::parts::middle(&actor.parts)));
         origins.resize(origins.len() + 1 + bodies.len(), DVec3::ZERO);
-        let coverage = scene.coverage.as_deref();
-        let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
         let psog = scene.psog.as_ref();
         let (range, top_of_mounts) = (vehicle.longest_range(), vehicle.corners()[1][2]);
         let psog = PsogSource::new(top, psog, has_geometry, dir, range, top_of_mounts)?;
@@ -150,6 +152,7 @@ impl Scene {
             actors,
             body,
             bodies,
+            still,
             ego,
             origins,
             reflectances,

@@ -247,6 +247,10 @@ impl Constraints {
     /// Broken bounds of a LiDAR: outside its mount, on a mount that does not take it, at another phase.
     fn off_mount(&self, lidar: usize, pose: &SensorPose, slot: usize, found: &mut Vec<Violation>) {
         let region = &self.slots[slot].region;
+        if pose.rides_on != region.rides_on {
+            let (mount, rides_on) = (region.own_name().to_owned(), region.rides_on);
+            found.push(Violation::CarriedOtherwise { lidar, mount, rides_on });
+        }
         let outside = |(field, by)| {
             let mount = region.own_name().to_owned();
             Violation::OutsideMount { lidar, mount, field, by }
@@ -361,6 +365,8 @@ pub enum Violation {
         room: usize,
         by: f64,
     },
+    /// A LiDAR stands on a mount that the own body `rides_on` carries, or none, and rides on another, or on none.
+    CarriedOtherwise { lidar: usize, mount: String, rides_on: SensorName },
     /// No slot is left for a LiDAR of its model.
     NoPlace { lidar: usize, sensor: SensorName },
     /// Two LiDARs are closer than allowed.
@@ -393,7 +399,7 @@ impl Violation {
             | Self::UnequalHeight { by }
             | Self::NotMirrored { by, .. } => *by,
             // Farther than anything that a move of a LiDAR mends.
-            Self::NoPlace { .. } => 1e3,
+            Self::NoPlace { .. } | Self::CarriedOtherwise { .. } => 1e3,
         }
     }
 
@@ -444,6 +450,16 @@ impl std::fmt::Display for Violation {
                 let takes: Vec<String> = takes.iter().map(|model| format!("`{model}`")).collect();
                 write!(f, "takes {}, not `{sensor}`", takes.join(" or "))
             }
+            Self::CarriedOtherwise { lidar, mount, rides_on } if rides_on.is_none() => {
+                write!(
+                    f,
+                    "LiDAR {lidar}: no body carries its mount {mount}; leave its `rides_on` out"
+                )
+            }
+            Self::CarriedOtherwise { lidar, mount, rides_on: body } => write!(
+                f,
+                "LiDAR {lidar}: `{body}` carries its mount {mount}; give the LiDAR \"rides_on\": \"{body}\""
+            ),
             Self::NoPlace { lidar, sensor } if sensor.is_none() => {
                 write!(f, "LiDAR {lidar}: there is no mount for one more sensor without a name")
             }

@@ -147,6 +147,8 @@ described! {
         pub yaw: [f64; 2],
         /// Models that may stand here; all unless given.
         pub sensors: Option<Vec<String>>,
+        /// Body of `bodies` that carries it.
+        pub rides_on: Option<String>,
         /// Number of sensors, or a range of it.
         pub count: CountDescription,
     }

@@ -64,7 +64,9 @@ pub(super) fn mounting(
     };
     let most = check::count(&at_count, most, 0, MAX_LIDARS as u64)? as usize;
     let least = check::count(&at_count, least, 0, most as u64)? as usize;
-    let region = Arc::new(Region { name, ..region });
+    let rides_on = mount.rides_on.as_deref().map_or(Ok(SensorName::NONE), SensorName::new);
+    let rides_on = rides_on.map_err(|fault| check::refused(&at.key("rides_on"), fault))?;
+    let region = Arc::new(Region { name, rides_on, ..region });
     Ok((VehicleMount { region, sensors: allowed, count: [least, most] }, files))
 }
 

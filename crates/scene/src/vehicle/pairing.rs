@@ -41,7 +41,7 @@ impl Region {
             (Some(own), Some(other)) => own.is_image_of(other),
             _ => false,
         };
-        if !alike {
+        if !alike || self.rides_on != other.rides_on {
             return false;
         }
         let image = other.mirrored();

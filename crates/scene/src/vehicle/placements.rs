@@ -122,7 +122,8 @@ pub fn name_lidars(
 /// A pose to the nanometre and nanoradian, without −0.
 pub fn to_nanometres(pose: &SensorPose) -> SensorPose {
     let numbers = SensorPose::from_values(pose.values().map(written));
-    SensorPose { sensor: pose.sensor, phase: pose.phase.map(written), ..numbers }
+    let phase = pose.phase.map(written);
+    SensorPose { sensor: pose.sensor, phase, rides_on: pose.rides_on, ..numbers }
 }
 
 /// A placement to the nanometre and nanoradian.

@@ -33,6 +33,8 @@ pub struct Region {
     pub outline: Outline,
     /// Curved surface that sensors stand on; `None` where the region is flat.
     pub surface: Option<Arc<Surface>>,
+    /// Own body in poses of its own that carries it; none: the vehicle's frame.
+    pub rides_on: SensorName,
 }
 
 /// A simple polygon across two axes of a region.
@@ -56,6 +58,7 @@ impl Default for Region {
             upper: [0.0; 6],
             outline: Outline::default(),
             surface: None,
+            rides_on: SensorName::NONE,
         }
     }
 }
@@ -70,18 +73,19 @@ impl Region {
     ///
     /// On a surface a position over no triangle is moved to the nearest that has one.
     pub fn pose(&self, fields: [f64; 6], sensor: SensorName) -> SensorPose {
-        let pose = SensorPose::from_values(fields);
+        let (pose, rides_on) = (SensorPose::from_values(fields), self.rides_on);
         if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
             let foot = surface.foot(surface.axes.map(|k| fields[k]));
             let rest = surface.rest(frame, &foot, fields[surface.along()]);
             let turned = Pose::new(DVec3::ZERO, fields[3], fields[4], fields[5]);
-            return SensorPose { sensor, ..SensorPose::from(&rest.compose(&turned)) };
+            let pose = SensorPose::from(&rest.compose(&turned));
+            return SensorPose { sensor, rides_on, ..pose };
         }
         let pose = match &self.ego_from_region {
             None => pose,
             Some(frame) => SensorPose::from(&frame.compose(&pose.ego_from_sensor())),
         };
-        SensorPose { sensor, ..pose }
+        SensorPose { sensor, rides_on, ..pose }
     }
 
     /// Six fields in the region's frame of a pose in the ego frame. Angles have the whole turns that bring them nearest to the

@@ -18,10 +18,14 @@ pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
         let ends = scene.vehicle.mounts[mount].region.corners().map(DVec3::from);
         (0..scene.bodies.len()).find_map(|number| {
             let body = &scene.bodies[number];
+            let carrier = scene.vehicle.mounts[mount].region.rides_on;
+            if !carrier.is_none() && carrier.as_str() == body.name {
+                return None;
+            }
             let (metres, frame) = farthest_ride(scene, body, ends, &looks)?;
             Some(format!(
                 "{at}: mounts are fixed in the vehicle's frame and do not ride on the ego's {}, which moves away by \
-                 {metres:.1} m in frame {frame}",
+                 {metres:.1} m in frame {frame}; a mount of a vehicle that names a body under `rides_on` does",
                 scene.own_body_in_words(number)
             ))
         })
@@ -70,10 +74,12 @@ fn is_beside(body: &OwnBody, pose: Pose, [low, high]: [DVec3; 2]) -> bool {
 mod tests {
     use std::path::Path;
 
+    use sightline_files::json::Checked;
+
     use super::*;
 
-    /// Notes on a vehicle with a trailer that bends around x = −1 and one mount.
-    fn told_of(mount: &str) -> String {
+    /// A vehicle with a trailer that bends around x = −1 and one mount.
+    fn scene_of(mount: &str) -> Checked<Scene> {
         let text = format!(
             r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
             "frames": 3, "vehicle": {{"sightline": 1,
@@ -85,7 +91,11 @@ mod tests {
               "mounts": [{{"name": "m", "count": 1, {mount}}}]}},
             "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
         );
-        let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
+        Scene::from_json(&text, Path::new(""), "s.json")
+    }
+
+    fn told_of(mount: &str) -> String {
+        let scene = scene_of(mount).unwrap();
         let notes = scene.notes().iter().map(ToString::to_string);
         notes.collect::<Vec<_>>().join("\n")
     }
@@ -99,10 +109,21 @@ mod tests {
             "mounts[0]: mounts are fixed in the vehicle's frame and do not ride on the ego's body `trailer`, which moves away by \
              7.6 m in frame 1"
         );
+        let rides =
+            told_of(r#""min": [-12.15, 0, 1.2], "max": [-12.05, 0, 2.2], "rides_on": "trailer""#);
+        assert!(!rides.contains("do not ride"), "{rides}");
         let front = told_of(r#""min": [3, 0, 3.1], "max": [3.5, 0, 3.3]"#);
         assert!(!front.contains("do not ride"), "{front}");
         // Over the hitch the trailer never leaves it.
         let hitch = told_of(r#""min": [-1.1, -0.1, 3.1], "max": [-0.9, 0.1, 3.2]"#);
         assert!(!hitch.contains("do not ride"), "{hitch}");
+    }
+    #[test]
+    fn a_mount_rides_on_one_body_that_there_is() {
+        let mount = r#""min": [-12.15, 0, 1.2], "max": [-12.05, 0, 2.2], "rides_on": "boom""#;
+        let refused = scene_of(mount).unwrap_err().to_string();
+        let wanted =
+            "vehicle.mounts[0].rides_on: `boom` is not a body of `bodies`, which are `trailer`";
+        assert_holds!(refused, wanted);
     }
 }

@@ -1,0 +1,62 @@
+//! Own bodies that carry mounts and the sensors on them.
+
+use lidar_cast::geom::Pose;
+use lidar_cast::sensor::Ride;
+use sightline_files::json::check::{bad, refused};
+use sightline_files::json::{Checked, Location, quoted};
+
+use super::parts::OwnBodies;
+use super::{Coverage, Scene};
+use crate::vehicle::{SensorName, VehicleMount};
+
+impl OwnBodies {
+    /// Checks that each mount that rides on a body has one body of that name, and that coverage is of each frame.
+    pub(crate) fn check_carriers(
+        &self,
+        mounts: &[VehicleMount],
+        coverage: Coverage,
+        at: impl Fn(usize) -> Location,
+    ) -> Checked<()> {
+        let moving = self.moving.iter().map(|body| &body.name);
+        let names: Vec<&String> =
+            moving.chain(&self.still).filter(|name| !name.is_empty()).collect();
+        for (number, mount) in mounts.iter().enumerate() {
+            let carrier = mount.region.rides_on;
+            let count = names.iter().filter(|name| **name == carrier.as_str()).count();
+            if carrier.is_none() {
+                continue;
+            }
+            if coverage == Coverage::Through {
+                let told = "rides on a body, and beams that run through everything are of one frame; leave `rides_on` out, or \
+                            give the scene geometry and \"coverage\": \"first-hit\"";
+                return Err(refused(&at(number), told));
+            }
+            if count == 1 {
+                continue;
+            }
+            let wanted = match (count, &names[..]) {
+                (0, []) => "a body of `bodies`, of which none has a name; name the one that carries the mount".into(),
+                (0, _) => format!("a body of `bodies`, which are {}", quoted(&names)),
+                _ => format!("one body of `bodies`: {count} have that name; give each its own"),
+            };
+            return Err(bad(&at(number).key("rides_on"), format!("`{carrier}`"), wanted));
+        }
+        Ok(())
+    }
+}
+
+impl Scene {
+    /// The bodies of the ego that may carry sensors: those with a name.
+    pub(crate) fn rides(&self) -> Vec<Ride> {
+        let moving = self.bodies.iter().map(|body| {
+            let back = body.motion.pose(0).inverse();
+            let poses = (0..self.frames).map(|t| body.motion.pose(t).compose(&back)).collect();
+            (&body.name, poses)
+        });
+        let still = self.still.iter().map(|name| (name, vec![Pose::IDENTITY]));
+        let named = moving.chain(still);
+        named
+            .filter_map(|(name, poses)| Some(Ride { body: SensorName::new(name).ok()?, poses }))
+            .collect()
+    }
+}
