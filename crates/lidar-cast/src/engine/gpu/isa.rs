@@ -1,6 +1,6 @@
 //! Kernels as AMD's compiler makes them, without a device: Mesa's RADV compiles for a device that is not there.
 //!
-//! `cargo test --lib isa -- --nocapture` prints the table of `docs/performance.md`. `tests/run` installs its packages.
+//! `cargo test --lib isa -- --nocapture` prints registers and spills of each kernel. `tests/run` installs its packages.
 
 use std::collections::BTreeMap;
 use std::fs;

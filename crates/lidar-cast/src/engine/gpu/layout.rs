@@ -21,7 +21,7 @@ pub(super) const MAX_WORKGROUPS: u32 = 65_535;
 /// 16 · 3 750 = 60 000 iterations at most.
 const STEP_BUDGET: u32 = 60_000 / 16;
 /// Entries of an invocation's stack in `cast_closest`. A step down a tree pushes up to three: the host casts beams that need
-/// more. `docs/performance.md` has their number, and the cost of a longer stack.
+/// more.
 const STACK_ENTRIES: u32 = 24;
 /// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`] or [`STACK_ENTRIES`].
 pub(super) const UNFINISHED: u32 = NO_HIT - 1;
