@@ -281,7 +281,7 @@ impl View {
         let outline = outline(&body);
         let mounts = rig.mounts.iter().flat_map(|mount| mount.corners);
         let lines = outline.iter().chain(fans.iter().map(|(_, fan)| fan)).flatten();
-        let lidars = rig.lidars.iter().map(|lidar| lidar.pose.position());
+        let lidars = rig.lidars.iter().map(|lidar| lidar.ego_from_sensor.translation);
         let places = mounts.map(DVec3::from).chain(lidars).map(flat);
         let points = lines.chain(more).copied().chain(places);
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
