@@ -410,6 +410,8 @@ pub(crate) struct RobotFile<'a> {
     pub tag: &'a str,
     /// Names of links that are left out.
     pub without: &'a [String],
+    /// Values of joints that do not stand at rest, radians or metres.
+    pub joints: &'a [(String, f64)],
 }
 
 impl RobotFile<'_> {

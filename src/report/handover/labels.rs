@@ -30,7 +30,8 @@ fn around(sign: &LidarSign) -> [f64; 4] {
 
 /// The LiDARs of a view: those behind one another as one, numbers that would touch side by side.
 pub(super) fn signs(rig: &DrawnRig<'_>, shown: &View, panel: &Panel) -> Vec<LidarSign> {
-    let places = rig.lidars.iter().map(|drawn| panel.at((shown.flat)(drawn.ego_from_sensor.translation)));
+    let places =
+        rig.lidars.iter().map(|drawn| panel.at((shown.flat)(drawn.ego_from_sensor.translation)));
     let touches = |a: &LidarSign, b: &LidarSign| overlap(&around(a), &around(b));
     LidarSign::all(places, ONE_PLACE, 0.5 * RADIUS, touches)
 }

@@ -219,7 +219,7 @@ fn read_joints(robot: Node, file: &str, frames: &mut FrameTree) -> Checked<()> {
         let read = UrdfJoint::refuse_others(names).and_then(|()| UrdfJoint::read(name, kind, get));
         joints.push(read.map_err(|words| told(joint, words))?);
     }
-    let values = UrdfJoint::at_rest(&joints).map_err(|(k, words)| told(all[k], words))?;
+    let values = UrdfJoint::values(&joints, &[]).map_err(|(k, words)| told(all[k], words))?;
     for ((node, joint), value) in all.into_iter().zip(&joints).zip(values) {
         read_joint(node, joint, value, file, frames)?;
     }

@@ -1,4 +1,4 @@
-//! Robots in URDF: the visual or collision shapes of their links, with all joints at rest.
+//! Robots in URDF: the visual or collision shapes of their links, with joints at rest or at given values.
 //!
 //! Read: `<link>` with `<visual>` and `<collision>` (box, cylinder, sphere, mesh), `<joint>` (type, origin, parent,
 //! child, axis, limit, mimic). Passed over, since no shape depends on it: masses, materials, transmissions.
@@ -148,7 +148,8 @@ impl RobotFile<'_> {
             };
             left_out[link] = true;
         }
-        let (above, moved) = joints(robot, &names, links.len())?;
+        let mut above = joints(robot, &names, links.len())?;
+        let moved = moved(&mut above, self.joints)?;
         let poses = at_rest(&above, &links)?;
         let other = if self.tag == "visual" { "collision" } else { "visual" };
         let (mut parts, mut missing) = (Vec::new(), Vec::new());
@@ -374,12 +375,8 @@ fn links<'a, 'i>(robot: Node<'a, 'i>) -> Parsed<(Vec<Node<'a, 'i>>, HashMap<&'a 
     }
 }
 
-/// The joint above each link, none above a root; and the joints that cannot stand at 0, in words.
-fn joints(
-    robot: Node,
-    names: &HashMap<&str, usize>,
-    count: usize,
-) -> Parsed<(Vec<Option<Joint>>, Vec<String>)> {
+/// The joint above each link, none above a root.
+fn joints(robot: Node, names: &HashMap<&str, usize>, count: usize) -> Parsed<Vec<Option<Joint>>> {
     let mut above: Vec<Option<Joint>> = (0..count).map(|_| None).collect();
     for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
         let of = called(joint);
@@ -418,26 +415,27 @@ fn joints(
         }
         above[child] = Some(place);
     }
-    let moved = moved(&mut above)?;
-    Ok((above, moved))
+    Ok(above)
 }
 
-/// Moves each joint to its rest. Joints that cannot stand at 0 are told in words.
-fn moved(above: &mut [Option<Joint>]) -> Parsed<Vec<String>> {
+/// Moves each joint to its value in `stated`, or to its rest. Joints at rest that cannot stand at 0 are told in words.
+fn moved(above: &mut [Option<Joint>], stated: &[(String, f64)]) -> Parsed<Vec<String>> {
     let joints: Vec<UrdfJoint> = above.iter().flatten().map(|joint| joint.rest.clone()).collect();
-    let values = UrdfJoint::at_rest(&joints)
+    let given = UrdfJoint::given(&joints, stated).map_err(|problem| fault("joints", problem))?;
+    let values = UrdfJoint::values(&joints, &given)
         .map_err(|(k, problem)| fault(format!("joint `{}`", joints[k].name), problem))?;
     let mut told = Vec::new();
     for (joint, value) in above.iter_mut().flatten().zip(values) {
         joint.parent_from_child = joint.parent_from_child.compose(&joint.rest.pose(value));
-        if value != 0.0 {
+        let is_stated = stated.iter().any(|(name, _)| *name == joint.rest.name);
+        if value != 0.0 && !is_stated {
             told.push(format!("joint `{}` at {}", joint.rest.name, joint.rest.words(value)));
         }
     }
     Ok(told)
 }
 
-/// Takes each link's frame to the root's, with all joints at rest.
+/// Takes each link's frame to the root's.
 fn at_rest(above: &[Option<Joint>], links: &[Node]) -> Parsed<Vec<Pose>> {
     let mut below: Vec<Vec<usize>> = vec![Vec::new(); above.len()];
     let mut roots = Vec::new();

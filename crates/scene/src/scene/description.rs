@@ -271,6 +271,9 @@ described! {
         /// Links to leave out.
         #[serde(default)]
         pub without: Vec<String>,
+        /// Values of joints that do not stand at rest, radians or metres.
+        #[serde(default)]
+        pub joints: Dictionary<f64>,
         /// Move, metres, after all turns.
         #[serde(default)]
         pub translate: [f64; 3],

@@ -301,7 +301,7 @@ impl<'a> Builder<'a> {
         )));
     }
 
-    /// Triangles of a robot's links, with all joints at rest.
+    /// Triangles of a robot's links.
     fn urdf(&mut self, at: &Location, urdf: &UrdfDescription, class: u16) -> Checked<Solid> {
         let UrdfDescription { translate, roll, pitch, yaw, .. } = *urdf;
         let placing = Placing::new(at, None, None, translate, [roll, pitch, yaw])?;
@@ -313,7 +313,8 @@ impl<'a> Builder<'a> {
         let file = self.dir.join(&urdf.file);
         let packages = urdf.packages.as_ref().map(|packages| self.dir.join(packages));
         let (packages, without) = (packages.as_deref(), &urdf.without[..]);
-        let robot = RobotFile { file: &file, packages, tag, without };
+        let joints = &urdf.joints.0[..];
+        let robot = RobotFile { file: &file, packages, tag, without, joints };
         let RobotShapes { parts, origins, missing, moved, includes, strange } = robot.parts(at)?;
         // Origins of one file share one mistake.
         let in_degrees = origins.iter().filter_map(|OriginAngles { of, angles }| {

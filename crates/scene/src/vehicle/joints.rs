@@ -1,9 +1,11 @@
-//! Joints of URDF at rest: the value nearest to 0 that `<limit>` and `<mimic>` allow.
+//! Joints of URDF: at given values, or at rest, the value nearest to 0 that `<limit>` and `<mimic>` allow.
 
 use std::collections::HashMap;
+use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 use lidar_cast::geom::Pose;
+use lidar_cast::sensor::nearest;
 use sightline_files::json::has_no_prefix;
 
 /// A joint of a URDF, as far as its rest depends on it.
@@ -12,6 +14,8 @@ pub struct UrdfJoint {
     /// Its name; empty without one.
     pub name: String,
     turns: bool,
+    /// True along an axis.
+    slides: bool,
     /// Unit vector in the joint's frame.
     axis: DVec3,
     /// Lowest and highest value, in radians or metres.
@@ -47,6 +51,7 @@ impl UrdfJoint {
         let mut joint = Self {
             name: name.to_owned(),
             turns,
+            slides,
             axis: DVec3::X,
             limits: [f64::NEG_INFINITY, f64::INFINITY],
             mimic: None,
@@ -106,12 +111,48 @@ impl UrdfJoint {
         Ok(())
     }
 
-    /// Values of joints at rest, in radians or metres: the mimicked joint's value, scaled and shifted, else the value nearest
-    /// to 0 within the limits.
+    /// Value of each joint that is given one by its name, in radians or metres.
+    ///
+    /// # Errors
+    /// Words on a name that no joint has, or on a value that its joint cannot have.
+    pub fn given(joints: &[Self], values: &[(String, f64)]) -> Result<Vec<Option<f64>>, String> {
+        let mut given = vec![None; joints.len()];
+        for (name, value) in values {
+            let found = joints.iter().position(|joint| joint.name == *name);
+            let Some(k) = found else {
+                let near = nearest(name, joints.iter().map(|joint| joint.name.as_str()));
+                let mend = near.map(|near| format!("did you mean `{near}`?"));
+                let mend = mend.unwrap_or_else(|| "take it out of `joints`".to_owned());
+                return Err(format!("no joint is called {name:?}; {mend}"));
+            };
+            let (joint, [low, high]) = (&joints[k], joints[k].limits);
+            let words = joint.words(*value);
+            if !(joint.turns || joint.slides) {
+                return Err(format!("`{name}` does not move; take it out of `joints`"));
+            }
+            if let Some(Mimic { joint: of, .. }) = &joint.mimic {
+                return Err(format!("`{name}` mimics `{of}`; give that one a value"));
+            }
+            if !(low..=high).contains(value) {
+                let limits = format!("its limits are {low} and {}", joint.words(high));
+                return Err(format!("`{name}` cannot stand at {words}; {limits}"));
+            }
+            if joint.turns && value.abs() > TAU {
+                return Err(format!(
+                    "`{name}` at {words} is more than a turn; angles are in radians"
+                ));
+            }
+            given[k] = Some(*value);
+        }
+        Ok(given)
+    }
+
+    /// Values of joints, in radians or metres: the given one, or the mimicked joint's, scaled and shifted, or at rest, the value
+    /// nearest to 0 within the limits.
     ///
     /// # Errors
     /// Number of a joint, and the fault in words: its name comes twice, it mimics no joint, or itself, or moves along no axis.
-    pub fn at_rest(joints: &[Self]) -> Result<Vec<f64>, (usize, String)> {
+    pub fn values(joints: &[Self], given: &[Option<f64>]) -> Result<Vec<f64>, (usize, String)> {
         let mut by_name: HashMap<&str, usize> = HashMap::new();
         for (k, UrdfJoint { name, .. }) in joints.iter().enumerate() {
             if by_name.insert(name, k).is_some() && !name.is_empty() {
@@ -125,7 +166,8 @@ impl UrdfJoint {
                 let Some(Mimic { joint: of, multiplier, offset }) = &joint.mimic else {
                     // Minus zero is told as 0.
                     let rest = 0.0_f64.max(joint.limits[0]).min(joint.limits[1]);
-                    return Ok(sum + factor * rest + 0.0);
+                    let stands = given.get(at).copied().flatten().unwrap_or(rest);
+                    return Ok(sum + factor * stands + 0.0);
                 };
                 (sum, factor) = (sum + factor * offset, factor * multiplier);
                 let Some(&next) = by_name.get(of.as_str()) else {
@@ -201,13 +243,13 @@ mod tests {
             joint("d", "continuous", &limit),
             joint("e", "revolute", &[("limit", "lower", "-2"), ("limit", "upper", "-1")]),
         ];
-        let rest = UrdfJoint::at_rest(&joints).unwrap();
+        let rest = UrdfJoint::values(&joints, &[]).unwrap();
         assert!(rest.iter().zip([0.5, -0.3, 1.3, 0.0, -1.0]).all(|(a, b)| (a - b).abs() < 1e-12));
         assert_eq!(joints[0].pose(rest[0]).translation, DVec3::new(0.0, 0.0, 0.5));
         // About x, as no axis is given: y goes to cos .3 and −sin .3.
         let turned = joints[1].pose(rest[1]).rotation * DVec3::Y;
         assert!((turned - DVec3::new(0.0, 0.3_f64.cos(), -(0.3_f64.sin()))).length() < 1e-12);
-        let fault = |joints: &[UrdfJoint]| UrdfJoint::at_rest(joints).unwrap_err().1;
+        let fault = |joints: &[UrdfJoint]| UrdfJoint::values(joints, &[]).unwrap_err().1;
         assert!(fault(&[joint("a", "revolute", &follows("a"))]).starts_with("mimics itself"));
         assert_begins!(fault(&[joint("a", "fixed", &[]), joint("a", "fixed", &[])]), "comes twice");
         assert!(fault(&[joint("a", "revolute", &follows("z"))]).contains("which is no joint"));

@@ -24,9 +24,14 @@ fn joint(kind: &str, parent: &str, child: &str, origin: &str) -> String {
 }
 
 fn read(text: &str, without: &[&str]) -> Result<Vec<RobotPart>, String> {
+    read_at(text, without, &[])
+}
+
+fn read_at(text: &str, without: &[&str], joints: &[(&str, f64)]) -> Result<Vec<RobotPart>, String> {
+    let joints: Vec<_> = joints.iter().map(|(name, at)| ((*name).to_owned(), *at)).collect();
     let without: Vec<String> = without.iter().map(|name| (*name).to_owned()).collect();
     let file = std::path::Path::new("nowhere/robot.urdf");
-    RobotFile { file, packages: None, tag: "visual", without: &without }
+    RobotFile { file, packages: None, tag: "visual", without: &without, joints: &joints }
         .shapes(text)
         .map(|shapes| shapes.parts)
         .map_err(|fault| format!("{}: {}", fault.element, fault.problem))
@@ -58,6 +63,26 @@ fn a_chain_of_two_turned_joints_lies_where_trigonometry_says() {
     assert_eq!(parts[0].geometry, Geometry::Cylinder(0.1, 2.0));
     let boom = &parts[0].root_from_part;
     near(boom.translation, [1.0, 2.0 + 4.0 * c, 3.5 + 4.0 * s], 1e-12);
+    // The boom's joint turns its child about its own z by half a radian.
+    let (sin, cos) = 0.5_f64.sin_cos();
+    let turned = read_at(&text, &[], &[("slew_boom", 0.5)]).unwrap();
+    let wanted = [1.0 - 4.0 * sin, 2.0 + 4.0 * c * cos, 3.5 + 4.0 * s * cos];
+    near(turned[0].root_from_part.translation, wanted, 1e-12);
+    for (name, value, told) in [
+        ("slew_bom", 0.5, "joints: no joint is called \"slew_bom\"; did you mean `slew_boom`?"),
+        (
+            "slew_boom",
+            1.5,
+            "joints: `slew_boom` cannot stand at 1.5 rad; its limits are -0.4 and 1 rad",
+        ),
+        (
+            "base_slew",
+            90.0,
+            "joints: `base_slew` at 90 rad is more than a turn; angles are in radians",
+        ),
+    ] {
+        assert_eq!(read_at(&text, &[], &[(name, value)]).unwrap_err(), told);
+    }
     // The boom's own axes: x along (0, c, s), y along −x of the base, z along (0, −s, c).
     near(boom.rotation * DVec3::X, [0.0, c, s], 1e-12);
     near(boom.rotation * DVec3::Y, [-1.0, 0.0, 0.0], 1e-12);
@@ -78,6 +103,8 @@ fn joints_that_cannot_stand_at_0_stand_next_to_it() {
     let slide = joint("prismatic", "a", "c", "xyz=\"2 0 0\"").replace("-0.4", "0.5");
     let part = read(&robot(&(two.clone() + &slide)), &[]).unwrap()[2].root_from_part;
     near(part.translation, [2.0, 0.0, 0.5], 1e-12);
+    let given = read_at(&robot(&(two.clone() + &follower)), &[], &[("a_c", 0.2)]).unwrap_err();
+    assert_eq!(given, "joints: `a_c` mimics `a_b`; give that one a value");
     let lost = follower.replace("mimic joint=\"a_b\"", "mimic joint=\"ab\"");
     let told = read(&robot(&(two + &lost)), &[]).unwrap_err();
     assert!(told.starts_with("joint `a_c`: mimics \"ab\", which is no joint"), "{told}");
