@@ -166,9 +166,10 @@ fn many(dir: &Path, count: u32) {
 #[test]
 fn a_hangup_ends_a_batch_unless_it_is_ignored() {
     let dir = corridor();
-    many(dir.path(), 30_000);
     let partial = dir.path().join("cut.partial");
-    for (before, code) in [("", 130), ("trap '' HUP; ", 0)] {
+    // One that is to end must not be done before the signal comes.
+    for (before, code, count) in [("", 130, 500_000), ("trap '' HUP; ", 0, 30_000)] {
+        many(dir.path(), count);
         let program = env!("CARGO_BIN_EXE_sightline");
         let words =
             format!("{before}exec {program} score scene.json many.jsonl --backend cpu --out cut");
