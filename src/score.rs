@@ -25,7 +25,7 @@ pub use over_scenes::Interval;
 pub(crate) use over_scenes::{bootstrap, totals};
 pub use requirement::{Between, Lost, RulePlaces, Seen};
 pub(crate) use requirement::{
-    HOLDS, SEEN, SHARED, all_held_in_words, lidar_name, percent_down, percent_up,
+    HOLDS, SEEN, SHARED, all_held_in_words, lidar_name, metres_up, percent_down, percent_up,
 };
 pub use standing::Needed;
 pub(crate) use standing::{Standing, kendall_tau, mean_height, spearman};

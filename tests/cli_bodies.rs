@@ -137,7 +137,7 @@ fn a_rule_is_judged_with_the_lidar_where_the_trailer_carries_it() {
     write_rig(&dir, "p.json", "p", json!([lidar]));
     let [table, _] = printed(&dir, "score v.json p.json --backend cpu");
     assert!(
-        table.contains("LiDAR 0: `trailer` carries its mount roof; give the LiDAR \"rides_on\""),
+        table.contains("LiDAR 0: add `trailer` as its `rides_on`, which carries mount roof"),
         "{table}"
     );
 }

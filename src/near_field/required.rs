@@ -15,7 +15,7 @@ use crate::cast::Caster;
 use crate::geom::Pose;
 use crate::maths;
 use crate::problem::{Problem, ProblemError, SensorBatch};
-use crate::score::WorstFrame;
+use crate::score::{WorstFrame, metres_up};
 use crate::vehicle::{GroundAsked, GroundRule, SensorPose, Side, UnknownSensor};
 
 /// Metres by which the box around the ground is larger than the cells: a hit sees a cell from half a metre away, and
@@ -333,7 +333,10 @@ impl RequiredGround {
                     (lost, all) => format!("; {lost} of {all} lanes lose ground behind it again"),
                 };
                 match depths.and_then(|depths| depths.into_iter().max_by(f64::total_cmp)) {
-                    Some(depth) => format!("the blind zone {side} ends at {depth:.2} m{lost}"),
+                    Some(depth) => {
+                        let depth = metres_up(depth);
+                        format!("the blind zone {side} ends at {depth:.1} m{lost}")
+                    }
                     None => format!("the blind zone {side} does not end within {NEAR:.0} m"),
                 }
             }

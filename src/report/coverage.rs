@@ -11,7 +11,7 @@ use super::text::shortened;
 use crate::json::{counted, fixed};
 use crate::maths;
 use crate::near_field::{CELL, CLOSE, Footprint, NEAR, NearField, RING, Standard};
-use crate::score::{percent_down, percent_up};
+use crate::score::{metres_up, percent_down, percent_up};
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies, Technologies};
 use crate::vehicle::{Placement, SensorName};
 
@@ -43,7 +43,9 @@ pub(crate) fn near_field_text(all: &[NearField]) -> String {
         let mut row = vec![near.name.clone(), format!("{:.1}", percent_down(near.near_field))];
         row.push(optional(near.ring.map(percent_down), 1));
         row.extend([near.blind_area, zone.area].map(|area| format!("{area:.0}")));
-        let depth = |depth: Option<f64>| depth.map_or(format!("> {NEAR}"), |d| format!("{d:.1}"));
+        let depth = |depth: Option<f64>| {
+            depth.map_or(format!("> {NEAR}"), |d| format!("{:.1}", metres_up(d)))
+        };
         row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(depth));
         row
     });
@@ -92,7 +94,8 @@ fn lost_text(all: &[NearField]) -> String {
     let of_near = |near: &NearField| {
         let sides = near.zone.depths().into_iter().filter_map(|(side, depth)| {
             let (depth, but) = (depth?, near.zone.but_lost(side));
-            (!but.is_empty()).then(|| format!("! {}: {side} {depth:.1} m{but}\n", near.name))
+            (!but.is_empty())
+                .then(|| format!("! {}: {side} {:.1} m{but}\n", near.name, metres_up(depth)))
         });
         sides.collect::<String>()
     };

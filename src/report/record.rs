@@ -23,7 +23,7 @@ use crate::json::counted;
 use crate::near_field::{NEAR, NearField, RING};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;
-use crate::score::percent_down;
+use crate::score::{metres_up, percent_down};
 use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
     MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
@@ -176,7 +176,8 @@ impl NearRecord {
     fn in_words(&self) -> String {
         let near = &self.near;
         let depths = near.zone.depths().map(|(side, depth)| {
-            let told = depth.map_or(format!("more than {NEAR} m"), |d| format!("{d:.1} m"));
+            let told =
+                depth.map_or(format!("more than {NEAR} m"), |d| format!("{:.1} m", metres_up(d)));
             format!("{side} {told}{}{}", near.zone.in_frame(side), near.zone.but_lost(side))
         });
         let ([worst, of_ring], frames) = (near.worst_in_words(), counted(self.frames, "frame"));

@@ -183,6 +183,11 @@ pub(crate) fn percent_up(share: f64) -> f64 {
     (1e3 * share - 1e-9).ceil() / 10.0 + 0.0
 }
 
+/// A depth in metres, rounded up to tenths: a blind zone never reads as shorter than it is.
+pub(crate) fn metres_up(depth: f64) -> f64 {
+    (10.0 * depth - 1e-9).ceil() / 10.0 + 0.0
+}
+
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { share, done, least, missing, holds_in, lost, worst_frame, .. } = self;

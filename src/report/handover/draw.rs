@@ -7,6 +7,7 @@ use crate::report::columns::in_lines;
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
 use crate::report::svg::{ACCENT, FAINT, GREY, INK, LidarSign, SOFT, colour, trimmed};
 use crate::report::text::shortened;
+use crate::score::metres_up;
 
 /// Font sizes, millimetres.
 pub(super) const TITLE: f64 = 3.6;
@@ -100,9 +101,10 @@ fn depths(
     let zone = &near.zone;
     let words = |name: &str, depth: Option<f64>| match (depth, zone.lost_on(name)) {
         (Some(depth), Some(lost)) => {
+            let depth = metres_up(depth);
             format!("{name}: blind to {depth:.1} m, {:.1} to {:.1} m", lost.from, lost.to)
         }
-        (Some(depth), None) => format!("{name}: blind to {depth:.1} m"),
+        (Some(depth), None) => format!("{name}: blind to {:.1} m", metres_up(depth)),
         (None, _) => format!("{name}: blind beyond 10 m"),
     };
     let [left, right, upper, lower] = panel.edges();

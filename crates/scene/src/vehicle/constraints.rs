@@ -423,6 +423,14 @@ impl Violation {
 /// Words for a mount whose `count` is 0.
 pub(super) const HOLDS_NONE: &str = "holds no LiDAR (`count` is 0)";
 
+/// The body that carries a mount, up to the mount's name.
+fn carrier_in_words(body: SensorName) -> String {
+    match body.as_str() {
+        "" => "leave `rides_on` out, since no body carries".to_owned(),
+        body => format!("add `{body}` as its `rides_on`, which carries"),
+    }
+}
+
 fn unit_of(field: &str) -> &'static str {
     if matches!(field, "x" | "y" | "z") { "m" } else { "rad" }
 }
@@ -450,21 +458,13 @@ impl std::fmt::Display for Violation {
                 let takes: Vec<String> = takes.iter().map(|model| format!("`{model}`")).collect();
                 write!(f, "takes {}, not `{sensor}`", takes.join(" or "))
             }
-            Self::CarriedOtherwise { lidar, mount, rides_on } if rides_on.is_none() => {
-                write!(
-                    f,
-                    "LiDAR {lidar}: no body carries its mount {mount}; leave its `rides_on` out"
-                )
-            }
-            Self::CarriedOtherwise { lidar, mount, rides_on: body } => write!(
-                f,
-                "LiDAR {lidar}: `{body}` carries its mount {mount}; give the LiDAR \"rides_on\": \"{body}\""
-            ),
-            Self::NoPlace { lidar, sensor } if sensor.is_none() => {
-                write!(f, "LiDAR {lidar}: there is no mount for one more sensor without a name")
+            Self::CarriedOtherwise { lidar, mount, rides_on } => {
+                write!(f, "LiDAR {lidar}: {} mount {mount}", carrier_in_words(*rides_on))
             }
             Self::NoPlace { lidar, sensor } => {
-                write!(f, "LiDAR {lidar}: there is no mount for one more `{sensor}`")
+                let named = format!("`{sensor}`");
+                let one = if sensor.is_none() { "sensor without a name" } else { &named };
+                write!(f, "LiDAR {lidar}: there is no mount for one more {one}")
             }
             Self::TooClose { lidars: [a, b], by } => {
                 write!(f, "LiDARs {a} and {b} are {by:.3} m too close")
@@ -476,13 +476,10 @@ impl std::fmt::Display for Violation {
                 write!(f, "heights differ by {by:.3} m, and are to be equal")
             }
             Self::NotMirrored { lidar, partner, models: Some([own, other]), .. } => {
-                let mut two = [(lidar, own), (partner, other)];
-                two.sort_unstable();
-                let [(a, first), (b, second)] = two;
-                write!(
-                    f,
-                    "LiDARs {a} and {b}: a mirrored pair at the plane y = 0 has one model, not `{first}` and `{second}`"
-                )
+                let (a, b) = (lidar.min(partner), lidar.max(partner));
+                let [first, second] = if a == lidar { [own, other] } else { [other, own] };
+                let told = "a mirrored pair at the plane y = 0 has one model";
+                write!(f, "LiDARs {a} and {b}: {told}, not `{first}` and `{second}`")
             }
             Self::NotMirrored { lidar, partner, field, off, .. } => {
                 match lidar == partner {
