@@ -48,12 +48,14 @@ fn agrees(scores: &Value, near: &Value) {
         let lost = lanes.iter().filter(is_lost).count();
         let is_met = zone.as_f64().is_some_and(|found| found <= depth) && lost == 0;
         assert_eq!(rule["met"], is_met, "{side}: {rule} {zone}");
+        let up = |metres: f64| (10.0 * metres).ceil() / 10.0;
         let told = match zone.as_f64() {
             Some(found) if lost > 0 => format!(
-                "the blind zone {side} ends at {found:.2} m; {lost} of {} lanes lose ground behind it again",
+                "the blind zone {side} ends at {:.1} m; {lost} of {} lanes lose ground behind it again",
+                up(found),
                 lanes.len()
             ),
-            Some(found) => format!("the blind zone {side} ends at {found:.2} m"),
+            Some(found) => format!("the blind zone {side} ends at {:.1} m", up(found)),
             None => format!("the blind zone {side} does not end within 10 m"),
         };
         assert_eq!(rule.get("missing"), (!is_met).then(|| json!(told)).as_ref(), "{rule} {zone}");
@@ -375,5 +377,5 @@ fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
     let missing = rule["missing"].text();
     assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
     stdout(&dir, &("study nearfield", files))
-        .says("! slit: behind 0.1 m, but unseen again in 8 of 8 lanes, at most from 1.3 to 10 m\n");
+        .says("! slit: behind 0.2 m, but unseen again in 8 of 8 lanes, at most from 1.3 to 10 m\n");
 }

@@ -304,7 +304,9 @@ fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_scor
             format!("open where it goes on; {:.1} m² to 10 m", number(&near["zone"]["area"]));
         assert!(svg.contains(&area), "{area}");
         for side in ["ahead", "left", "right"] {
-            let depth = format!(">{side}: blind to {:.1} m", number(&near["zone"][side]));
+            // Lanes end at eighths of a metre; tenths are rounded up.
+            let depth = (10.0 * number(&near["zone"][side])).ceil() / 10.0;
+            let depth = format!(">{side}: blind to {depth:.1} m");
             assert!(svg.contains(&depth), "{depth}");
         }
         // One rounding, upwards: 34.61 % is told as 34.7 by guard and study.

@@ -260,12 +260,18 @@ fn a_requirement_beyond_the_range_of_the_sensors_says_so() {
     let dir = TempDir::new().unwrap();
     let at = |name: &str, from: u32, within: u32| json!({ "name": name, "target": "car", "from": from, "within": within, "share": 0.9 });
     street(dir.path(), json!([at("near", 10, 20), at("partly", 40, 80), at("far", 70, 80)]));
+    // A model that the rig does not have sees farther.
+    change(&dir, "cart.json", |vehicle| {
+        let mut long = vehicle["sensors"][0].clone();
+        (long["name"], long["lidar"]["range"]) = (json!("long"), json!(200));
+        vehicle["sensors"].as_array_mut().unwrap().push(long);
+    });
     write_rig(&dir, "rigs.json", "ahead", json!([{ "x": 0, "y": 0, "z": 1, "sensor": "half" }]));
     let found = ok(&dir, "score street.json rigs.json --backend cpu");
     let missing = |k: usize| found["scores"][0]["requirements"][k]["missing"].text().to_owned();
-    assert!(!missing(0).contains("sensors reach"), "{}", missing(0));
-    assert!(missing(1).ends_with("; sensors reach 60 m at most"), "{}", missing(1));
-    let far = "; sensors reach 60 m at most: this lies beyond their range";
+    assert!(!missing(0).contains("LiDARs reach"), "{}", missing(0));
+    assert!(missing(1).ends_with("; the LiDARs reach 60 m at most"), "{}", missing(1));
+    let far = "; the LiDARs reach 60 m at most: this lies beyond their range";
     assert!(missing(2).ends_with(far), "{}", missing(2));
 }
 

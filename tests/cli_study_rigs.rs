@@ -434,3 +434,13 @@ fn studies_look_at_a_rule_of_100_per_cent_as_closely_as_score() {
     let told = room["rows"][0]["missed"][0].as_str().unwrap_or_else(|| panic!("{room}"));
     assert_eq!((code, told.ends_with(missing)), (Some(1), true), "{room}");
 }
+
+#[test]
+fn channels_are_of_a_model_that_the_budget_buys() {
+    let dir = street();
+    let table = study(&dir, "channels street.json --budget 5");
+    assert!(table["notes"].to_string().contains("The sensor that differs is `coarse`"), "{table}");
+    let covered: Vec<Option<f64>> =
+        rows(&table).iter().map(|row| value(&table, row, "near gain %")).collect();
+    assert_ne!(covered[0], covered[3], "{table}");
+}

@@ -283,7 +283,7 @@ fn studies_take_mixed_rigs_or_say_why_not() {
             assert!(table["notes"].to_string().contains("No random placement counts; "), "{table}");
         }
         if kind == "channels" {
-            table["notes"].to_string().says("`spinning`, the vehicle's first model");
+            table["notes"].to_string().says("`spinning`, the first model with channels of the rig");
             let beams: Vec<f64> =
                 table["rows"].list().iter().map(|row| row["values"][0].number()).collect();
             assert_eq!(beams[..2], [16.0 * 90.0, 32.0 * 90.0]);

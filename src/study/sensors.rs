@@ -10,7 +10,7 @@ use crate::near_field::NearSite;
 use crate::scan::conditions::Condition;
 use crate::search::Evaluator;
 use crate::targets::{CARD_BEAMS, RangeCard};
-use crate::vehicle::{Lidar, Placement};
+use crate::vehicle::{Lidar, Placement, VehicleSensor};
 
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
@@ -61,8 +61,11 @@ fn near_field(
 
 /// Sensors to compare: some numbers of channels spaced evenly over the field of view, the scene's own number crowded at
 /// the horizon, and the models of the files; and a note about them.
-fn compared_sensors(scene: &StudyScene) -> Result<(Vec<(String, Lidar)>, String), StudyError> {
-    let own = scene.scene.lidars()[0];
+fn compared_sensors(
+    scene: &StudyScene,
+    model: usize,
+) -> Result<(Vec<(String, Lidar)>, String), StudyError> {
+    let own = scene.scene.lidars()[model];
     let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = own else {
         return Err(StudyError::NoChannels { scene: scene.place() });
     };
@@ -100,12 +103,24 @@ fn compared_sensors(scene: &StudyScene) -> Result<(Vec<(String, Lidar)>, String)
     Ok((sensors, note))
 }
 
+/// Number of the first model with channels among those of the rig that is searched.
+fn varied_model(scene: &StudyScene) -> Result<usize, StudyError> {
+    let kinds = scene.rig()?.constraints.kinds();
+    let varies = |model: &VehicleSensor| {
+        matches!(model.lidar, Lidar::Spinning { .. })
+            && kinds.iter().any(|(slot, _)| slot.sensor == model.name)
+    };
+    let found = scene.scene.vehicle().sensors.iter().position(varies);
+    found.ok_or_else(|| StudyError::NoChannels { scene: scene.place() })
+}
+
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let (sensors, note) = compared_sensors(scene)?;
+    let model = varied_model(scene)?;
+    let (sensors, note) = compared_sensors(scene, model)?;
     let rows = cases.each(sensors, |lidar, _| {
         let table = lidar.table()?;
         let beams = table.directions().len();
-        let sensors = scene.scene.sensors()?.with_beams(0, table);
+        let sensors = scene.scene.sensors()?.with_beams(model, table);
         let job = scene.job.clone().sensors(&sensors).constraints(&scene.rig()?.constraints);
         let mut evaluator = scene.open(&job)?;
         let mut row = table::of_best(scene, &mut evaluator, &scene.rig()?.starts)?;
@@ -116,10 +131,10 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         Ok(row)
     })?;
     let mut notes = vec![note];
-    if let [first, _, ..] = &scene.scene.vehicle().sensors[..] {
+    if let models @ [_, _, ..] = &scene.scene.vehicle().sensors[..] {
         notes.push(format!(
-            "The sensor that differs is `{}`, the vehicle's first model; its others stay as they are.",
-            first.name
+            "The sensor that differs is `{}`, the first model with channels of the rig; its others stay as they are.",
+            models[model].name
         ));
     }
     if let Err(why) = NearSite::new(scene.scene, &scene.evaluator()?.shared_problem()) {

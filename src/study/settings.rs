@@ -241,7 +241,7 @@ pub enum StudyError {
     )]
     FixedVoxels { scene: String },
     /// Channels of a sensor that is a list of directions.
-    #[error("{scene}: its LiDAR is a list of directions, which has no channels to vary")]
+    #[error("{scene}: no LiDAR of the rig has channels to vary; each is a list of directions")]
     NoChannels { scene: String },
     /// Heights of a vehicle whose mounts have their own.
     #[error(

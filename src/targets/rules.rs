@@ -94,6 +94,16 @@ fn seen_in((scene, bits): (&RequiredGround, &[u64]), number: usize) -> f64 {
     scene.share(number, bits).share.unwrap_or(0.0)
 }
 
+/// Words on distances of a rule that lie beyond the range of every LiDAR; empty where none do.
+fn beyond(rule: &TargetRule, range_mm: u32) -> String {
+    let range = f64::from(range_mm) / 1e3;
+    match (rule.from > range, rule.within > range) {
+        (true, _) => format!("; the LiDARs reach {range} m at most: this lies beyond their range"),
+        (_, true) => format!("; the LiDARs reach {range} m at most"),
+        _ => String::new(),
+    }
+}
+
 impl Sight {
     pub(super) fn looked<'a>(&self, each: &'a [&'a SightBeams]) -> Looked<'a> {
         Looked { each, overlaps: self.overlaps(each) }
@@ -419,7 +429,8 @@ impl Sight {
                 let site = self.worst_site(&all, sites, at)?;
                 let places = site.places.clone();
                 let places = places.map(|place| (self.places[place].at, is_met(place)));
-                Missing::new(rule, places).map(|missing| format!("{missing}{}", self.beyond(rule)))
+                Missing::new(rule, places)
+                    .map(|missing| format!("{missing}{}", beyond(rule, all.range_mm)))
             }
             Rule::Ground(_, number) => {
                 let all = all();
@@ -439,17 +450,6 @@ impl Sight {
         let of_scene = sites.chunk_by(|a, b| a.pose.scene == b.pose.scene).nth(scene)?;
         let share = |site: &&RuleSite| self.hard(all, site.places.clone());
         of_scene.iter().min_by(|a, b| share(a).total_cmp(&share(b)))
-    }
-
-    /// Words on distances of a rule that lie beyond the range of every sensor; empty where none do.
-    fn beyond(&self, rule: &TargetRule) -> String {
-        // A range is an f32: 30.2 is not to read 30.2000008.
-        let range = (1e3 * f64::from(self.bodies.sites[0].sensors().longest_range())).round() / 1e3;
-        match (rule.from > range, rule.within > range) {
-            (true, _) => format!("; sensors reach {range} m at most: this lies beyond their range"),
-            (_, true) => format!("; sensors reach {range} m at most"),
-            _ => String::new(),
-        }
     }
 
     /// True if there are rules.

@@ -51,11 +51,14 @@ pub struct SightBeams {
     pub(super) ground: Box<[u64]>,
     /// Distinct frames scene after scene. A sum over LiDARs has none.
     pub(super) surfaces: Surfaces,
+    /// Range of the LiDAR in millimetres, of several the longest.
+    pub(super) range_mm: u32,
 }
 
 impl SightBeams {
     /// Adds the beams and the ground of another LiDAR; surfaces are left out.
     pub fn add(&mut self, other: &Self) {
+        self.range_mm = self.range_mm.max(other.range_mm);
         if self.beams.is_empty() && self.ground.is_empty() {
             (self.beams, self.ground) = (other.beams.clone(), other.ground.clone());
             return;
@@ -139,7 +142,8 @@ impl Sight {
     pub fn beams(&self, lidar: &SensorPose) -> Result<SightBeams, UnknownSensor> {
         let places: Vec<usize> = (0..self.places.len()).collect();
         let (ground, surfaces) = (self.cells(lidar)?, self.surfaces(lidar)?);
-        Ok(SightBeams { beams: self.beams_at(lidar, &places)?, ground, surfaces })
+        let beams = self.beams_at(lidar, &places)?;
+        Ok(SightBeams { beams, ground, surfaces, range_mm: self.range_mm(lidar)? })
     }
 
     /// Beams, ground and surfaces of a LiDAR that some rules need: `wanted` says which rules, in the order of [`Self::shares`].
@@ -164,7 +168,13 @@ impl Sight {
                 Rule::Ground(..) | Rule::Overlap(_) => {}
             }
         }
-        Ok(SightBeams { beams: self.beams_at(lidar, &places)?, ..found })
+        let (beams, range_mm) = (self.beams_at(lidar, &places)?, self.range_mm(lidar)?);
+        Ok(SightBeams { beams, range_mm, ..found })
+    }
+
+    fn range_mm(&self, lidar: &SensorPose) -> Result<u32, UnknownSensor> {
+        let sensors = self.bodies.sites[0].sensors();
+        Ok((1e3 * f64::from(sensors.table(sensors.number(lidar)?).range())).round() as u32)
     }
 
     /// The target at a place.
