@@ -127,6 +127,14 @@ fn a_rule_is_judged_with_the_lidar_where_the_trailer_carries_it() {
     let worst = stands.into_iter().fold(1.0, f64::min);
     assert!((carried - worst).abs() < 1e-9, "{carried} is not the worst of {stands:?}");
     assert!((left - worst).abs() > 0.01, "{left}");
+    // Whoever builds it has the pose in the frame of the body too, 0.8 m behind the origin in frame 0.
+    ok(&dir, "rig handover v.json p.json --frame 2 --backend cpu --out h");
+    read_text(&dir, "h/poses.csv").says(",trailer,-1.5,0.1,2.2,0,5.729578,171.887339");
+    read_text(&dir, "h/README.txt").says("ride on a body (0) are as in frame 0");
+    // The mount is not drawn in mid-air.
+    ok(&dir, "rig handover v.json p.json --backend cpu --out h0");
+    let dashed = |of: &str| read_text(&dir, of).matches("stroke-dasharray").count();
+    assert!(dashed("h/drawing.svg") < dashed("h0/drawing.svg"));
     // A search puts LiDARs on the mount, which the body carries.
     ok(&dir, "optimize v.json --backend cpu --evaluations 6 --out o");
     let found = read_json(dir.path().join("o/placements.json"));
@@ -177,8 +185,9 @@ fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     }
     tractor(json!([pose(0.0), pose(0.9)]));
     stderr(&dir, "rig handover p.json --vehicle v.json --out h").says("has 2 poses");
-    read_text(&dir, "h/README.txt")
-        .says("boxes, masks and drawing are of frame 0; where they stand otherwise, others are needed (a scene before");
+    read_text(&dir, "h/README.txt").says(
+        "boxes, masks and drawing are of frame 0. For another frame: sightline rig handover SCENE",
+    );
     // Rules that hold in frame 0 may be missed in another pose, which no line NOT MET would tell.
     let held = "Requirements: bodies as in frame 0 alone";
     for file in ["h/README.txt", "h/drawing.svg"] {

@@ -388,6 +388,18 @@ fn rules_on_targets_are_shares_of_their_places() {
     ruled(dir.path(), json!([rule(json!({ "name": "ahead", "bearing": [-60, 60] }))]));
     let found = ok(&dir, "score street.json rigs.json --backend cpu");
     assert!(redundant(&found), "{found}");
+    // Neither could be left out where a rule wants the beams of both.
+    let of_both = [2, 4, 8, 16, 32, 64].into_iter().find_map(|beams| {
+        let ahead =
+            json!({ "name": "ahead", "bearing": [0, 0], "beams": beams, "target": "adult" });
+        ruled(dir.path(), json!([rule(ahead)]));
+        write(&dir, "rigs.json", &rigs);
+        let found = ok(&dir, "score street.json rigs.json --backend cpu");
+        let met = |k: usize| found["scores"][k]["requirements"][0]["met"] == true;
+        (met(1) && !met(0)).then_some(found)
+    });
+    let found = of_both.expect("some beams need both");
+    assert!(!redundant(&found), "{found}");
 }
 
 #[test]

@@ -163,6 +163,14 @@ pub(crate) fn comparison_text(found: &Comparison) -> String {
     text += &table_text(&["LiDAR", "moved m", "turned rad", "axis rad"], moved);
     for lidar in &found.lidars {
         text += &models_text(&lidar.frame, &lidar.models, ["before", "after"]);
+        if let Some(carriers) = lidar.rides_on {
+            let [one, other] = carriers.map(|body| match body.as_str() {
+                "" => "nothing".to_owned(),
+                body => format!("`{body}`"),
+            });
+            text +=
+                &format!("  ! {}: it rides on {one} before and on {other} after\n", lidar.frame);
+        }
     }
     let (both, each) =
         (found.lidars.len(), [0, 1].map(|k| found.lidars.len() + found.alone[k].len()));

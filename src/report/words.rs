@@ -229,7 +229,11 @@ fn untold_in_words(best: &Scored) -> String {
     idle.dedup();
     let numbers = idle.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     let idle = (!idle.is_empty()).then(|| {
-        format!("with LiDAR {numbers} less than 1 % of the information is lost, so that it could be left out")
+        let (of, it) = match idle.len() {
+            1 => ("LiDAR", "it"),
+            _ => ("any one of LiDARs", "that one"),
+        };
+        format!("with {of} {numbers} less than 1 % of the information is lost, so that {it} could be left out")
     });
     [broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
 }

@@ -29,7 +29,7 @@ use crate::scene::Scene;
 use crate::score::{Guard, percent_up};
 use crate::shared::FieldOfView;
 use crate::vehicle::sensor_file::isaac_profile;
-use crate::vehicle::{MAX_LIDARS, Placement, sum_of_prices};
+use crate::vehicle::{MAX_LIDARS, Placement, SensorPose, sum_of_prices};
 use mask::{FREE, NONE, OWN, SelfHitMask};
 use rig::HandoverRig;
 
@@ -188,7 +188,8 @@ fn drawn(rig: &HandoverRig) -> DrawnRig<'_> {
         mount: rig.mounts[k].clone().unwrap_or_default(),
     });
     let vehicle = rig.scene().vehicle();
-    let mounts = vehicle.mounts.iter().map(|mount| DrawnMount {
+    let mounts = vehicle.mounts.iter().filter(|mount| rig.is_in_place(&mount.region));
+    let mounts = mounts.map(|mount| DrawnMount {
         name: if vehicle.is_nameless() { String::new() } else { mount.region.name.clone() },
         corners: mount.region.corners(),
     });
@@ -235,6 +236,10 @@ fn poses(rig: &HandoverRig, base_link: Option<[f64; 3]>) -> String {
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let from_base = base_link.map(|_| ["base_link_x_m", "base_link_y_m", "base_link_z_m"]);
     rows[0].extend(from_base.into_iter().flatten().map(str::to_owned));
+    let any_rides = rig.placement.lidars.iter().any(|pose| !pose.rides_on.is_none());
+    let carried = ["rides_on", "body_x_m", "body_y_m", "body_z_m", "body_roll_deg"];
+    let carried = carried.into_iter().chain(["body_pitch_deg", "body_yaw_deg"]);
+    rows[0].extend(carried.filter(|_| any_rides).map(str::to_owned));
     for (k, pose) in rig.placement.lidars.iter().enumerate() {
         let [place, angles] = [[pose.x, pose.y, pose.z], [pose.roll, pose.pitch, pose.yaw]];
         let mount = rig.mounts[k].clone().unwrap_or_default();
@@ -249,9 +254,24 @@ fn poses(rig: &HandoverRig, base_link: Option<[f64; 3]>) -> String {
         row.push(phase.map_or(String::new(), |phase| rounded(phase.to_degrees(), OF_DEGREES)));
         let from_base = base_link.map(|base| [0, 1, 2].map(|axis| place[axis] - base[axis]));
         row.extend(from_base.into_iter().flatten().map(|metres| rounded(metres, FINE)));
+        if any_rides {
+            row.extend(on_body(rig, pose));
+        }
         rows.push(row);
     }
     csv(rows)
+}
+
+/// The body that carries a LiDAR, and its pose in that body's own frame; empty cells where none does.
+fn on_body(rig: &HandoverRig, pose: &SensorPose) -> Vec<String> {
+    let Some(ego_from_body) = rig.scene().carrier_pose(pose.rides_on) else {
+        return vec![String::new(); 7];
+    };
+    let own = SensorPose::from(&ego_from_body.inverse().compose(&pose.ego_from_sensor()));
+    let place = [own.x, own.y, own.z].map(|metres| rounded(metres, FINE));
+    let angles = [own.roll, own.pitch, own.yaw].map(|a| rounded(a.to_degrees(), OF_DEGREES));
+    let body = pose.rides_on.to_string();
+    std::iter::once(body).chain(place).chain(angles).collect()
 }
 
 /// A line a model: how many, price of one, price of all; last the sum. Returns the sum, too.
@@ -290,7 +310,8 @@ const FILES: [(&str, &str); 6] = [
     (
         "poses.csv",
         "LiDARs by number: mount, model, position in m and mm, angles in rad and degrees, in the ego frame; \
-         base_link_*: the position in base_link, where --base-link gives it (angles are the same)",
+         base_link_*: the position in base_link, where --base-link gives it (angles are the same); of a LiDAR that rides on \
+         a body of the vehicle all these are as in frame 0, and body_* is its pose in the frame of that body",
     ),
     ("materials.csv", "models, how many, price of one, price of all; the last line is the sum"),
     ("drawing.svg", "from above, from the right, from the front, at one scale, on A3"),

@@ -62,7 +62,7 @@ struct Met {
     seen: Vec<Seen>,
     /// `[scenes][rules]`; empty where there is one scene.
     by_scene: Vec<Vec<Seen>>,
-    /// LiDARs, among those looked at, that a rule needs in case another one is lost.
+    /// LiDARs, among those looked at, that a rule needs.
     needed: Vec<usize>,
 }
 

@@ -101,7 +101,7 @@ impl Suite {
         let first = members.first().ok_or(SearchError::NoScene)?;
         for Member { name, problem, scene, .. } in &members {
             let (name, scene, first_name) = (name.clone(), *scene, first.name.clone());
-            if problem.sensors() != first.problem.sensors() {
+            if !problem.sensors().has_models_of(first.problem.sensors()) {
                 return Err(SearchError::OtherLidar { scene, name, first: first_name });
             }
             if problem.constraints() != first.problem.constraints() {

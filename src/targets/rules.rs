@@ -94,10 +94,11 @@ fn seen_in((scene, bits): (&RequiredGround, &[u64]), number: usize) -> f64 {
     scene.share(number, bits).share.unwrap_or(0.0)
 }
 
-/// Words on distances of a rule that lie beyond the range of every LiDAR; empty where none do.
+/// Words on distances of a rule that lie beyond the range of every LiDAR; empty where none do, or where no LiDAR is left.
 fn beyond(rule: &TargetRule, range_mm: u32) -> String {
     let range = f64::from(range_mm) / 1e3;
     match (rule.from > range, rule.within > range) {
+        _ if range_mm == 0 => String::new(),
         (true, _) => format!("; the LiDARs reach {range} m at most: this lies beyond their range"),
         (_, true) => format!("; the LiDARs reach {range} m at most"),
         _ => String::new(),
@@ -253,12 +254,12 @@ impl Sight {
         count == 1 || (0..count).any(|lost| self.met_share(looked, Some(lost), rule) > least)
     }
 
-    /// True if a requirement that must hold whichever one LiDAR is lost needs this LiDAR: without it for good, the share
-    /// after one more loss is lower, and less than required.
+    /// True if a requirement needs this LiDAR: without it for good, the share is lower, and less than required; of one that
+    /// must hold whichever one LiDAR is lost, the share after one more loss.
     pub fn needs(&self, each: &[&SightBeams], lidar: usize) -> bool {
         let left: Vec<&SightBeams> = [&each[..lidar], &each[lidar + 1..]].concat();
         let (all, left) = (self.looked(each), self.looked(&left));
-        self.rules.iter().filter(|rule| rule.without_any_one()).any(|rule| {
+        self.rules.iter().any(|rule| {
             let share = self.least(&left, rule).0;
             share < rule.least() && share < self.least(&all, rule).0
         })

@@ -73,8 +73,8 @@ pub struct Scene {
     body: Solid,
     /// Bodies of the ego that move against the first.
     bodies: Vec<OwnBody>,
-    /// Names of bodies of the ego that do not.
-    still: Vec<String>,
+    /// Bodies of the ego that do not: names and poses.
+    still: Vec<(String, Pose)>,
     ego: Motion,
     /// Transform of each part, in the frame of its owner; see [`Scene::part`].
     origins: Vec<DVec3>,

@@ -19,7 +19,9 @@ use crate::runs::{Computing, RunError, opening};
 use crate::scene::{EgoBody, Scene};
 use crate::score::{Guard, HOLDS, SHARED, Seen, all_held_in_words};
 use crate::search::Evaluator;
-use crate::vehicle::{BeamTable, Placement, Sensors, UnknownSensor, name_lidars};
+use crate::vehicle::{
+    BeamTable, Placement, Region, SensorPose, Sensors, UnknownSensor, name_lidars,
+};
 
 /// A placement on its vehicle, in one frame.
 pub(super) struct HandoverRig {
@@ -57,14 +59,22 @@ impl HandoverRig {
     /// Sentence on the frame that the body is taken in, where bodies of the vehicle move.
     pub(crate) fn frame_in_words(&self) -> Option<String> {
         let scene = self.scene();
-        let others = match (scene.has_moving_bodies(), scene.has_bodies_held_still()) {
-            (true, _) => "--frame",
-            (false, true) => "a scene before the placements, and --frame",
-            (false, false) => return None,
+        if !(scene.has_moving_bodies() || scene.has_bodies_held_still()) {
+            return None;
+        }
+        let ridden = self.placement.lidars.iter().enumerate();
+        let ridden = ridden.filter(|(_, pose)| !pose.rides_on.is_none());
+        let ridden: Vec<String> = ridden.map(|(k, _)| k.to_string()).collect();
+        let carried = match &ridden[..] {
+            [] => String::new(),
+            _ => format!(
+                " Poses of LiDARs that ride on a body ({}) are as in frame 0.",
+                ridden.join(", ")
+            ),
         };
         Some(format!(
-            "Bodies of the vehicle move: boxes, masks and drawing are of frame {}; where they stand otherwise, others are \
-             needed ({others}).",
+            "Bodies of the vehicle move: boxes, masks and drawing are of frame {}. For another frame: sightline rig handover \
+             SCENE PLACEMENTS --vehicle FILE --frame N.{carried}",
             self.frame
         ))
     }
@@ -148,6 +158,12 @@ impl HandoverRig {
     pub(crate) fn model_name(&self, model: usize) -> String {
         let name = self.sensors.models()[model].name;
         if name.is_none() { "lidar".to_owned() } else { name.as_str().to_owned() }
+    }
+
+    /// True if a mount stands where its vehicle file says: no body has carried it away in this frame.
+    pub(crate) fn is_in_place(&self, mount: &Region) -> bool {
+        let at = SensorPose { rides_on: mount.rides_on, ..SensorPose::default() };
+        self.sensors.carried(&at, self.frame as usize, Pose::IDENTITY) == Pose::IDENTITY
     }
 
     pub(crate) fn price(&self, model: usize) -> f64 {

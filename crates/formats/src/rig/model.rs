@@ -199,14 +199,17 @@ pub struct MovedLidar {
     pub tilted: f64,
     /// Sensor models before and after; `None` for one that is not known.
     pub models: [Option<String>; 2],
+    /// Bodies that carry it before and after, `""` for none; `None` where they are the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rides_on: Option<[SensorName; 2]>,
 }
 
 impl MovedLidar {
-    /// True if it was moved or turned, or has another model. An unknown model counts as equal.
+    /// True if it was moved or turned, or has another model or carrier. An unknown model counts as equal.
     fn differs(&self) -> bool {
         let of_other_models =
             matches!(&self.models, [Some(before), Some(after)] if before != after);
-        self.moved > STILL || self.turned > STILL || of_other_models
+        self.moved > STILL || self.turned > STILL || of_other_models || self.rides_on.is_some()
     }
 }
 
@@ -256,7 +259,9 @@ pub fn compare(before: &Rig, after: &Rig) -> Comparison {
     let moved = |(a, b): (&RigLidar, &RigLidar)| {
         let [moved, turned, tilted] = difference(&a.pose, &b.pose);
         let (frame, partner) = (a.frame.clone(), b.frame.clone());
-        MovedLidar { frame, partner, moved, turned, tilted, models: models(a, b) }
+        let carriers = [a.pose.rides_on, b.pose.rides_on];
+        let rides_on = (carriers[0] != carriers[1]).then_some(carriers);
+        MovedLidar { frame, partner, moved, turned, tilted, models: models(a, b), rides_on }
     };
     let lidars: Vec<MovedLidar> = pairs.iter().copied().map(moved).collect();
     let alone = |rig: &Rig, taken: &HashSet<usize>| -> Vec<String> {

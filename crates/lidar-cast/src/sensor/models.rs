@@ -294,6 +294,11 @@ impl Sensors {
         self.models.iter().any(|model| model.phase == SpinPhase::Free)
     }
 
+    /// True if both have equal models and draws, whatever bodies carry sensors.
+    pub fn has_models_of(&self, other: &Self) -> bool {
+        (&self.models, self.seed) == (&other.models, other.seed)
+    }
+
     /// True if all bodies that may carry sensors stand alike in two frames.
     pub fn stand_alike(&self, frames: [usize; 2]) -> bool {
         self.rides.iter().all(|ride| ride.pose(frames[0]) == ride.pose(frames[1]))

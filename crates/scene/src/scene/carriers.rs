@@ -18,8 +18,10 @@ impl OwnBodies {
         at: impl Fn(usize) -> Location,
     ) -> Checked<()> {
         let moving = self.moving.iter().map(|body| &body.name);
-        let names: Vec<&String> =
-            moving.chain(&self.still).filter(|name| !name.is_empty()).collect();
+        let names: Vec<&String> = moving
+            .chain(self.still.iter().map(|(name, _)| name))
+            .filter(|name| !name.is_empty())
+            .collect();
         for (number, mount) in mounts.iter().enumerate() {
             let carrier = mount.region.rides_on;
             let count = names.iter().filter(|name| **name == carrier.as_str()).count();
@@ -46,6 +48,13 @@ impl OwnBodies {
 }
 
 impl Scene {
+    /// Pose of a body of the ego in frame 0, by its name: takes its own frame to the ego frame.
+    pub fn carrier_pose(&self, name: SensorName) -> Option<Pose> {
+        let moving = self.bodies.iter().map(|body| (&body.name, body.motion.pose(0)));
+        let mut all = moving.chain(self.still.iter().map(|(name, pose)| (name, *pose)));
+        all.find(|(known, _)| **known == name.as_str()).map(|(_, pose)| pose)
+    }
+
     /// The bodies of the ego that may carry sensors: those with a name.
     pub(crate) fn rides(&self) -> Vec<Ride> {
         let moving = self.bodies.iter().map(|body| {
@@ -53,7 +62,7 @@ impl Scene {
             let poses = (0..self.frames).map(|t| body.motion.pose(t).compose(&back)).collect();
             (&body.name, poses)
         });
-        let still = self.still.iter().map(|name| (name, vec![Pose::IDENTITY]));
+        let still = self.still.iter().map(|(name, _)| (name, vec![Pose::IDENTITY]));
         let named = moving.chain(still);
         named
             .filter_map(|(name, poses)| Some(Ride { body: SensorName::new(name).ok()?, poses }))

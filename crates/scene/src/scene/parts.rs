@@ -287,7 +287,7 @@ impl OwnBody {
                 let found = format!("a list of {}", poses.len());
                 let wanted = format!(
                     "one pose for all frames, or one for each of the {} of {}; for scenes of several lengths give one pose, or \
-                     list the poses in each scene under `ego.bodies`, and leave them out of the vehicle",
+                     list the poses in each scene under `ego.bodies`, and leave `body` and `bodies` out of the vehicle",
                     counted(frames, "frame"),
                     scene.file
                 );
@@ -314,8 +314,8 @@ pub(crate) struct OwnBodies {
     pub body: Solid,
     /// Bodies with a pose for each frame.
     pub moving: Vec<OwnBody>,
-    /// Names of bodies that keep one pose.
-    pub still: Vec<String>,
+    /// Names of bodies that keep one pose, and that pose.
+    pub still: Vec<(String, Pose)>,
     /// Bodies that cover the first one, of a wrong size or far from it.
     pub doubts: Vec<Note>,
     /// Doubts about the first body alone, until another one joins it.
@@ -411,7 +411,7 @@ impl OwnBodies {
         match still {
             Some(pose) => {
                 self.join(&parts, &pose);
-                self.still.push(name);
+                self.still.push((name, pose));
             }
             None => self.moving.push(OwnBody { name, parts, motion, at }),
         }
@@ -424,7 +424,7 @@ impl OwnBodies {
         for OwnBody { name, parts, motion, at } in std::mem::take(&mut self.moving) {
             let Motion::Poses(poses) = motion else { continue };
             self.join(&parts, &poses[0]);
-            self.still.push(name);
+            self.still.push((name, poses[0]));
             let count = poses.len();
             notes.push(Note::fact(format!(
                 "{at}: has {count} poses, one for each frame; {HELD_STILL}"
