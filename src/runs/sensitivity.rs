@@ -196,7 +196,7 @@ impl RoomFound {
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[cfg_attr(feature = "cli", command(mut_arg("frames", |frames| frames
-    .help("Average over this many frames, spread evenly over each scene [default: at most 4]"))))]
+    .help("Average over this many frames, spread evenly over each scene [default: at most 4, all where own bodies move]"))))]
 pub struct RoomRequest {
     /// Farthest deviation of x, y and z, millimetres
     #[cfg_attr(feature = "cli", arg(long, value_name = "MM", default_value_t = 100.0, value_parser = super::parse::number_that(|mm| mm > 0.0 && mm <= 10_000.0, "millimetres above 0 and up to 10000")))]
@@ -437,7 +437,8 @@ impl OpenJob {
         Self::over_frames(None, request, scenes, file, computing)
     }
 
-    /// Like [`Self::new`], with at most `few` frames of each scene where the request does not say how many.
+    /// Like [`Self::new`], with at most `few` frames of each scene where the request does not say how many and no own body
+    /// moves.
     fn over_frames(
         few: Option<u32>,
         request: &SharedRequest,
@@ -463,7 +464,9 @@ impl OpenJob {
                 opening::job(&opening::files(scenes, conditions, frames, computing), computing)?
             }
         };
-        if let Some(few) = few.filter(|_| request.frames.is_none()) {
+        // A requirement may break in the one pose of a body that few frames leave out.
+        let moves = loaded.job.scenes().iter().any(|scene| scene.scene().has_moving_bodies());
+        if let Some(few) = few.filter(|_| request.frames.is_none() && !moves) {
             let frames = |scene: &JobScene| scene.scene().frame_count();
             for scene in loaded.job.scenes().iter().filter(|scene| frames(scene) > few as usize) {
                 let (place, all) = (scene.place(), frames(scene));
