@@ -48,7 +48,11 @@ fn in_degrees(angle: f64) -> Option<String> {
 pub(crate) fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
     // A range from 3 to 3.3 is around π: a fraction beside a whole number says radians.
     let beside = |angle: f64| angles.iter().any(|a| a.fract() != 0.0 && (a - angle).abs() < 1.0);
-    let is_doubted = |a: &&f64| is_beyond_a_turn(**a) || (is_degrees(**a) && !beside(**a));
+    // From 2.3 to 4 is a usual range of yaw around the rear. A tilt of 2 rad is none.
+    let is_yaw = angles.len() == 2 && what.trim_end_matches('`').ends_with("yaw");
+    let is_range = is_yaw && angles.iter().any(|a| a.fract() != 0.0 && !is_beyond_a_turn(*a));
+    let is_radians = |angle: f64| is_range || beside(angle);
+    let is_doubted = |a: &&f64| is_beyond_a_turn(**a) || (is_degrees(**a) && !is_radians(**a));
     let mut doubted = angles.iter().filter(is_doubted);
     let angle = doubted.next()?;
     Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
@@ -257,6 +261,11 @@ mod tests {
         let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
         assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
         assert_eq!(of_angles("`yaw`", &[3.0, 3.3]), None);
+        for range in [[2.3, 4.0], [-4.0, -2.3], [0.5, 2.0]] {
+            assert_eq!(of_angles("mounts[0].yaw", &range), None);
+        }
+        assert!(of_angles("mounts[0].yaw", &[2.0, 4.0]).is_some());
+        assert!(of_angles("mounts[0].pitch", &[0.5, 2.0]).is_some());
         // Half a turn and a whole one with four decimals.
         let [half, turn, more]: [f64; 3] =
             ["3.1416", "6.2832", "3.1417"].map(|text| text.parse().unwrap());
