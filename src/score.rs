@@ -310,9 +310,17 @@ mod tests {
         let lost = Some(Lost { intact: 0.4305, worst: Some(2), ..Lost::default() });
         let mut seen =
             Seen { share: 0.188, lost, ..Seen::of("ground to 3 m, any one LiDAR lost", 0.0) };
-        let words = "NOT MET: ground to 3 m, any one LiDAR lost: 18.8 % seen (intact 43.0 %), 90.0 % required; \
-                     worst without LiDAR 2";
+        let words = "NOT MET: ground to 3 m, any one LiDAR lost: 18.8 % seen with the worst LiDAR lost (43.0 % with all), \
+                     90.0 % required; worst without LiDAR 2";
         assert_eq!(seen.to_string(), words);
+        for (share, told) in [
+            (0.188, " lost in frame 3 (43.0 % with all), "),
+            (0.09, " lost (43.0 % with all; 9.0 % in frame 3), "),
+        ] {
+            let worst_frame = Some(WorstFrame { frame: 3, share });
+            let seen = Seen { worst_frame, ..seen.clone() };
+            assert!(seen.to_string().contains(told), "{seen}");
+        }
         // A name that does not say so is followed by it.
         seen.name = "ring".into();
         assert_eq!(seen.to_string(), words.replace("ground to 3 m", "ring"));

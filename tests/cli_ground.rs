@@ -377,5 +377,5 @@ fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
     let missing = rule["missing"].text();
     assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
     stdout(&dir, &("study nearfield", files))
-        .says("! slit: behind 0.2 m, but unseen again in 8 of 8 lanes, at most from 1.3 to 10 m\n");
+        .says("! slit: behind 0.2 m, but unseen again in 8 of 8 lanes, the longest stretch from 1.3 to 10 m\n");
 }

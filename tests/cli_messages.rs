@@ -389,6 +389,14 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
             child(json!({ "bearing": [-0.26, 0.26] })),
             "require[0].bearing: -0.26 to 0.26 are degrees; radians? 0.26 rad are 14.9°",
         ),
+        (
+            child(json!({ "bearing": [2.57, 3.71] })),
+            "require[0].bearing: 2.57 to 3.71 are degrees; radians? 3.71 rad are 212.6°",
+        ),
+        (
+            child(json!({ "bearing": [0, 6.2832] })),
+            "require[0].bearing: 0 to 6.2832 are degrees; radians? 6.2832 rad are 360.0°",
+        ),
         (child(json!({ "within": -40 })), "require[0].within: -40 is not metres above 0 to 1000"),
         (
             child(json!({ "from": 9, "within": 4 })),
@@ -403,8 +411,11 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
         let said = of_car(&dir, |car| car["require"] = json!([rule]));
         assert!(said.contains(&format!("own.json: {told}")), "{told}: {said}");
     }
-    let fine = of_car(&dir, |car| car["require"] = json!([child(json!({ "bearing": [-2, 2] }))]));
-    assert!(!fine.contains("radians?"), "{fine}");
+    for bearing in [json!([-2, 2]), json!([0, 3]), json!([-5, 5]), json!([-7.5, 7.5])] {
+        let rule = json!([child(json!({ "bearing": bearing }))]);
+        let fine = of_car(&dir, |car| car["require"] = rule.clone());
+        assert!(!fine.contains("radians?"), "{fine}");
+    }
     of_car(&dir, |car| {
         car["mounts"][0]["min"] = json!([4, -0.6, -0.5]);
         car["mounts"][0]["max"] = json!([4.5, 0.6, 0.2]);

@@ -308,14 +308,22 @@ pub fn mounts_into_body(scene: &Scene, sensors: &Sensors) -> Result<Vec<String>,
             let model = if model.is_none() { "its LiDAR" } else { model.as_str() };
             let name = mount.region.own_name();
             let name = if name.is_empty() { String::new() } else { format!(" {name}") };
+            let mend = match turns_freely(&mount.region) {
+                true => "raise the mount, or let `pitch` look up (negative)",
+                false => "turn `yaw` away from the body, or move the mount",
+            };
             told.push(format!(
-                "mount{name}: in the middle of its range {model} ends {:.1} % of its beams at the own body; turn `yaw` away \
-                 from the body, or move the mount",
+                "mount{name}: in the middle of its range {model} ends {:.1} % of its beams at the own body; {mend}",
                 percent_up(share)
             ));
         }
     }
     Ok(told)
+}
+
+/// True if a mount leaves the whole turn of yaw free. Bounds of a whole turn are written with a few digits.
+fn turns_freely(region: &Region) -> bool {
+    region.upper[5] - region.lower[5] > TAU - 0.01
 }
 
 /// Share of a model's beams at the own body from the middle of a region, at the best yaw or one that is good enough; 0 inside
@@ -327,8 +335,7 @@ fn share_into_body(
     model: SensorName,
 ) -> Result<f64, UnknownSensor> {
     let mut fields = [0, 1, 2, 3, 4, 5].map(|k| 0.5 * (region.lower[k] + region.upper[k]));
-    // Bounds of a whole turn are written with a few digits.
-    let yaws = if region.upper[5] - region.lower[5] > TAU - 0.01 { YAWS } else { 1 };
+    let yaws = if turns_freely(region) { YAWS } else { 1 };
     let mut least = 1.0_f64;
     for _ in 0..yaws {
         let pose = region.pose(fields, model);

@@ -62,12 +62,12 @@ impl LostGround {
         Some(Self { side: side.name(), from, to, lanes, of: own().count(), frame: None })
     }
 
-    /// Its place and lanes, such as `unseen again in 8 of 10 lanes, at most from 1.2 to 10 m`.
+    /// Its place and lanes, such as `unseen again in 8 of 10 lanes, the longest stretch from 1.2 to 10 m`.
     pub fn in_words(&self) -> String {
         let [from, to] = [self.from, self.to].map(|metres| (10.0 * metres).round() / 10.0);
         let frame = self.frame.map_or(String::new(), in_frame);
         format!(
-            "unseen again in {} of {} lanes, at most from {from} to {to} m{frame}",
+            "unseen again in {} of {} lanes, the longest stretch from {from} to {to} m{frame}",
             self.lanes, self.of
         )
     }

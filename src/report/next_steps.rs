@@ -163,7 +163,11 @@ fn room_in_words(settings: &Value, names_mounts: bool) -> Option<String> {
         (unspent, false) if !names_mounts => unspent.map(|unspent| format!("Unspent: {unspent}.")),
         (None, false) => Some(format!("{MOUNTS_WITH_ROOM}: {list}.")),
         (Some(unspent), true) => {
-            Some(format!("Unspent: {unspent}; no mount has room for a sensor at that price."))
+            let why = match open.iter().map(|mount| mount.price).reduce(f64::min) {
+                Some(price) => format!("the cheapest that a mount has room for costs {price}"),
+                None => "no mount has room for one more sensor".to_owned(),
+            };
+            Some(format!("Unspent: {unspent}; {why}."))
         }
         (Some(unspent), false) => Some(format!("Unspent: {unspent}. {MOUNTS_WITH_ROOM}: {list}.")),
     }
@@ -298,8 +302,7 @@ mod tests {
         let advice = |room: Option<String>| dearer(&json!({ "budget": 10000 }), room.as_deref());
         assert_eq!(advice(told(json!(10000))), "", "900 are left for the rear");
         assert_eq!(advice(told(json!(9200.5))), "a --budget above 10000, ");
-        let none =
-            "Unspent: 100.5 of the budget of 9200.5; no mount has room for a sensor at that price.";
+        let none = "Unspent: 100.5 of the budget of 9200.5; the cheapest that a mount has room for costs 900.";
         assert_eq!(told(json!(9200.5)).as_deref(), Some(none));
         let mounts = [json!({ "mount": "rear", "lidars": 0, "most": 1, "price": 900.0 })];
         let equipped = json!({ "cost": 9100.0, "open_mounts": mounts });
@@ -311,6 +314,9 @@ mod tests {
         assert_eq!(unnamed(json!(12000)).as_deref(), Some(words));
         assert_eq!(unnamed(json!(9200.5)).as_deref(), Some(none));
         // Full mounts, and nothing left to spend.
+        let full = json!({ "budget": 9900, "equipped": { "cost": 9100.0, "open_mounts": [] } });
+        let none = "Unspent: 800 of the budget of 9900; no mount has room for one more sensor.";
+        assert_eq!(room_in_words(&full, true).as_deref(), Some(none));
         let full = json!({ "budget": 9100, "equipped": { "cost": 9100.0, "open_mounts": [] } });
         assert_eq!(room_in_words(&full, true), None);
         assert_eq!(room_in_words(&json!({}), true), None);

@@ -111,11 +111,11 @@ fn judged_at(
         };
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
-    let warnings = warnings_in_words(best);
     let below = below_in_words(best);
     let blind = blind_in_words(best);
     let list: String = blind.list.iter().chain(&near.list).map(|of| format!("\n{of}")).collect();
     let blind = format!("{}{}", blind.sentence, near.sentence);
+    let warnings = warnings_in_words(best, !blind.is_empty());
     format!("{below}{required}{blind}{against}{last}.{share}{warnings}{list}")
 }
 
@@ -201,10 +201,11 @@ fn required_in_words(subject: &str, of_run: &OfRun, best: &Scored, cheaper: &str
     format!("{met}{cheaper}. {lacking}")
 }
 
-/// Sentence on the warnings, after a blank; empty where the sentences before it tell all of them.
-fn warnings_in_words(best: &Scored) -> String {
+/// Sentence on the warnings, after a blank; empty if all are told before. `is_blind` if blind places are told before.
+fn warnings_in_words(best: &Scored, is_blind: bool) -> String {
     let warnings = best.warnings();
     match &warnings[..] {
+        [] if is_blind => " No other check warns.".to_owned(),
         [] => " No warning: all checks passed.".to_owned(),
         _ if best.scores.doubts() == 0 => match untold_in_words(best) {
             untold if untold.is_empty() => untold,

@@ -188,14 +188,27 @@ pub(crate) fn metres_up(depth: f64) -> f64 {
     (10.0 * depth - 1e-9).ceil() / 10.0 + 0.0
 }
 
+impl Lost {
+    /// In words behind a share, with those on its worst frame: ` with the worst LiDAR lost (72.5 % with all)`.
+    fn beside(&self, frame: &str) -> String {
+        let intact = percent_down(self.intact);
+        match frame.strip_prefix(" (") {
+            Some(frame) => format!(" with the worst LiDAR lost ({intact:.1} % with all; {frame}"),
+            None => format!(" with the worst LiDAR lost{frame} ({intact:.1} % with all)"),
+        }
+    }
+}
+
 impl std::fmt::Display for Seen {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { share, done, least, missing, holds_in, lost, worst_frame, .. } = self;
         let not = if self.is_met() { "" } else { "NOT MET: " };
         write!(f, "{not}{}: {:.1} % {done}", self.title(), percent_down(*share))?;
-        lost.iter()
-            .try_for_each(|lost| write!(f, " (intact {:.1} %)", percent_down(lost.intact)))?;
-        worst_frame.iter().try_for_each(|worst| f.write_str(&worst.beside(*share)))?;
+        let frame = worst_frame.iter().map(|worst| worst.beside(*share)).collect::<String>();
+        match lost {
+            Some(lost) => f.write_str(&lost.beside(&frame))?,
+            None => f.write_str(&frame)?,
+        }
         write!(f, ", {:.1} % required", percent_up(*least))?;
         let mut lacks = missing.iter().filter(|_| !self.is_met());
         lacks.try_for_each(|missing| write!(f, ", {missing}"))?;

@@ -349,8 +349,8 @@ fn a_run_bounds_what_meets_the_requirements_or_says_that_nothing_does() {
         (far, "far: shares of the best poses add up to less than the 85.0 % required"),
     ] {
         let why = gain_of(json!([rule])).unwrap_err();
-        let start =
-            "no placement on the grid of 18 sensor poses meets the requirements over 1 frame: ";
+        let start = "no placement on the grid of 18 sensor poses, with these sensors on their mounts, meets the requirements \
+                     over 1 frame: ";
         assert!(why.starts_with(&format!("{start}{words}")), "{why}");
     }
 }

@@ -169,6 +169,7 @@ fn a_mount_that_looks_into_the_body_is_told_with_the_share_of_its_beams() {
         { "name": "front", "min": [2.1, -0.1, 1.0], "max": [2.2, 0.1, 1.1], "count": 1 },
         { "name": "corner", "min": [2.1, 1.1, 1.0], "max": [2.2, 1.2, 1.1], "yaw": [-2.6, -2.0], "count": 1 },
         { "name": "any way", "min": [0, 1.1, 1.0], "max": [0.2, 1.2, 1.1], "yaw": [-3.1416, 3.1416], "count": 1 },
+        { "name": "low", "min": [-0.1, -0.1, 1.88], "max": [0.1, 0.1, 1.92], "yaw": [-3.1416, 3.1416], "count": 1 },
         { "name": "both flanks", "min": [-1, -1.2, 0.5], "max": [1, 1.2, 1.0], "count": 1 }"#;
     let text = format!(
         r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
@@ -181,9 +182,13 @@ fn a_mount_that_looks_into_the_body_is_told_with_the_share_of_its_beams() {
     );
     let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
     let told = mounts_into_body(&scene, &scene.sensors().unwrap()).unwrap();
-    let [words] = &told[..] else { panic!("{told:?}") };
+    let [words, low] = &told[..] else { panic!("{told:?}") };
     let rest = words.strip_prefix("mount corner: in the middle of its range half ends ").unwrap();
     // The box lies between the directions to (2, -1) and (-2, 1): -94° to -178°, 84 of 120 degrees.
     let share: f64 = rest.split(' ').next().unwrap().parse().unwrap();
     assert!((share - 70.0).abs() < 2.0 && rest.contains("turn `yaw` away"), "{words}");
+    // The roof is below three of four channels at every yaw, so that no yaw helps.
+    assert!(low.starts_with("mount low: "), "{low}");
+    let mend = "at the own body; raise the mount, or let `pitch` look up (negative)";
+    assert!(low.ends_with(mend), "{low}");
 }

@@ -50,7 +50,7 @@ fn ground_lost_again_behind_a_slit_is_told_and_gaps_between_rings_are_not() {
     let (side, frame) = ("behind", None);
     let want = LostGround { side, from: 1.25, to: 10.0, lanes: 6, of: 8, frame };
     assert_eq!(zone.lost, [want]);
-    let words = "unseen again in 6 of 8 lanes, at most from 1.3 to 10 m";
+    let words = "unseen again in 6 of 8 lanes, the longest stretch from 1.3 to 10 m";
     assert_eq!(zone.lost_on("behind").unwrap().in_words(), words);
     assert_eq!(zone.lost_on("ahead"), None);
     // A thing of 1 m stands on a lane: the ground in its shadow is not lost by the rig.

@@ -209,9 +209,9 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     let told = unseen_in_words(&near).sentence;
     let want = "BLIND ZONE: no ground is seen within 10 m ahead; no ground is seen within 10 m in 1 of 2 lanes behind. ";
     assert_eq!(told, want);
-    let (of_run, found) =
-        (OfRun { near: unseen_in_words(&near), ..OfRun::default() }, planted("found", 1.0, 500.0));
-    assert!(verdict_at(&of_run, Some(&found), &[], "near_gain").starts_with(&told));
+    let of_run = OfRun { near: unseen_in_words(&near), ..OfRun::default() };
+    let words = verdict_at(&of_run, Some(&planted("found", 1.0, 500.0)), &[], "near_gain");
+    assert!(words.starts_with(&told) && words.ends_with(" No other check warns."), "{words}");
     // A side is told with its worst frame where bodies move.
     near.zone.worst_frames.insert("ahead", 3);
     let told = unseen_in_words(&near).sentence;
@@ -221,12 +221,11 @@ fn sides_on_which_no_ground_is_seen_are_said_before_scores() {
     assert_eq!(unseen_in_words(&near), Blind::default());
     let slit = LostGround { side: "behind", from: 1.25, to: 10.0, lanes: 1, of: 2, frame: None };
     near.zone.lost = vec![slit];
-    let want =
-        "BLIND ZONE: ground behind is unseen again in 1 of 2 lanes, at most from 1.3 to 10 m. ";
+    let want = "BLIND ZONE: ground behind is unseen again in 1 of 2 lanes, the longest stretch from 1.3 to 10 m. ";
     assert_eq!(unseen_in_words(&near).sentence, want);
     near.zone.lost[0].frame = Some(4);
     let told = unseen_in_words(&near).sentence;
-    assert!(told.ends_with("at most from 1.3 to 10 m in frame 4. "), "{told}");
+    assert!(told.ends_with("the longest stretch from 1.3 to 10 m in frame 4. "), "{told}");
     near.zone.lost[0].of = 3;
     assert_eq!(unseen_in_words(&near), Blind::default(), "few lanes are said with the depths");
 }

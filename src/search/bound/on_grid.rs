@@ -96,6 +96,9 @@ fn ended_before(watch: &Watch) -> String {
     format!("no bound was computed: {why} before")
 }
 
+/// Words on the placements of a bound: other sensors and other counts are none of them.
+const OF_THESE: &str = ", with these sensors on their mounts,";
+
 fn grid_search(
     evaluator: &Evaluator,
     settings: &Settings,
@@ -130,11 +133,11 @@ fn gain(
     if let Some(why) = required.and_then(|required| required.out_of_reach(&search.places())) {
         let frames = counted(evaluator.frame_count(), "frame");
         return Ok(Err(format!(
-            "no placement on the grid of {poses} sensor poses meets the requirements over {frames}: {why}"
+            "no placement on the grid of {poses} sensor poses{OF_THESE} meets the requirements over {frames}: {why}"
         )));
     }
     let Some(greedy) = search.greedy(evaluator, &all)? else {
-        return Ok(Err("no placement on the grid keeps the distance asked for".into()));
+        return Ok(Err(format!("no placement on the grid{OF_THESE} keeps the distance asked for")));
     };
     let anywhere = Moves::Anywhere;
     let ask = &mut |_| go_on([0, 1]);
@@ -142,7 +145,9 @@ fn gain(
         return Ok(Err(ended_before(watch)));
     };
     if !top.value.is_finite() {
-        return Ok(Err("no bound was computed: no placement on the grid has a value".into()));
+        return Ok(Err(format!(
+            "no bound was computed: no placement on the grid{OF_THESE} has a value"
+        )));
     }
     let top = meeting(search, evaluator, top, &mut |_| go_on([0, 1]))?;
     Ok(Ok(bound_gain(search, evaluator, &top, &effort, &mut go_on)?))
@@ -222,23 +227,23 @@ impl Certificate {
                 let (that, poses) = (that.unwrap_or_default(), gain.poses);
                 let says = if gain.upper <= found {
                     format!(
-                        "no placement{that} on the grid of {poses} sensor poses is better than the \
+                        "no placement{that} on the grid of {poses} sensor poses{OF_THESE} is better than the \
                          result"
                     )
                 } else if found <= 0.0 {
                     format!(
-                        "the best placement{that} on the grid of {poses} sensor poses gains {} at \
+                        "the best placement{that} on the grid of {poses} sensor poses{OF_THESE} gains {} at \
                          most, the result nothing",
                         spoken(gain.upper)
                     )
                 } else if gain.proven {
                     format!(
-                        "the best placement{that} on the grid of {poses} sensor poses is {more:.2} % \
+                        "the best placement{that} on the grid of {poses} sensor poses{OF_THESE} is {more:.2} % \
                          better than the result (proven)"
                     )
                 } else {
                     format!(
-                        "the best placement{that} on the grid of {poses} sensor poses is at most \
+                        "the best placement{that} on the grid of {poses} sensor poses{OF_THESE} is at most \
                          {more:.2} % better than the result{short}"
                     )
                 };
@@ -279,7 +284,7 @@ pub(in crate::search) mod tests {
         let says = |heeds, upper: f64, found: f64| {
             Certificate::new(None, Ok(bound_of(upper, heeds)), found).gain_says
         };
-        let grid = "on the grid of 784 sensor poses";
+        let grid = "on the grid of 784 sensor poses, with these sensors on their mounts,";
         let most = "is at most 5.00 % better than the result";
         assert_eq!(says(None, 525.0, 500.0), format!("the best placement {grid} {most}"));
         for heeds in ["the requirements", "the requirements but those on overlap"] {

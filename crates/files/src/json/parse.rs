@@ -150,7 +150,7 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
     };
     let Some((key, known)) = unknown_key(told) else {
         let problem = comma_too_many(text, error).or_else(|| comment(text, error));
-        let problem = problem.unwrap_or_else(|| plain_words(told));
+        let problem = problem.unwrap_or_else(|| plain_words(told) + in_brackets(path, told));
         return DescriptionError::Json { at: place(path), problem, line, column };
     };
     // The path of an unknown key ends in the key itself; the message names it anyway.
@@ -158,6 +158,19 @@ fn explain(text: &str, file: &str, path: &str, error: &serde_json::Error) -> Des
     let mend = did_you_mean(&nearest(key, known.iter().map(String::as_str)), &known);
     let problem = format!("unknown key `{key}`{mend}");
     DescriptionError::Json { at: place(parent), problem, line, column }
+}
+
+/// Keys of lists of objects.
+const LISTS: [&str; 11] = [
+    "poses", "static", "actors", "parts", "body", "bodies", "mounts", "require", "keep_out",
+    "other_sensors", "lidars",
+];
+
+/// Mend of an object in the place of a list of objects; empty for any other fault.
+fn in_brackets(path: &str, told: &str) -> &'static str {
+    let is_list = LISTS.contains(&path.rsplit('.').next().unwrap_or_default());
+    let is_object = told == "invalid type: map, expected a sequence";
+    if is_list && is_object { "; write `[{ … }]`" } else { "" }
 }
 
 /// Fault of a comma before a closing bracket; `None` for any other error of this text. In values that are skipped serde_json

@@ -9,6 +9,9 @@ use super::parts::OwnBodies;
 use super::{Coverage, Scene};
 use crate::vehicle::{SensorName, VehicleMount};
 
+/// Mend of a `rides_on` that no body answers to.
+const LEAVE_OUT: &str = "; leave it out for what stands on the first body";
+
 impl OwnBodies {
     /// Checks that each mount that rides on a body has one body of that name, and that coverage is of each frame.
     pub(crate) fn check_carriers(
@@ -37,8 +40,10 @@ impl OwnBodies {
                 continue;
             }
             let wanted = match (count, &names[..]) {
-                (0, []) => "a body of `bodies`, of which none has a name; name the one that carries the mount".into(),
-                (0, _) => format!("a body of `bodies`, which are {}", quoted(&names)),
+                (0, []) => format!(
+                    "a body of `bodies`, of which none has a name; name the one that carries the mount{LEAVE_OUT}"
+                ),
+                (0, _) => format!("a body of `bodies`, which are {}{LEAVE_OUT}", quoted(&names)),
                 _ => format!("one body of `bodies`: {count} have that name; give each its own"),
             };
             return Err(bad(&at(number).key("rides_on"), format!("`{carrier}`"), wanted));

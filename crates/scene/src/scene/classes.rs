@@ -1,8 +1,8 @@
 //! Class names (the index in the list is the class id everywhere), kinds of actors, and reflectances.
 
 use super::description::{ActorDescription, Dictionary};
-use sightline_files::json::check::{self, bad};
-use sightline_files::json::{Checked, DescriptionError, Location};
+use sightline_files::json::check::{self, bad, did_you_mean, refused};
+use sightline_files::json::{Checked, DescriptionError, Location, nearest};
 
 /// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
 /// prints them; a name's index is its class id.
@@ -125,6 +125,22 @@ impl Classes {
     pub(crate) fn id(&self, at: &Location, name: &str) -> Checked<u16> {
         let found = self.names.iter().position(|known| known == name);
         found.map(|i| i as u16).ok_or_else(|| unknown(at, name, &self.names))
+    }
+
+    /// Like [`Self::id`] for a shape of the own body, which is never ground.
+    pub(crate) fn id_of_own(&self, at: &Location, name: &str) -> Checked<u16> {
+        self.id(at, name).map_err(|_| {
+            let known =
+                || self.names.iter().map(String::as_str).filter(|n| Ground::of(n).is_none());
+            let usual = known().find(|known| DETECTION.contains(known));
+            // Where the usual class is known, nothing far from it is likely meant.
+            let is_likely = |near: &String| usual.is_none() || DETECTION.contains(&near.as_str());
+            let near = nearest(name, known()).filter(is_likely);
+            let usual = usual.filter(|usual| near.as_deref() != Some(*usual));
+            let usual = usual.map(|usual| format!("; the own body is usually of class `{usual}`"));
+            let (usual, mend) = (usual.unwrap_or_default(), did_you_mean(&near, known()));
+            refused(at, format_args!("no class is called `{name}`{usual}{mend}"))
+        })
     }
 }
 

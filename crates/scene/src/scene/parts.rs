@@ -300,8 +300,8 @@ impl OwnBody {
     /// Note for commands that take the body as it stands in frame 0.
     pub(crate) fn note(&self) -> Note {
         Note::fact(format!(
-            "{}: moves from frame to frame; the outline for the near field, its poles, the range card and `study targets` \
-             on level ground take it as in frame 0, requirements on targets in each of its poses",
+            "{}: moves from frame to frame. The near field, the range card and `study targets` on level ground take it as in \
+             frame 0. Requirements on targets take each of its poses",
             self.at
         ))
     }
@@ -334,7 +334,7 @@ impl OwnBodies {
         first: &[ShapeDescription],
         others: &[BodyDescription],
     ) -> Checked<Self> {
-        let body = builder.list(&at.key("body"), first)?;
+        let body = builder.own_list(&at.key("body"), first)?;
         if !first.is_empty() {
             check_area(&at.key("body"), &body)?;
         }
@@ -394,7 +394,7 @@ impl OwnBodies {
                 "say where the body is in the ego frame, with one pose, or one for each frame";
             return Err(check::missing(&at, "poses", mend));
         };
-        let parts = builder.list(&at.key("parts"), &body.parts)?;
+        let parts = builder.own_list(&at.key("parts"), &body.parts)?;
         check_area(&at.key("parts"), &parts)?;
         self.doubts.extend(first.and_then(|first| covers(&at, &parts, &motion, first)));
         let still = match &motion {

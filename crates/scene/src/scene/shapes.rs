@@ -31,6 +31,8 @@ const MOST_LINKS: usize = 6;
 /// Builds triangles from shapes; loads each mesh file once.
 pub(crate) struct Builder<'a> {
     classes: &'a Classes,
+    /// True while shapes of the own body are built.
+    is_own: bool,
     named: &'a Dictionary<Vec<ShapeDescription>>,
     by_name: HashMap<&'a str, usize>,
     /// Place of the key `shapes`.
@@ -59,6 +61,7 @@ impl<'a> Builder<'a> {
         let by_name = named.0.iter().enumerate().map(|(i, (name, _))| (name.as_str(), i)).collect();
         Self {
             classes,
+            is_own: false,
             named,
             by_name,
             named_at,
@@ -107,6 +110,18 @@ impl<'a> Builder<'a> {
     /// The triangles of a list of shapes, in order, and where each shape ends.
     pub(crate) fn list(&mut self, at: &Location, list: &[ShapeDescription]) -> Checked<Solid> {
         self.nested_list(at, list, 0)
+    }
+
+    /// Like [`Self::list`], of shapes of the own body.
+    pub(crate) fn own_list(&mut self, at: &Location, list: &[ShapeDescription]) -> Checked<Solid> {
+        self.is_own = true;
+        let built = self.list(at, list);
+        self.is_own = false;
+        built
+    }
+
+    fn class(&self, at: &Location, name: &str) -> Checked<u16> {
+        if self.is_own { self.classes.id_of_own(at, name) } else { self.classes.id(at, name) }
     }
 
     /// Triangles of an actor; an empty list is an error, an actor without area a note.
@@ -216,7 +231,7 @@ impl<'a> Builder<'a> {
     /// Triangles of a primitive or mesh, before its copies are placed.
     fn single(&mut self, at: &Location, shape: &ShapeDescription) -> Checked<Solid> {
         let class = match &shape.class {
-            Some(name) => Some(self.classes.id(&at.key("class"), name)?),
+            Some(name) => Some(self.class(&at.key("class"), name)?),
             None => None,
         };
         if let Some(mesh) = &shape.mesh {
@@ -247,7 +262,7 @@ impl<'a> Builder<'a> {
         let placing = Placing::new(at, axes, scale, translate, [roll, pitch, yaw])?;
         let mut map = HashMap::new();
         for (material, class) in &mesh.classes.0 {
-            let class = self.classes.id(&at.key("classes").key(material), class)?;
+            let class = self.class(&at.key("classes").key(material), class)?;
             map.insert(material.as_str(), class);
         }
         let raw = self.raw(at, &file, &placing)?;

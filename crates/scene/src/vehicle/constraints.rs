@@ -1,12 +1,11 @@
 //! Rules of a mount, and the ways in which a placement breaks them.
 
 use std::cmp::Ordering;
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::doubts::stands_on;
+use super::doubts::{likely_degrees, outside_in_words, stands_on};
 use super::pairing::{SLACK, not_mirrored};
 use super::{Placement, Region, SensorName, SensorPose};
 use crate::scene::around;
@@ -253,7 +252,8 @@ impl Constraints {
         }
         let outside = |(field, by)| {
             let mount = region.own_name().to_owned();
-            Violation::OutsideMount { lidar, mount, field, by }
+            let degrees = likely_degrees(region, pose, field);
+            Violation::OutsideMount { lidar, mount, field, by, degrees }
         };
         let off = region.outside(pose);
         let mut regions = self.slots.iter().map(|slot| &slot.region);
@@ -353,8 +353,8 @@ fn in_order(a: &SensorPose, b: &SensorPose) -> Ordering {
 #[allow(missing_docs, reason = "the enum and its variants tell the fields")]
 pub enum Violation {
     /// A LiDAR lies outside the bounds of `field`: `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`. The mount of a scene
-    /// has an empty name.
-    OutsideMount { lidar: usize, mount: String, field: &'static str, by: f64 },
+    /// has an empty name. `degrees` is the angle of the pose where it is most likely one in degrees.
+    OutsideMount { lidar: usize, mount: String, field: &'static str, by: f64, degrees: Option<f64> },
     /// A LiDAR stands on a mount that takes other models, or is full with `room` LiDARs. `by` leads to the nearest free
     /// mount for its model.
     NotTaken {
@@ -438,13 +438,9 @@ fn unit_of(field: &str) -> &'static str {
 impl std::fmt::Display for Violation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::OutsideMount { lidar, mount, field, by } => {
-                let (unit, name) = (unit_of(field), if mount.is_empty() { "" } else { " " });
-                // Turns beyond one say nothing about the direction: the angle is most likely in degrees.
-                let (far, doubt) = match unit == "rad" && *by > TAU {
-                    true => ("more than a turn".to_owned(), "; degrees? Angles are in radians"),
-                    false => (format!("{by:.3} {unit}"), ""),
-                };
+            Self::OutsideMount { lidar, mount, field, by, degrees } => {
+                let name = if mount.is_empty() { "" } else { " " };
+                let (far, doubt) = outside_in_words(*by, unit_of(field), *degrees);
                 write!(f, "LiDAR {lidar}: {field} is {far} outside the mount{name}{mount}{doubt}")
             }
             Self::NotTaken { lidar, sensor, mount, takes, room, .. } => {

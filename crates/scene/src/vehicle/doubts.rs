@@ -1,6 +1,6 @@
 //! Warnings about likely slips in a placement: degrees, millimetres, a sensor beside the mount.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use super::constraints::HOLDS_NONE;
@@ -44,11 +44,40 @@ fn in_degrees(angle: f64) -> Option<String> {
     is_whole.then(|| format!("rad is {:.0}°", angle.to_degrees()))
 }
 
+/// Largest angle of a pose in radians that is usual, and its words: a half turn, and a quarter turn of pitch.
+fn usual_turn(field: &str) -> (f64, &'static str) {
+    if field == "pitch" { (FRAC_PI_2, "a quarter turn") } else { (PI, "half a turn") }
+}
+
+/// The angle of a pose outside its mount where it is most likely in degrees: beyond a half turn, or a quarter turn of pitch,
+/// on a mount whose own bounds stay within it.
+pub(super) fn likely_degrees(region: &Region, pose: &SensorPose, field: &str) -> Option<f64> {
+    let index = SensorPose::FIELDS[3..].iter().position(|name| *name == field)? + 3;
+    let (angle, most) = (pose.values()[index], usual_turn(field).0 + ROUNDED);
+    let is_usual = [region.lower[index], region.upper[index]].iter().all(|a| a.abs() <= most);
+    (is_usual && angle.abs() > most).then_some(angle)
+}
+
+/// Words on a value that is `by` outside a mount, and the question whether its angle is in degrees.
+pub(super) fn outside_in_words(by: f64, unit: &str, degrees: Option<f64>) -> (String, String) {
+    // Turns beyond one say nothing about the direction: the angle is most likely in degrees.
+    if unit == "rad" && by > TAU {
+        return ("more than a turn".to_owned(), "; degrees? Angles are in radians".to_owned());
+    }
+    let doubt =
+        degrees.map(|angle| format!("; degrees? {angle}° are {:.4} rad", angle.to_radians()));
+    (format!("{by:.3} {unit}"), doubt.unwrap_or_default())
+}
+
 /// A doubt about angles that a file states in radians; `what` names the angles.
 pub(crate) fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
     // A range from 3 to 3.3 is around π: a fraction beside a whole number says radians.
     let beside = |angle: f64| angles.iter().any(|a| a.fract() != 0.0 && (a - angle).abs() < 1.0);
-    let is_doubted = |a: &&f64| is_beyond_a_turn(**a) || (is_degrees(**a) && !beside(**a));
+    // From 2.3 to 4 is a usual range of yaw around the rear. A tilt of 2 rad is none.
+    let is_yaw = angles.len() == 2 && what.trim_end_matches('`').ends_with("yaw");
+    let is_range = is_yaw && angles.iter().any(|a| a.fract() != 0.0 && !is_beyond_a_turn(*a));
+    let is_radians = |angle: f64| is_range || beside(angle);
+    let is_doubted = |a: &&f64| is_beyond_a_turn(**a) || (is_degrees(**a) && !is_radians(**a));
     let mut doubted = angles.iter().filter(is_doubted);
     let angle = doubted.next()?;
     Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
@@ -164,7 +193,20 @@ impl Doubts {
         let holds =
             |pose: &SensorPose| self.regions.iter().any(|region| region.outside(pose).is_empty());
         let is_meant = holds(pose) && !holds(&in_degrees);
-        let units = if is_meant { Vec::new() } else { doubts_of_units(pose) };
+        let mut units = if is_meant { Vec::new() } else { doubts_of_units(pose) };
+        let turned = |region: &Arc<Region>| {
+            let outside = region.outside(pose).into_iter();
+            outside
+                .filter_map(|(field, _)| Some((field, likely_degrees(region, pose, field)?)))
+                .next()
+        };
+        // An angle that one mount holds is meant in radians.
+        let turned: Option<Vec<_>> = self.regions.iter().map(|region| turned(region)).collect();
+        let turned = turned.and_then(|all| all.first().copied());
+        if let Some((field, angle)) = turned.filter(|_| units.is_empty() && !is_meant) {
+            let fault = format!("is more than {}", usual_turn(field).1);
+            units.push(beyond_in_words(field, angle, &fault));
+        }
         let is_far = pose.position().abs().max_element() > FARTHEST;
         let beside = self.regions.iter().map(|region| beside(region, pose));
         let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
@@ -186,14 +228,12 @@ pub fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
     let (metres, radians) = fields.split_at(3);
     let phase = pose.phase.map(|phase| ("phase", phase));
     let turned = radians.iter().copied().chain(phase).find_map(|(field, value)| {
-        let most = if matches!(field, "yaw" | "phase") { TAU } else { PI };
+        // Yaw and phase may be counted up to a whole turn.
+        let (most, turn) = usual_turn(field);
+        let most = if matches!(field, "yaw" | "phase") { TAU } else { most };
         let is_beyond = value.abs() > most + ROUNDED;
-        let beyond = is_beyond.then(|| "is more than half a turn".to_owned());
-        let fault = in_degrees(value).or(beyond)?;
-        Some(format!(
-            "{field} = {value} {fault}; angles are in radians, {value}° are {:.4}",
-            value.to_radians()
-        ))
+        let fault = in_degrees(value).or(is_beyond.then(|| format!("is more than {turn}")))?;
+        Some(beyond_in_words(field, value, &fault))
     });
     let far = metres.iter().find(|(_, value)| value.abs() > FARTHEST).map(|(field, value)| {
         format!(
@@ -202,6 +242,12 @@ pub fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
         )
     });
     turned.into_iter().chain(far).collect()
+}
+
+/// A doubt about an angle in radians with a fault of degrees.
+fn beyond_in_words(field: &str, angle: f64, fault: &str) -> String {
+    let radians = angle.to_radians();
+    format!("{field} = {angle} {fault}; angles are in radians, {angle}° are {radians:.4}")
 }
 
 /// A sentence about a LiDAR below the ground.
@@ -257,6 +303,11 @@ mod tests {
         let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
         assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
         assert_eq!(of_angles("`yaw`", &[3.0, 3.3]), None);
+        for range in [[2.3, 4.0], [-4.0, -2.3], [0.5, 2.0]] {
+            assert_eq!(of_angles("mounts[0].yaw", &range), None);
+        }
+        assert!(of_angles("mounts[0].yaw", &[2.0, 4.0]).is_some());
+        assert!(of_angles("mounts[0].pitch", &[0.5, 2.0]).is_some());
         // Half a turn and a whole one with four decimals.
         let [half, turn, more]: [f64; 3] =
             ["3.1416", "6.2832", "3.1417"].map(|text| text.parse().unwrap());
@@ -264,6 +315,10 @@ mod tests {
         assert!(doubts_of_units(&rounded).is_empty());
         let beyond = SensorPose { roll: more, ..rounded };
         assert!(doubts_of_units(&beyond)[0].starts_with("roll = 3.1417 is more than half a turn"));
+        let pitched = SensorPose { pitch: 1.6, ..rounded };
+        assert!(
+            doubts_of_units(&pitched)[0].starts_with("pitch = 1.6 is more than a quarter turn")
+        );
         assert!(of_angles("`yaw`", &[-5.0, 5.0]).is_some());
         assert!(of_angles("`pitch`", &[0.05, 5.0]).is_some());
     }
@@ -318,6 +373,16 @@ mod tests {
         let back = SensorPose { yaw: 3.0, ..at(0.0, -1.0, 2.0) };
         assert!(!doubts(&looks([2.6, 3.7]), back).contains("radians"));
         assert_holds!(doubts(&looks([-3.2, 3.2]), back), "yaw = 3 rad is 172°");
+        // Four and a half degrees ahead, or radians on a mount that looks to the right.
+        let right = SensorPose { yaw: 4.5, ..back };
+        let told = doubts(&looks([-0.1, 0.1]), right);
+        assert_holds!(
+            told,
+            "yaw = 4.5 is more than half a turn; angles are in radians, 4.5° are 0.0785"
+        );
+        assert!(!doubts(&looks([-2.0, -1.0]), right).contains("radians"));
+        let beside = SensorPose { z: 9.0, ..right };
+        assert!(!doubts(&looks([-2.0, -1.0]), beside).contains("radians"));
         // A mount that holds none is named, in the doubt and in the broken rule alike.
         let rear = box_of([-3.0, -2.0], 1);
         let region = Region { name: "rear".into(), ..Region::clone(&rear.slots[0].region) };

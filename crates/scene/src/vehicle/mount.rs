@@ -294,6 +294,16 @@ mod tests {
         turned.lidars[0].yaw = 1.0 + 10.0_f64.to_radians();
         let turned = &alone.violations(&turned)[0];
         assert_eq!(turned.in_degrees(), "LiDAR 0: yaw is 10.00° outside the mount");
+        for (pitch, yaw, told) in [
+            (5.0, 0.0, "LiDAR 0: pitch is 1.283 rad outside the mount; degrees? 5° are 0.0873 rad"),
+            (0.0, 4.5, "LiDAR 0: yaw is 1.783 rad outside the mount; degrees? 4.5° are 0.0785 rad"),
+            (1.5, 0.0, "LiDAR 0: pitch is 0.500 rad outside the mount"),
+            (0.0, 3.0, "LiDAR 0: yaw is 2.000 rad outside the mount"),
+        ] {
+            let mut turned = placement(&[0.0]);
+            (turned.lidars[0].pitch, turned.lidars[0].yaw) = (pitch, yaw);
+            assert_eq!(alone.violations(&turned)[0].to_string(), told);
+        }
         let mut degrees = placement(&[0.0]);
         degrees.lidars[0].yaw = 90.0;
         let degrees = &alone.violations(&degrees)[0];

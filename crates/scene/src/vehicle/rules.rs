@@ -12,6 +12,9 @@ use crate::scene::Target;
 /// Farthest ground of a rule, metres from the outline of the own body.
 pub const FARTHEST_GROUND: f64 = 10.0;
 
+/// Nearest ground that a rule usually asks for, metres: smaller ones are no hint at millimetres.
+const NEAREST_GROUND: f64 = 0.25;
+
 /// End of the name of a rule that must hold whichever one LiDAR is lost.
 pub const ANY_LOST: &str = ", any one LiDAR lost";
 /// Words on a target that stands on the ground of scenes.
@@ -131,12 +134,12 @@ impl GroundRule {
 }
 
 fn distance(at: &Location, key: &'static str, metres: f64) -> Checked<f64> {
-    let fits = |metres: f64| metres > 0.0 && metres <= FARTHEST_GROUND;
-    if fits(metres) {
+    if metres > 0.0 && metres <= FARTHEST_GROUND {
         return Ok(metres);
     }
+    let is_usual = |metres: f64| (NEAREST_GROUND..=FARTHEST_GROUND).contains(&metres);
     let wanted = format!("metres from the own body, above 0 and at most {FARTHEST_GROUND}");
-    Err(bad(&at.key(key), metres, check::or_millimetres(wanted, metres, fits)))
+    Err(bad(&at.key(key), metres, check::or_millimetres(wanted, metres, is_usual)))
 }
 
 /// Distance from which on a rule counts where it does not say, metres.
@@ -343,6 +346,7 @@ mod tests {
             format!("is not metres from the own body, above 0 and at most 10; {millimetres}");
         let far = format!("is not metres from 0 to 1000; {millimetres}");
         let behind = r#""blind_zone": "behind", "depth": 2500"#.to_owned();
+        let deep = r#""blind_zone": "behind", "depth": 30"#.to_owned();
         for (required, told) in [
             (ground(2000), format!("2000 {near} 2000 mm are 2")),
             (behind, format!("{millimetres} 2500 mm are 2.5")),
@@ -350,6 +354,10 @@ mod tests {
             (car(r#""within": 40000"#), format!("{millimetres} 40000 mm are 40")),
             // A thousandth that fits no better is no hint.
             (ground(20_000), "above 0 and at most 10".to_owned()),
+            (ground(30), "above 0 and at most 10".to_owned()),
+            (ground(249), "above 0 and at most 10".to_owned()),
+            (ground(250), format!("{millimetres} 250 mm are 0.25")),
+            (deep, "30 is not metres from the own body, above 0 and at most 10".to_owned()),
             (car(r#""from": -1, "within": 30"#), "metres from 0 to 1000".to_owned()),
             (car(r#""from": 30, "within": 20"#), "metres from 30 (`from`) to 1000".to_owned()),
         ] {

@@ -1,7 +1,7 @@
 //! Vehicle files: reading and checking them.
 
 use std::collections::HashSet;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -360,7 +360,9 @@ fn doubts_of_rule(at: &Location, required: &RequirementDescription) -> Vec<Note>
         doubts.push(format!("{}: 0 asks for nothing; 0.9 asks for 90 %", at.key("share")));
     }
     let [low, high] = required.bearing.unwrap_or_default();
-    if low.abs().max(high.abs()) <= PI && [low, high].iter().any(|b| b.fract() != 0.0) {
+    // Behind is [2.57, 3.71] in radians, which would be a sector of one degree.
+    let is_within_a_turn = low.abs().max(high.abs()) <= TAU + check::ROUNDED;
+    if is_within_a_turn && [low, high].iter().any(|bearing| bearing.fract() != 0.0) {
         doubts.push(format!(
             "{}: {low} to {high} are degrees; radians? {high} rad are {:.1}°",
             at.key("bearing"),

@@ -23,9 +23,13 @@ pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
                 return None;
             }
             let (metres, frame) = farthest_ride(scene, body, ends, &looks)?;
+            let mend = match scene.own_body_name(number) {
+                "" => "name the body, and add that name as `rides_on` to the mount".to_owned(),
+                name => format!("add \"rides_on\": \"{name}\" to it"),
+            };
             Some(format!(
                 "{at}: mounts are fixed in the vehicle's frame and do not ride on the ego's {}, which moves away by \
-                 {metres:.1} m in frame {frame}; a mount of a vehicle that names a body under `rides_on` does",
+                 {metres:.1} m in frame {frame}; if the body carries this mount, {mend}",
                 scene.own_body_in_words(number)
             ))
         })
@@ -107,7 +111,7 @@ mod tests {
         assert_holds!(
             rear,
             "mounts[0]: mounts are fixed in the vehicle's frame and do not ride on the ego's body `trailer`, which moves away by \
-             7.6 m in frame 1"
+             7.6 m in frame 1; if the body carries this mount, add \"rides_on\": \"trailer\" to it"
         );
         let rides =
             told_of(r#""min": [-12.15, 0, 1.2], "max": [-12.05, 0, 2.2], "rides_on": "trailer""#);
@@ -122,8 +126,8 @@ mod tests {
     fn a_mount_rides_on_one_body_that_there_is() {
         let mount = r#""min": [-12.15, 0, 1.2], "max": [-12.05, 0, 2.2], "rides_on": "boom""#;
         let refused = scene_of(mount).unwrap_err().to_string();
-        let wanted =
-            "vehicle.mounts[0].rides_on: `boom` is not a body of `bodies`, which are `trailer`";
+        let wanted = "vehicle.mounts[0].rides_on: `boom` is not a body of `bodies`, which are `trailer`; leave it out for what \
+                      stands on the first body";
         assert_holds!(refused, wanted);
     }
 }

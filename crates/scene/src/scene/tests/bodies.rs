@@ -115,6 +115,22 @@ fn faults_of_bodies_name_their_field_and_the_mend() {
         ),
         (good.replace("\"name\"", "\"nam\""), "", "did you mean `name`?"),
         (
+            good.replace("\"class\": \"vehicle\"", "\"class\": \"trailer\""),
+            "",
+            "s.json: ego.bodies[0].parts[0].class: no class is called `trailer`; the own body is usually of class `vehicle`; known \
+             are `building`, `fence`, `other`, `pedestrian`, `pole`, `vegetation`, `vehicle`, ",
+        ),
+        (
+            good.replace("\"class\": \"vehicle\"", "\"class\": \"vehicel\""),
+            "",
+            "parts[0].class: no class is called `vehicel`; did you mean `vehicle`?",
+        ),
+        (
+            good.replace(&format!("[{pose}]"), pose),
+            "",
+            "ego.bodies[0].poses: an object stands where a list belongs; write `[{ … }]`",
+        ),
+        (
             good.replace("\"x\": -6", "\"x\": 2e9"),
             "",
             "s.json: ego.bodies[0].poses[0].x: 2000000000 is not a coordinate",
