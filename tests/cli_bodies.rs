@@ -127,6 +127,14 @@ fn a_rule_is_judged_with_the_lidar_where_the_trailer_carries_it() {
     let worst = stands.into_iter().fold(1.0, f64::min);
     assert!((carried - worst).abs() < 1e-9, "{carried} is not the worst of {stands:?}");
     assert!((left - worst).abs() > 0.01, "{left}");
+    // Another scene may bend the other way.
+    let v = read_text(&dir, "v.json");
+    let (other, stays) = on_trailer(json!(YAWS.map(|yaw| pose(-yaw))), 0.0);
+    share_of_cars(&dir, (other, stays));
+    fs::rename(dir.path().join("v.json"), dir.path().join("w.json")).unwrap();
+    write(&dir, "v.json", &v);
+    write_rig(&dir, "p.json", "p", json!([lidar]));
+    ok(&dir, "score v.json w.json p.json --backend cpu");
     // Whoever builds it has the pose in the frame of the body too, 0.8 m behind the origin in frame 0.
     ok(&dir, "rig handover v.json p.json --frame 2 --backend cpu --out h");
     read_text(&dir, "h/poses.csv").says(",trailer,-1.5,0.1,2.2,0,5.729578,171.887339");

@@ -1,4 +1,4 @@
-//! Mounts that stand on a body that moves, and do not move with it.
+//! Mounts that stand on a body that moves, and do not move with it; mounts that ride on one and stand beside it.
 
 use glam::DVec3;
 use lidar_cast::geom::Pose;
@@ -11,17 +11,26 @@ use sightline_files::json::Location;
 /// Metres between a body and a mount that stands on it, at most, along each axis.
 const BESIDE: f64 = 0.3;
 
-/// Notes on mounts that touch a body that moves where it stands in frame 0, and not in every frame.
+/// Notes on mounts that touch a body that moves where it stands in frame 0, and not in every frame, and on mounts that ride on a
+/// body and do not touch it there.
 pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
     let looks = Looks::new();
     let note = |(mount, at): (usize, &Location)| {
         let ends = scene.vehicle.mounts[mount].region.corners().map(DVec3::from);
+        let carrier = scene.vehicle.mounts[mount].region.rides_on;
+        if !carrier.is_none() {
+            let body = scene.bodies.iter().find(|body| body.name == carrier.as_str())?;
+            let is_off =
+                looks.spend(body.parts.faces.len()) && !is_beside(body, body.motion.pose(0), ends);
+            return is_off.then(|| {
+                format!(
+                    "{at}: rides on `{carrier}`, and stands more than {BESIDE} m beside it in frame 0; give its place as that body \
+                     stands in frame 0, and begin with the body straight"
+                )
+            });
+        }
         (0..scene.bodies.len()).find_map(|number| {
             let body = &scene.bodies[number];
-            let carrier = scene.vehicle.mounts[mount].region.rides_on;
-            if !carrier.is_none() && carrier.as_str() == body.name {
-                return None;
-            }
             let (metres, frame) = farthest_ride(scene, body, ends, &looks)?;
             let mend = match scene.own_body_name(number) {
                 "" => "name the body, and add that name as `rides_on` to the mount".to_owned(),
@@ -122,6 +131,14 @@ mod tests {
         let hitch = told_of(r#""min": [-1.1, -0.1, 3.1], "max": [-0.9, 0.1, 3.2]"#);
         assert!(!hitch.contains("do not ride"), "{hitch}");
     }
+    #[test]
+    fn a_mount_that_rides_on_a_body_beside_which_it_stands_is_told() {
+        let beside =
+            told_of(r#""min": [-12.15, 3, 1.2], "max": [-12.05, 4, 2.2], "rides_on": "trailer""#);
+        let told = "mounts[0]: rides on `trailer`, and stands more than 0.3 m beside it in frame 0";
+        assert_holds!(beside, told);
+    }
+
     #[test]
     fn a_mount_rides_on_one_body_that_there_is() {
         let mount = r#""min": [-12.15, 0, 1.2], "max": [-12.05, 0, 2.2], "rides_on": "boom""#;
