@@ -394,8 +394,8 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
             "require[0].bearing: 2.57 to 3.71 are degrees; radians? 3.71 rad are 212.6°",
         ),
         (
-            child(json!({ "bearing": [0, 6.2832] })),
-            "require[0].bearing: 0 to 6.2832 are degrees; radians? 6.2832 rad are 360.0°",
+            child(json!({ "bearing": [0, 6.25] })),
+            "require[0].bearing: 0 to 6.25 are degrees; radians? 6.25 rad are 358.1°",
         ),
         (child(json!({ "within": -40 })), "require[0].within: -40 is not metres above 0 to 1000"),
         (

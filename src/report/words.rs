@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde_json::Value;
@@ -103,16 +104,14 @@ fn judged_at(
     if required.is_empty() && !frames.is_empty() {
         against += &format!("; all this{frames}");
     }
-    let share = best.scores.segmentation.information_gain_share;
-    let share = share.map_or(String::new(), |share| {
+    let share = best.scores.segmentation.information_gain_share.map_or(String::new(), |share| {
         let held = match best.by_scene.len() {
             0 => "the scene holds",
             _ => "the scenes hold, a mean over them",
         };
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
-    let below = below_in_words(best);
-    let blind = blind_in_words(best);
+    let (below, blind) = (below_in_words(best), blind_in_words(best));
     let list: String = blind.list.iter().chain(&near.list).map(|of| format!("\n{of}")).collect();
     let blind = format!("{}{}", blind.sentence, near.sentence);
     let warnings = warnings_in_words(best, !blind.is_empty());
@@ -224,18 +223,15 @@ fn untold_in_words(best: &Scored) -> String {
         1 => first.clone(),
         count => format!("{count} rules of the mount are broken, the first: {first}"),
     });
-    let mut idle: Vec<usize> =
+    let idle: BTreeSet<usize> =
         best.scores.guards.iter().filter_map(Guard::redundant_lidar).collect();
-    idle.sort_unstable();
-    idle.dedup();
     let numbers = idle.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
-    let idle = (!idle.is_empty()).then(|| {
-        let (of, it) = match idle.len() {
-            1 => ("LiDAR", "it"),
-            _ => ("any one of LiDARs", "that one"),
-        };
-        format!("with {of} {numbers} less than 1 % of the information is lost, so that {it} could be left out")
-    });
+    let lost = "less than 1 % of the information is lost, so that";
+    let idle = match idle.len() {
+        0 => None,
+        1 => Some(format!("with LiDAR {numbers} {lost} it could be left out")),
+        _ => Some(format!("with any one of LiDARs {numbers} {lost} that one could be left out")),
+    };
     [broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
 }
 

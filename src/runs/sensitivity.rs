@@ -437,8 +437,7 @@ impl OpenJob {
         Self::over_frames(None, request, scenes, file, computing)
     }
 
-    /// Like [`Self::new`], with at most `few` frames of each scene where the request does not say how many and no own body
-    /// moves.
+    /// Like [`Self::new`], with at most `few` frames of each scene where nothing says how many and no own body moves.
     fn over_frames(
         few: Option<u32>,
         request: &SharedRequest,
@@ -464,15 +463,13 @@ impl OpenJob {
                 opening::job(&opening::files(scenes, conditions, frames, computing), computing)?
             }
         };
-        // A requirement may break in the one pose of a body that few frames leave out.
-        let moves = loaded.job.scenes().iter().any(|scene| scene.scene().has_moving_bodies());
-        if let Some(few) = few.filter(|_| request.frames.is_none() && !moves) {
+        let is_still = loaded.job.scenes().iter().all(|of| !of.scene().has_moving_bodies());
+        if let Some(few) = few.filter(|_| request.frames.is_none() && is_still) {
             let frames = |scene: &JobScene| scene.scene().frame_count();
             for scene in loaded.job.scenes().iter().filter(|scene| frames(scene) > few as usize) {
                 let (place, all) = (scene.place(), frames(scene));
-                watcher.note(&format!(
-                    "{place}: {few} of {all} frames are looked at, spread evenly; --frames {all} looks at all"
-                ));
+                let looked = format!("{few} of {all} frames are looked at, spread evenly");
+                watcher.note(&format!("{place}: {looked}; --frames {all} looks at all"));
             }
             loaded.job = loaded.job.frames(Some(few));
         }

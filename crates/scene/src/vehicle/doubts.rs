@@ -201,7 +201,7 @@ impl Doubts {
                 .next()
         };
         // An angle that one mount holds is meant in radians.
-        let turned: Option<Vec<_>> = self.regions.iter().map(|region| turned(region)).collect();
+        let turned: Option<Vec<_>> = self.regions.iter().map(turned).collect();
         let turned = turned.and_then(|all| all.first().copied());
         if let Some((field, angle)) = turned.filter(|_| units.is_empty() && !is_meant) {
             let fault = format!("is more than {}", usual_turn(field).1);
