@@ -250,7 +250,9 @@ fn a_hand_over_has_the_body_of_its_frame() {
     for (side, frame) in zone["worst_frames"].as_object().unwrap() {
         files("bends.json", &frame.to_string());
         let depth = zone[side].as_f64();
-        let told = depth.map_or("beyond 10 m".to_owned(), |metres| format!("to {metres:.1} m"));
+        // Depths are told rounded up.
+        let up = |metres: f64| (10.0 * metres - 1e-9).ceil() / 10.0;
+        let told = depth.map_or("beyond 10 m".to_owned(), |depth| format!("to {:.1} m", up(depth)));
         read_text(&dir, "h/drawing.svg").says(&format!("{side}: blind {told}"));
     }
     assert!(zone["worst_frames"]["right"] != 0 || zone["worst_frames"]["left"] != 0, "{zone}");

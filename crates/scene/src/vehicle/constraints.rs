@@ -405,7 +405,12 @@ impl Violation {
 
     /// The rule in words, angles in degrees.
     pub fn in_degrees(&self) -> String {
-        let words = self.to_string();
+        // Whoever reads in degrees has written degrees.
+        let mut told = self.clone();
+        if let Self::OutsideMount { degrees, .. } = &mut told {
+            *degrees = None;
+        }
+        let words = told.to_string();
         match self {
             Self::OutsideMount { by, .. } => {
                 let degrees = format!(" is {:.2}° outside ", by.to_degrees());

@@ -193,20 +193,7 @@ impl Doubts {
         let holds =
             |pose: &SensorPose| self.regions.iter().any(|region| region.outside(pose).is_empty());
         let is_meant = holds(pose) && !holds(&in_degrees);
-        let mut units = if is_meant { Vec::new() } else { doubts_of_units(pose) };
-        let turned = |region: &Arc<Region>| {
-            let outside = region.outside(pose).into_iter();
-            outside
-                .filter_map(|(field, _)| Some((field, likely_degrees(region, pose, field)?)))
-                .next()
-        };
-        // An angle that one mount holds is meant in radians.
-        let turned: Option<Vec<_>> = self.regions.iter().map(turned).collect();
-        let turned = turned.and_then(|all| all.first().copied());
-        if let Some((field, angle)) = turned.filter(|_| units.is_empty() && !is_meant) {
-            let fault = format!("is more than {}", usual_turn(field).1);
-            units.push(beyond_in_words(field, angle, &fault));
-        }
+        let units = if is_meant { Vec::new() } else { doubts_of_units(pose) };
         let is_far = pose.position().abs().max_element() > FARTHEST;
         let beside = self.regions.iter().map(|region| beside(region, pose));
         let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
@@ -373,16 +360,6 @@ mod tests {
         let back = SensorPose { yaw: 3.0, ..at(0.0, -1.0, 2.0) };
         assert!(!doubts(&looks([2.6, 3.7]), back).contains("radians"));
         assert_holds!(doubts(&looks([-3.2, 3.2]), back), "yaw = 3 rad is 172°");
-        // Four and a half degrees ahead, or radians on a mount that looks to the right.
-        let right = SensorPose { yaw: 4.5, ..back };
-        let told = doubts(&looks([-0.1, 0.1]), right);
-        assert_holds!(
-            told,
-            "yaw = 4.5 is more than half a turn; angles are in radians, 4.5° are 0.0785"
-        );
-        assert!(!doubts(&looks([-2.0, -1.0]), right).contains("radians"));
-        let beside = SensorPose { z: 9.0, ..right };
-        assert!(!doubts(&looks([-2.0, -1.0]), beside).contains("radians"));
         // A mount that holds none is named, in the doubt and in the broken rule alike.
         let rear = box_of([-3.0, -2.0], 1);
         let region = Region { name: "rear".into(), ..Region::clone(&rear.slots[0].region) };

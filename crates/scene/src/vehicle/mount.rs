@@ -302,7 +302,9 @@ mod tests {
         ] {
             let mut turned = placement(&[0.0]);
             (turned.lidars[0].pitch, turned.lidars[0].yaw) = (pitch, yaw);
-            assert_eq!(alone.violations(&turned)[0].to_string(), told);
+            let turned = &alone.violations(&turned)[0];
+            assert_eq!(turned.to_string(), told);
+            assert!(!turned.in_degrees().contains("degrees?"), "{}", turned.in_degrees());
         }
         let mut degrees = placement(&[0.0]);
         degrees.lidars[0].yaw = 90.0;
