@@ -315,6 +315,7 @@ fn a_rig_that_spins_freely_has_the_blind_zone_of_the_study_and_the_share_of_scor
         let guard =
             format!("self_hit: LiDAR 0 (roof) ends {share} of its beams at the own vehicle");
         assert!(made["guards"][0].text().starts_with(&guard), "{made}: {guard}");
+        assert!(svg.contains("Warning: self_hit: LiDAR 0 (roof)"), "the drawing says so, too");
     }
     let text = stdout(&dir, &("study nearfield p.json", more));
     let row = text.lines().filter(|line| line.starts_with("rig ")).nth(1).unwrap();

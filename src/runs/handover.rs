@@ -155,6 +155,12 @@ fn unsaid_self_hits(rig: &HandoverRig) -> Vec<String> {
     lines.filter(|line| !is_said(line)).collect()
 }
 
+/// Lines on LiDARs that end many of their beams at the own body: of the run that found the rig, and of this frame.
+fn self_hits_in_words(rig: &HandoverRig) -> Vec<String> {
+    let said = rig.of_run.iter().filter(|line| line.starts_with("Warning: self_hit")).cloned();
+    said.chain(unsaid_self_hits(rig)).collect()
+}
+
 /// Removes masks that an earlier rig of more or other LiDARs has left in a folder: they would be taken for this one's.
 fn remove_stale_masks(out: &Path, files: &NamedFiles) -> Result<(), RunError> {
     for entry in std::fs::read_dir(out).map_err(RunError::io(out))? {
@@ -201,7 +207,7 @@ fn drawn(rig: &HandoverRig) -> DrawnRig<'_> {
         mounts: mounts.collect(),
         near: rig.near.as_ref().map(|(outline, near)| (outline, near)).map_err(Clone::clone),
         about: rig.about.clone(),
-        warnings: rig.warnings.clone(),
+        warnings: rig.warnings.iter().cloned().chain(self_hits_in_words(rig)).collect(),
     }
 }
 

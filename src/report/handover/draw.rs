@@ -102,7 +102,7 @@ fn depths(
     let words = |name: &str, depth: Option<f64>| match (depth, zone.lost_on(name)) {
         (Some(depth), Some(lost)) => {
             let depth = metres_up(depth);
-            format!("{name}: blind to {depth:.1} m, {:.1} to {:.1} m", lost.from, lost.to)
+            format!("{name}: blind to {depth:.1} m, again {:.1} to {:.1} m", lost.from, lost.to)
         }
         (Some(depth), None) => format!("{name}: blind to {:.1} m", metres_up(depth)),
         (None, _) => format!("{name}: blind beyond 10 m"),

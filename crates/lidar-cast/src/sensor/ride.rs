@@ -28,6 +28,7 @@ impl Ride {
         let names = rides.iter().map(|ride| ride.body.as_str());
         let known: Vec<String> = names.clone().map(|name| format!("`{name}`")).collect();
         let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+        let known = format!("{known}; leave `rides_on` out where no moving body carries the LiDAR");
         let nearest = nearest(name.as_str(), names);
         UnknownSensor { what: "body to ride on", name, nearest, known }
     }
