@@ -137,7 +137,7 @@ def test_what_is_wrong_in_a_list_is_said(sensors: Any, sentence: str) -> None:
         ({"name": "a b"}, "`a b` is not a placement name"),
         ({"models": ["VLP-16"]}, "models: is .*; give a dict of texts"),
         ({"models": {"top": 3}}, "models: is 3; give a dict of texts"),
-        ({"models": {"top": ""}}, 'models: top: "" is no name of a sensor'),
+        ({"models": {"top": ""}}, 'models: top: "" is no name; give'),
         ({"models": {"roof": "VLP-16"}}, "no frame is called `roof`; there are .*`top`"),
         ({"base_link": [1, 2]}, r"base_link: has the shape \[2\]; give 3 numbers"),
         ({"base_link": [0, 0, float("inf")]}, "base_link: is .*; give x, y, z in metres, at most 100"),
