@@ -45,7 +45,7 @@ pub(crate) fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// Threads that have done their work and wait for more. None ever ends: the C library gives a new thread what an ended one
+/// Threads that have done their work and wait for more. None of this process ever ends, those of forks do: the C library gives a new thread what an ended one
 /// leaves, and ends the process where that thread then finds no memory for its thread-local variables.
 static IDLE: Mutex<Vec<Sender<Job>>> = Mutex::new(Vec::new());
 
@@ -70,6 +70,10 @@ pub(crate) fn start(work: impl FnOnce() + Send + 'static) -> PyResult<()> {
     let started = named.spawn(move || {
         let (sender, jobs) = channel();
         job();
+        // No call there would find it again.
+        if is_forked() {
+            return;
+        }
         idle().push(sender.clone());
         // `sender` is kept, so that it waits for ever.
         for next in &jobs {

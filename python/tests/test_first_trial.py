@@ -43,6 +43,33 @@ def test_a_fork_after_work_scores_and_scans(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
+FORKED_OFTEN = """
+import os, time
+from sightline import Scene
+
+scene = Scene.load("scenes/highway.json", backend="cpu", frames=1)
+poses = scene.random_poses(1)
+scene.score(poses)
+child = os.fork()
+if child == 0:
+    for _ in range(40):
+        scene.score(poses)
+    # Threads of calls end soon after them.
+    for _ in range(100):
+        left = len(os.listdir("/proc/self/task"))
+        if left < 20:
+            os._exit(0)
+        time.sleep(0.05)
+    os._exit(1)
+os._exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+def test_calls_of_a_fork_leave_no_threads() -> None:
+    done = subprocess.run([sys.executable, "-c", FORKED_OFTEN], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
 FORKED_AT_WORK = """
 import os, sys, threading, time
 import sightline

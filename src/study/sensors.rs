@@ -103,7 +103,7 @@ fn compared_sensors(
     Ok((sensors, note))
 }
 
-/// Number of the first model with channels among those of the rig that is searched.
+/// Number of the first model with channels that the searched rig has.
 fn varied_model(scene: &StudyScene) -> Result<usize, StudyError> {
     let kinds = scene.rig()?.constraints.kinds();
     let varies = |model: &VehicleSensor| {
