@@ -159,6 +159,30 @@ fn a_rule_is_judged_with_the_lidar_where_the_trailer_carries_it() {
 }
 
 #[test]
+fn what_leaves_a_carrier_out_says_so() {
+    let dir = TempDir::new().unwrap();
+    let (bends, mut lidar) = on_trailer(json!(YAWS.map(pose)), 0.0);
+    lidar["rides_on"] = json!("trailer");
+    share_of_cars(&dir, (bends, lidar.clone()));
+    stderr(&dir, "rig export p.json:p --format urdf --out r.urdf")
+        .says("`lidar_0`: written where the body that carries it stands in frame 0");
+    lidar.as_object_mut().unwrap().remove("rides_on");
+    write_rig(&dir, "left.json", "p", json!([lidar]));
+    let [text, _] = printed(&dir, "rig compare p.json left.json");
+    text.says("  ! lidar_0: it rides on `trailer` before and on nothing after\ndifferent in pose or model: 1 of 1");
+    // All of six frames are looked at, as one of them alone may hold the worst bend.
+    let mut long = read_json(dir.path().join("v.json"));
+    long["frames"] = json!(6);
+    for list in ["/actors/0/poses", "/vehicle/bodies/0/poses"] {
+        let poses = long.pointer_mut(list).unwrap().as_array_mut().unwrap();
+        poses.extend_from_within(..);
+    }
+    write(dir.path(), "long.json", &long);
+    let [text, _] = printed(&dir, "study tolerance long.json p.json --steps 1 --backend cpu");
+    text.says("over 6 frames");
+}
+
+#[test]
 fn level_ground_takes_a_trailer_as_in_frame_0_and_says_so() {
     let dir = TempDir::new().unwrap();
     let tractor = |poses: Value| {
