@@ -329,8 +329,8 @@ impl PyScene {
     /// anyway, and are left out of all else. `fields` have `down` and `up`, each with `holds_to`, `breaks_at` and
     /// `breaks`, in mm or degrees. `tilt` has its `directions`; then there are `copies` and `alone`.
     ///
-    /// Fields move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side. All LiDARs tilt
-    /// together up to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego
+    /// Fields move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side. The whole
+    /// vehicle tilts up to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego
     /// frame, or its origin. Raises `ValueError` where the vehicle requires nothing. `progress` as for `optimize`.
     #[pyo3(signature = (
         poses, *, most_mm = 100.0, most_deg = 5.0, most_tilt_deg = 3.0, tilt_about = None, steps = 10,

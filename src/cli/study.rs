@@ -80,9 +80,9 @@ fewer than five beams meet a car somewhere between 5 and 50 m, or up to the long
   sightline study tolerance mine.json --vehicle van.json --most-tilt 2 --tilt-about 1.5,0
 
 Each pose field of each LiDAR moves alone, step by step to either side, until a requirement of the vehicle breaks; what
-lies between two steps is not looked at. Tilt: all LiDARs turn together, as under load or braking, towards eight
-directions, about a point of the ground z = 0 of the ego frame: give the one below the middle of the wheelbase. The
-scene and the own body stay as they are. Copies: every LiDAR off at random within a tolerance, 200 times; then each
+lies between two steps is not looked at. Tilt: the whole vehicle turns, own bodies and LiDARs, as under load or
+braking, towards eight directions, about a point of the ground z = 0 of the ego frame: give the one below the middle of
+the wheelbase. The scene stays as it is. Copies: every LiDAR off at random within a tolerance, 200 times; then each
 LiDAR alone, off in all fields. The exit code is 1 if a placement misses a requirement as it is.")]
     Room(answers::RoomArgs),
 }

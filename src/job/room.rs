@@ -1,20 +1,17 @@
 //! How far each pose field of a placement may be off until a requirement breaks.
 
-use glam::{DMat3, DVec3};
 use serde::Serialize;
 
 use super::holds::add_holds_in;
 use super::sweep::SweptField;
 use super::{Job, JobError, Tolerance};
 use crate::engine::BackendError;
-use crate::geom::Pose;
-use crate::maths;
 use crate::near_field::self_hits;
 use crate::problem::Problem;
 use crate::scene::Scene;
 use crate::score::{Guard, HOLDS, Scores, Seen};
 use crate::search::{Evaluator, Moved, drawn, error_of_share};
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::Placement;
 
 /// Placements that are looked at together; the caller is asked in between.
 const AT_ONCE: usize = 16;
@@ -49,7 +46,7 @@ pub struct Room {
     pub guards: Vec<Guard>,
     /// Each field of each LiDAR alone; if interrupted, the first ones.
     pub fields: Vec<RoomOfField>,
-    /// The body tilted, all LiDARs with it; `None` where it was not looked at.
+    /// The vehicle tilted, own bodies and LiDARs; `None` where it was not looked at.
     pub tilt: Option<RoomOfTilt>,
     /// Copies in which all LiDARs are off at once, by tolerance; looked at after the tilt.
     pub copies: Vec<RoomOfCopies>,
@@ -82,7 +79,7 @@ pub struct RoomOfSide {
     /// Requirement that breaks there, of several the one that lacks most.
     pub breaks: Option<String>,
     /// First deviation, up to the one that breaks a requirement, at which the moved LiDAR has the guard `self_hit`: 0 if it has
-    /// it as it is. Tilted, the first at which any LiDAR has it that does not have it as it is. `None` where there is none.
+    /// it as it is. `None` where there is none; not looked at in tilts, where the own body turns along.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub self_hit_at: Option<f64>,
 }
@@ -199,7 +196,9 @@ impl Job {
             room.fields.push(of_field);
             go_on(1);
         }
-        room.tilt = room_of_tilt(&mut look, placement, steps, go_on)?;
+        let still = (placement, required, &missed[..]);
+        let Some(tilt) = self.room_of_tilt(still, steps, go_on)? else { return Ok(room) };
+        room.tilt = Some(tilt);
         self.add_copies((placement, &mut scores), &mut room, go_on)?;
         Ok(room)
     }
@@ -318,30 +317,6 @@ impl Look<'_> {
         guards.any(|of| matches!(of, Guard::SelfHit { lidar: own, .. } if *own == lidar))
     }
 
-    /// The first of some placements, counted from 1, in which a LiDAR has the guard `self_hit` that does not have it as it is,
-    /// and that LiDAR. `None` where there is none, or once `go_on` says no.
-    fn first_self_hit(
-        &mut self,
-        moved: &[Placement],
-        go_on: &mut dyn FnMut(u64) -> bool,
-    ) -> Result<Option<(usize, usize)>, BackendError> {
-        for (k, placement) in moved.iter().enumerate() {
-            if !go_on(0) {
-                break;
-            }
-            let backend = self.evaluator.backend_mut();
-            let guards = self_hits(self.scene, self.problem, backend, placement)?;
-            let mut lidars = guards.iter().filter_map(|guard| match guard {
-                Guard::SelfHit { lidar, .. } => Some(*lidar),
-                _ => None,
-            });
-            if let Some(lidar) = lidars.find(|lidar| !self.hits_itself(*lidar)) {
-                return Ok(Some((k + 1, lidar)));
-            }
-        }
-        Ok(None)
-    }
-
     /// Number of steps, 1 at the first of some placements, after which a LiDAR has the guard `self_hit`; 0 if it has it as it is.
     /// `None` where it never has, or once `go_on` says no.
     fn self_hit(
@@ -393,108 +368,10 @@ fn room_of_field(
     Ok(Some(RoomOfField { lidar: field.lidar, field: field.name(), unit, down, up }))
 }
 
-/// Largest tilt that may be looked at, degrees.
-pub const MOST_TILT: f64 = 45.0;
-/// Farthest point of the ground from the ego origin about which a body may tilt, metres along x and y.
-pub const MOST_ABOUT: f64 = 100.0;
+mod tilt;
 
-/// Directions towards which the body goes down, with their bearings in degrees counter-clockwise from straight ahead.
-const DIRECTIONS: [(&str, f64); 8] = [
-    ("front down", 0.0),
-    ("front left down", 45.0),
-    ("left down", 90.0),
-    ("rear left down", 135.0),
-    ("rear down", 180.0),
-    ("rear right down", 225.0),
-    ("right down", 270.0),
-    ("front right down", 315.0),
-];
-
-/// How far the body may tilt, all LiDARs with it, until a requirement breaks. Scene and own body stay as they are.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RoomOfTilt {
-    /// Point of the ground that stays where it is, ego frame, metres.
-    pub about: [f64; 2],
-    /// The direction that holds least, and how far, degrees; of equal ones the first.
-    #[serde(flatten)]
-    pub least: TiltedTo,
-    /// Every direction.
-    pub directions: Vec<TiltedTo>,
-}
-
-/// How far the body may tilt towards one direction, degrees.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TiltedTo {
-    /// Part of the body that goes down, in words.
-    pub direction: &'static str,
-    /// Largest tilt before the first at which a requirement breaks, and that requirement.
-    #[serde(flatten)]
-    pub side: RoomOfSide,
-    /// LiDAR that has the guard `self_hit` at [`RoomOfSide::self_hit_at`]: the own body does not tilt along.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub self_hit_lidar: Option<usize>,
-}
-
-/// Rotation by `angle` radians that lowers everything at a bearing, radians counter-clockwise from straight ahead.
-fn tilt(bearing: f64, angle: f64) -> DMat3 {
-    let (sin, cos) = maths::sin_cos(bearing);
-    // About the level axis to the left of the bearing: positive pitch looks down.
-    DMat3::from_axis_angle(DVec3::new(-sin, cos, 0.0), angle)
-}
-
-/// A placement whose LiDARs are all turned together about a point of the ground, given in plan.
-fn tilted(placement: &Placement, [x, y]: [f64; 2], turn: DMat3) -> Placement {
-    let about = DVec3::new(x, y, 0.0);
-    let turned = |lidar: &SensorPose| {
-        let pose = Pose::new(lidar.position(), lidar.roll, lidar.pitch, lidar.yaw);
-        let translation = about + turn * (pose.translation - about);
-        let moved = SensorPose::from(&Pose { rotation: turn * pose.rotation, translation });
-        let SensorPose { sensor, phase, rides_on, .. } = *lidar;
-        SensorPose { sensor, phase, rides_on, ..moved }
-    };
-    let lidars = placement.lidars.iter().map(turned).collect();
-    Placement { name: placement.name.clone(), lidars }
-}
-
-/// How far a placement that meets all requirements may tilt towards each direction; `None` once `go_on` says no.
-fn room_of_tilt(
-    look: &mut Look<'_>,
-    placement: &Placement,
-    steps: &RoomSteps,
-    go_on: &mut dyn FnMut(u64) -> bool,
-) -> Result<Option<RoomOfTilt>, BackendError> {
-    let step = steps.most_tilt_deg / f64::from(steps.steps);
-    let mut directions = Vec::new();
-    for (direction, bearing) in DIRECTIONS {
-        let at = |k: u32| {
-            let turn = tilt(bearing.to_radians(), (step * f64::from(k)).to_radians());
-            tilted(placement, steps.tilt_about, turn)
-        };
-        let moved: Vec<Placement> = (1..=steps.steps).map(at).collect();
-        let scores = look.scores(&moved, go_on)?;
-        let Some(scores) = scores else { return Ok(None) };
-        let hit = look.first_self_hit(&moved[..looked_at(&scores)], go_on)?;
-        if !go_on(0) {
-            return Ok(None);
-        }
-        let (self_hit_at, self_hit_lidar) =
-            hit.map(|(steps, lidar)| (step * steps as f64, lidar)).unzip();
-        let side = RoomOfSide { self_hit_at, ..side(step, &scores) };
-        directions.push(TiltedTo { direction, side, self_hit_lidar });
-        go_on(1);
-    }
-    // Ties go to the first, and a requirement that breaks comes before one that holds over the whole range.
-    let worse = |a: &TiltedTo, b: &TiltedTo| {
-        let rank = |of: &TiltedTo| (of.side.holds_to, of.side.breaks_at.is_none());
-        rank(b) < rank(a)
-    };
-    let least = directions.iter().reduce(|a, b| if worse(a, b) { b } else { a }).cloned();
-    let about = steps.tilt_about;
-    Ok(least.map(|least| RoomOfTilt { about, least, directions }))
-}
-
-/// Directions that are looked at.
-const TILTS: u64 = DIRECTIONS.len() as u64;
+use tilt::TILTS;
+pub use tilt::{MOST_ABOUT, MOST_TILT, RoomOfTilt, TiltedTo};
 
 #[cfg(test)]
 mod tests;

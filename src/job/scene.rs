@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::Job;
 use super::error::JobError;
+use crate::geom::Pose;
 use crate::near_field::place;
 use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{Psog, read_psog};
@@ -83,6 +84,11 @@ impl JobScene {
         (self.problem, self.site) = (OnceLock::new(), Arc::default());
         change(&mut self);
         self
+    }
+
+    /// The scene with its own bodies moved by `turn` in the ego frame.
+    pub(super) fn turn_bodies(&mut self, turn: &Pose) {
+        self.scene = Arc::new(self.scene.with_bodies_turned(turn));
     }
 
     /// See [`Job::constraints`](super::Job::constraints): a problem that is there keeps its trees.

@@ -209,25 +209,7 @@ fn tilt_text(tilt: &RoomOfTilt) -> String {
     };
     let rows = tilt.directions.iter().map(|of| row(of.direction.to_owned(), [&of.side], 2));
     let table = table_text(&["tilt, deg", "holds to", "then breaks"], rows);
-    let about = format!(
-        "tilt: LiDARs turn; own body, ground and targets stay as they are (docs/requirements.md)\n\
-         all LiDARs tilted about the ground at x = {x} m, y = {y} m hold to "
-    );
-    format!("{table}{about}{end}\n{}", tilted_hits_text(tilt))
-}
-
-/// Sentences on limits of a tilt at which a LiDAR is in the own body, or behind it: the body stays upright.
-fn tilted_hits_text(tilt: &RoomOfTilt) -> String {
-    let limits = tilt.directions.iter().filter(|of| of.side.breaks.is_some());
-    let told = limits.filter_map(|of| {
-        let (at, lidar) = of.side.self_hit_at.zip(of.self_hit_lidar)?;
-        let (at, direction, most) = (fixed(at, 2), of.direction, 100.0 * MOST_SELF_HITS);
-        Some(format!(
-            "! self_hit: at {at}° ({direction}) LiDAR {lidar} ends more than {most:.0} % of its beams at the own vehicle, \
-             which does not tilt along here: this limit may be none of the vehicle's\n"
-        ))
-    });
-    told.collect()
+    format!("{table}the vehicle tilted about the ground at x = {x} m, y = {y} m holds to {end}\n")
 }
 
 /// Sentences on LiDARs that a moved field brings into the own body, or before it.
@@ -371,23 +353,17 @@ mod tests {
             ["< 1.25", "1.25", "≥ 5.00"]
         );
         let side = side_of(0.0, true);
-        let mut least = TiltedTo { direction: "rear down", side, self_hit_lidar: None };
+        let least = TiltedTo { direction: "rear down", side };
         let text = |least: &TiltedTo| {
             let directions = vec![least.clone()];
             tilt_text(&RoomOfTilt { about: [0.0, 0.0], least: least.clone(), directions })
         };
-        let limit = "hold to < 1.25°: near breaks at the first step looked at (rear down); more --steps look at smaller \
+        let limit = "holds to < 1.25°: near breaks at the first step looked at (rear down); more --steps look at smaller \
                      tilts\n";
         assert!(text(&least).ends_with(limit), "{}", text(&least));
         let later = TiltedTo { side: side_of(1.0, true), ..least.clone() };
-        let limit_later = "hold to 1.25°, then near breaks (rear down)\n";
+        let limit_later = "holds to 1.25°, then near breaks (rear down)\n";
         assert!(text(&later).ends_with(limit_later), "{}", text(&later));
-        let model = "\ntilt: LiDARs turn; own body, ground and targets stay as they are (docs/requirements.md)\nall LiDARs";
-        assert!(text(&least).contains(model), "{}", text(&least));
-        (least.side.self_hit_at, least.self_hit_lidar) = (Some(1.25), Some(1));
-        let told = text(&least);
-        let (_, told) = told.split_once(limit).unwrap();
-        assert!(told.starts_with("! self_hit: at 1.25° (rear down) LiDAR 1 ends more"), "{told}");
     }
 
     #[test]

@@ -254,7 +254,6 @@ pub(crate) fn room_csv(all: &[Room]) -> String {
             (row[2], row[3]) = (of.direction.to_owned(), "deg".to_owned());
             (row[7], row[8]) = (number(of.side.holds_to), number(of.side.breaks_at));
             row[9] = of.side.breaks.clone().unwrap_or_default();
-            row[12] = number(of.side.self_hit_at);
             row
         }));
     }

@@ -156,6 +156,11 @@ impl Moved {
         Ok(beside.map(|all| all.par_iter().map(|instead| self.as_it_is(instead)).collect()))
     }
 
+    /// Share of every requirement of the placement as it is, in the order of the scores, 1 where it is not looked at.
+    pub(crate) fn shares(&self) -> Vec<f64> {
+        self.as_it_is(&Vec::new())
+    }
+
     /// Looks from now on only at requirements that some copies miss, by `holds`; all others count as met.
     pub(crate) fn only_missed(mut self, holds: &Holds) -> Self {
         let mut own: Vec<usize> = (0..self.wanted.len()).collect();

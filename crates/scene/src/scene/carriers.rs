@@ -6,6 +6,7 @@ use sightline_files::json::check::{bad, refused};
 use sightline_files::json::{Checked, Location, quoted};
 
 use super::parts::OwnBodies;
+use super::route::Motion;
 use super::{Coverage, Scene};
 use crate::vehicle::{SensorName, VehicleMount};
 
@@ -58,6 +59,19 @@ impl Scene {
         let moving = self.bodies.iter().map(|body| (&body.name, body.motion.pose(0)));
         let mut all = moving.chain(self.still.iter().map(|(name, pose)| (name, *pose)));
         all.find(|(known, _)| **known == name.as_str()).map(|(_, pose)| pose)
+    }
+
+    /// A copy whose own bodies are moved by `turn` in the ego frame, in every frame; the surroundings stay.
+    #[must_use]
+    pub fn with_bodies_turned(&self, turn: &Pose) -> Self {
+        let mut scene = self.clone();
+        scene.body.vertices.iter_mut().for_each(|vertex| *vertex = turn.apply(*vertex));
+        scene.still.iter_mut().for_each(|(_, pose)| *pose = turn.compose(pose));
+        for body in &mut scene.bodies {
+            let poses = (0..self.frames).map(|t| turn.compose(&body.motion.pose(t)));
+            body.motion = Motion::Poses(poses.collect());
+        }
+        scene
     }
 
     /// The bodies of the ego that may carry sensors: those with a name.
