@@ -211,27 +211,26 @@ pub(super) fn not_mirrored(lidars: &[SensorPose]) -> Vec<Violation> {
         });
         match known {
             Some(sum) => *sum += by,
-            None if by > ROUNDED => {
+            None => {
                 let off = image.differences(&lidars[partner]);
                 let largest =
                     (0..off.len()).max_by(|&a, &b| off[a].total_cmp(&off[b])).unwrap_or(0);
                 let (field, off) = (SensorPose::FIELDS[largest], off[largest]);
                 found.push(Violation::NotMirrored { lidar, partner, models, field, off, by });
             }
-            None => {}
         }
     }
     found
 }
 
-/// Sorts LiDARs into pairs, LiDARs in the plane and LiDARs without a pair.
+/// Sorts LiDARs into pairs, LiDARs in the plane and LiDARs without a pair. Angles such as π may be written with a few digits.
 pub(super) fn pairs(lidars: &[SensorPose]) -> Pairs {
     let mut pairs = Pairs::default();
     let mut open: Vec<usize> = (0..lidars.len()).collect();
     while !open.is_empty() {
         let first = open.remove(0);
         let image = lidars[first].mirrored();
-        let near = |other: &SensorPose| image.difference(other) <= SLACK;
+        let near = |other: &SensorPose| image.difference(other) <= ROUNDED;
         if near(&lidars[first]) {
             pairs.in_plane.push(first);
         } else if let Some(at) = open.iter().position(|&other| near(&lidars[other])) {
@@ -293,6 +292,17 @@ pub(crate) mod tests {
     fn rules() -> Constraints {
         let ties = Ties { equal_height: false, symmetric: true };
         Constraints { slots: Slot::in_pairs(slots()), ties, ..Constraints::default() }
+    }
+
+    #[test]
+    fn a_half_turn_of_a_few_digits_is_in_the_plane() {
+        let straight_back = |yaw: f64| SensorPose { yaw, ..SensorPose::at(-3.0, 0.0, 2.0) };
+        let side = |y: f64, yaw: f64| SensorPose { yaw, ..SensorPose::at(0.0, y, 2.0) };
+        let lidars = [straight_back(3.141_592_65), side(1.0, 1.5708), side(-1.0, -1.570_796)];
+        let wanted = Pairs { mirrored: vec![[1, 2]], in_plane: vec![0], alone: Vec::new() };
+        assert_eq!(pairs(&lidars), wanted);
+        assert_eq!(not_mirrored(&lidars), []);
+        assert_eq!(pairs(&[straight_back(3.1415)]).alone, [0]);
     }
 
     #[test]
