@@ -408,9 +408,13 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
     let dir = TempDir::new().unwrap();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = |file: &str| root.join(file).to_str().unwrap().to_owned();
-    let (found, van) = (path("docs/van/found.json"), path("scenes/vehicles/van.json"));
-    ok(&dir, &["rig", "handover", &found, "--vehicle", &van, "--backend", "cpu", "--out", "h"]);
-    let svg = read_text(&dir, "h/drawing.svg");
+    let drawn = |placement: &str, vehicle: &str, out: &str| {
+        let (placement, vehicle) = (path(placement), path(vehicle));
+        let of = ["rig", "handover", &placement, "--vehicle", &vehicle, "--backend", "cpu"];
+        ok(&dir, &[&of[..], &["--out", out]].concat());
+        read_text(&dir, &format!("{out}/drawing.svg"))
+    };
+    let svg = drawn("tests/data/van-blind.json", "benches/searches/van.json", "h");
     let (end, element) = text_at(&svg, "ahead: blind to");
     element.says("text-anchor=\"end\"");
     let (legend, _) = text_at(&svg, "van: optimized");
@@ -436,6 +440,7 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
         let (before, after) = svg.split_once("drawn by sightline ").unwrap();
         before.to_owned() + after.split_once('<').unwrap().1
     };
+    let svg = drawn("docs/van/found.json", "scenes/vehicles/van.json", "guide");
     let committed = read_text(root, "docs/van/drawing.svg");
     assert_eq!(unversioned(&svg), unversioned(&committed));
 }

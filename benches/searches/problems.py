@@ -67,7 +67,7 @@ def problems(out: Path) -> dict[str, Problem]:
     found = [Problem(key=key, scenes=(scenes / f"{name}.json",), title=name) for key, name in own.items()]
     found += [
         Problem(key="car", scenes=(crossing,), vehicle=scenes / "vehicles/car.json", title="car on urban-crossing"),
-        Problem(key="van", scenes=(out / "street.json",), vehicle=scenes / "vehicles/van.json",
+        Problem(key="van", scenes=(out / "street.json",), vehicle=Path(__file__).with_name("van.json"),
                 options=("--budget", "12000"), made=street, title="van on a street"),
         Problem(key="two", scenes=(crossing, residential), title="urban-crossing and residential at once"),
     ]
