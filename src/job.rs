@@ -330,7 +330,7 @@ impl Job {
 
     /// Adds to scores, by the first scene, whose own body stands for all scenes:
     ///
-    /// - the guards `below_ground`, before all others, and `self_hit`, and the range card
+    /// - the guards `below_ground`, before all others, and `self_hit`, the range card, and the depth of the blind zone
     /// - places at which a target is missed although its requirement is met
     /// - the share of copies within the mounting tolerance that meet the requirements
     ///
@@ -365,7 +365,10 @@ impl Job {
         }
         let is_whole = self.add_holds(&mut all, go_on)?;
         self.look_at_targets(&mut all)?;
-        self.add_range_cards(all)?;
+        self.add_range_cards(
+            all.iter_mut().map(|(placement, scores)| (*placement, &mut **scores)),
+        )?;
+        self.scenes[0].add_blind_zones(self.settings.engine.memory, all)?;
         Ok(is_whole)
     }
 
@@ -436,6 +439,11 @@ impl Job {
             if !member.is_mirrored() {
                 let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
                 add_range_cards(scene.target_site()?, placements.iter().zip(by_scene))?;
+                let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
+                scene.add_blind_zones(
+                    self.settings.engine.memory,
+                    placements.iter().zip(by_scene),
+                )?;
             }
         }
         Ok(is_whole)

@@ -40,6 +40,12 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
             (sizes_in_words(card))
             @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { " " (prose(&words)) }
         }
+        @if let Some(zone) = &best.scores.blind_zone {
+            p {
+                "Blind zone, ground straight before the body that no beam reaches, over "
+                (counted(zone.frames() as usize, "frame")) ": " (prose(&zone.in_words())) "."
+            }
+        }
         @if let Some(words) = &figures.relief { p { "Note: " (prose(words)) "." } }
         div.polar {
             @for (title, svg) in range_card_svgs(&best.placement.name, card) { (figure(&svg, &title)) }
