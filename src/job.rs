@@ -380,7 +380,7 @@ impl Job {
         &self,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
-        Ok(add_range_cards(self.target_site()?, all)?)
+        Ok(add_range_cards(self.card_site()?, all)?)
     }
 
     /// Sensors and body of the first scene's vehicle, for beams on targets; `None` with coverage `through`.
@@ -389,6 +389,14 @@ impl Job {
     /// See [`Self::problem`].
     pub fn target_site(&self) -> Result<Option<&TargetSite>, JobError> {
         self.scenes[0].target_site()
+    }
+
+    /// Site of range cards, in the first scene: on its ground where that is not level. `None` with coverage `through`.
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn card_site(&self) -> Result<Option<&TargetSite>, JobError> {
+        self.scenes[0].card_site()
     }
 
     /// Adds the guard `self_hit` to scores over all scenes, and to those in each of several by its own body.
@@ -438,7 +446,7 @@ impl Job {
             // A mirror image has the sectors of its scene on the other side.
             if !member.is_mirrored() {
                 let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
-                add_range_cards(scene.target_site()?, placements.iter().zip(by_scene))?;
+                add_range_cards(scene.card_site()?, placements.iter().zip(by_scene))?;
                 let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
                 scene.add_blind_zones(
                     self.settings.engine.memory,

@@ -33,6 +33,8 @@ pub struct JobScene {
     problem: OnceLock<Arc<Problem>>,
     /// Sensors and body for beams on targets, made on first use; copies of this scene share it.
     site: Arc<OnceLock<TargetSite>>,
+    /// The vehicle on the ground of the scene for range cards, made on first use; `None` where that is level.
+    on_ground: Arc<OnceLock<Option<TargetSite>>>,
     /// Ground near the vehicle in a few frames, made on first use; `None` without own body or ground.
     near: Arc<OnceLock<Option<NearSite>>>,
 }
@@ -71,6 +73,7 @@ impl From<Arc<Scene>> for JobScene {
             draw: 0,
             problem: OnceLock::new(),
             site: Arc::default(),
+            on_ground: Arc::default(),
             near: Arc::default(),
         }
     }
@@ -86,7 +89,7 @@ impl JobScene {
     /// The scene with other settings; its problem is made anew.
     pub(super) fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
         (self.problem, self.site) = (OnceLock::new(), Arc::default());
-        self.near = Arc::default();
+        (self.on_ground, self.near) = (Arc::default(), Arc::default());
         change(&mut self);
         self
     }
@@ -154,6 +157,18 @@ impl JobScene {
     pub fn target_site(&self) -> Result<Option<&TargetSite>, JobError> {
         let problem = self.problem()?;
         Ok(problem.ends_at_hits().then(|| self.site.get_or_init(|| TargetSite::of(&problem))))
+    }
+
+    /// Site of range cards: alone on the ground of the scene in the frame in which it lies farthest from z = 0, where that is
+    /// more than 0.2 m; else [`Self::target_site`].
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn card_site(&self) -> Result<Option<&TargetSite>, JobError> {
+        let Some(level) = self.target_site()? else { return Ok(None) };
+        let problem = self.problem()?;
+        let on_ground = || TargetSite::on_ground(&self.scene, &problem);
+        Ok(Some(self.on_ground.get_or_init(on_ground).as_ref().unwrap_or(level)))
     }
 
     /// Adds the depth of the blind zone on each side to scores, over few frames. Coverage `through` adds nothing, and neither

@@ -12,7 +12,7 @@ use crate::json::{counted, fixed};
 use crate::near_field::BlindDepths;
 use crate::rig::{Asymmetry, Comparison, MovedLidar};
 use crate::score::{Objective, Scores, Standing, percent_down};
-use crate::targets::{AS_IN_FRAME_0, RangeCard};
+use crate::targets::{RangeCard, stands_in_words};
 use crate::vehicle::{Placement, Vehicle};
 
 /// Price of the sensors of each placement, the range card in short and the blind zone, a line a placement; then the better of several
@@ -51,7 +51,7 @@ fn card_in_words(card: &RangeCard) -> String {
     format!(
         "distances from the origin met in all {} directions{}: {}",
         card.targets.first().map_or(0, |target| target.bearings.len()),
-        if card.bodies_move { AS_IN_FRAME_0 } else { "" },
+        stands_in_words(card.ground.as_ref(), card.bodies_move),
         each.join(", ")
     )
 }
