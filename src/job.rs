@@ -368,7 +368,10 @@ impl Job {
         self.add_range_cards(
             all.iter_mut().map(|(placement, scores)| (*placement, &mut **scores)),
         )?;
-        self.scenes[0].add_blind_zones(self.settings.engine.memory, all)?;
+        // Python looks closely at any number: their arrays have no blind zone, which takes casts of its own.
+        if all.len() <= FEW_PLACEMENTS {
+            self.scenes[0].add_blind_zones(self.settings.engine.memory, all)?;
+        }
         Ok(is_whole)
     }
 

@@ -230,7 +230,7 @@ pub(crate) fn front_csv(front: &Front) -> String {
 }
 
 /// Pixels of the radius of points with the least and the most of a third objective.
-const SIZES: [f64; 2] = [2.5, 7.0];
+const SIZES: [f64; 2] = [3.5, 7.0];
 
 /// Radius of points by their third objective, and lines of the legend that tell the least and the most of it; `None` of two
 /// objectives, and where all points have as much.
@@ -406,11 +406,11 @@ mod tests {
         front.points = vec![point([3.0, 0.5, 1.0]), point([5.0, 0.6, 3.0]), point([6.0, 0.7, 4.0])];
         front.baselines = vec![point([7.0, 0.6, 2.0])];
         let svg = front_plot(&front).svg();
-        for words in [">size: sensors 1<", ">size: sensors 4<", "r=\"5.5\" fill="] {
+        for words in [">size: sensors 1<", ">size: sensors 4<", "r=\"5.8\" fill="] {
             assert_eq!(svg.matches(words).count(), 1, "{words}: {svg}");
         }
         // A point and its line in the legend.
-        for words in ["r=\"2.5\" fill=", "r=\"7\" fill="] {
+        for words in ["r=\"3.5\" fill=", "r=\"7\" fill="] {
             assert_eq!(svg.matches(words).count(), 2, "{words}: {svg}");
         }
         // All alike, or two objectives: no size tells anything.
