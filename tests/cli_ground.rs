@@ -409,8 +409,12 @@ fn a_range_card_stands_on_ground_that_is_not_level_and_on_nothing_else_of_the_sc
     assert_ne!(of_hill, ahead(&plain));
     let (_, [text, _]) = ran(&dir, "score hill.json p.json --backend cpu");
     text.says("met in all 16 directions, on the ground of hill in frame 0: car ");
-    // The crate beside the road is not in the way.
-    change(&dir, "hill.json", |scene| scene["actors"] = json!([]));
+    // Neither the crate beside the road nor a house among the ground's own shapes is in the way.
+    let house = json!({ "class": "building", "box": { "min": [14, -9, 0], "max": [24, -3, 9] } });
+    change(&dir, "hill.json", |scene| {
+        scene["actors"] = json!([]);
+        scene["static"].as_array_mut().unwrap().insert(0, house);
+    });
     assert_eq!(card("hill", "p"), hill);
     let _ = ran(&dir, "view hill.json p.json --out v.html --backend cpu");
     let page = read_text(&dir, "v.html");
