@@ -330,7 +330,7 @@ impl Job {
 
     /// Adds to scores, by the first scene, whose own body stands for all scenes:
     ///
-    /// - the guards `below_ground`, before all others, and `self_hit`, and the range card
+    /// - the guards `below_ground`, before all others, and `self_hit`, the range card, and the depth of the blind zone
     /// - places at which a target is missed although its requirement is met
     /// - the share of copies within the mounting tolerance that meet the requirements
     ///
@@ -365,7 +365,13 @@ impl Job {
         }
         let is_whole = self.add_holds(&mut all, go_on)?;
         self.look_at_targets(&mut all)?;
-        self.add_range_cards(all)?;
+        self.add_range_cards(
+            all.iter_mut().map(|(placement, scores)| (*placement, &mut **scores)),
+        )?;
+        // Python looks closely at any number: their arrays have no blind zone, which takes casts of its own.
+        if all.len() <= FEW_PLACEMENTS {
+            self.scenes[0].add_blind_zones(self.settings.engine.memory, all)?;
+        }
         Ok(is_whole)
     }
 
@@ -377,7 +383,7 @@ impl Job {
         &self,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
-        Ok(add_range_cards(self.target_site()?, all)?)
+        Ok(add_range_cards(self.card_site()?, all)?)
     }
 
     /// Sensors and body of the first scene's vehicle, for beams on targets; `None` with coverage `through`.
@@ -386,6 +392,14 @@ impl Job {
     /// See [`Self::problem`].
     pub fn target_site(&self) -> Result<Option<&TargetSite>, JobError> {
         self.scenes[0].target_site()
+    }
+
+    /// Site of range cards, in the first scene: on its ground where that is not level. `None` with coverage `through`.
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn card_site(&self) -> Result<Option<&TargetSite>, JobError> {
+        self.scenes[0].card_site()
     }
 
     /// Adds the guard `self_hit` to scores over all scenes, and to those in each of several by its own body.
@@ -435,7 +449,12 @@ impl Job {
             // A mirror image has the sectors of its scene on the other side.
             if !member.is_mirrored() {
                 let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
-                add_range_cards(scene.target_site()?, placements.iter().zip(by_scene))?;
+                add_range_cards(scene.card_site()?, placements.iter().zip(by_scene))?;
+                let by_scene = judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
+                scene.add_blind_zones(
+                    self.settings.engine.memory,
+                    placements.iter().zip(by_scene),
+                )?;
             }
         }
         Ok(is_whole)

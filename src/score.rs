@@ -13,6 +13,7 @@ mod worst_frame;
 
 use serde::{Serialize, Serializer};
 
+use crate::near_field::BlindDepths;
 use crate::problem::{Content, Entropy, Tally};
 use crate::targets::{CAR_WEIGHT, RangeCard};
 use objective::Tasks;
@@ -111,6 +112,10 @@ pub struct Scores {
     /// Distances of detection by target and bearing; `None` where not computed, or with coverage `through`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_card: Option<RangeCard>,
+    /// Depth of the blind zone on each side, over up to four frames, twelve where bodies of the vehicle move; `None` where not
+    /// computed, with coverage `through`, and without own body or ground.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blind_zone: Option<BlindDepths>,
     /// Missing share of beams on cars all round at 5 to 50 m, where five beams on a car are enough. `None` where a
     /// search does not look. See [`crate::targets::Sight`].
     #[serde(skip)]

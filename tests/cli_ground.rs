@@ -1,6 +1,8 @@
-//! `require` of near ground and blind zones from outside: the numbers of `study nearfield`, and what a search makes of them.
+//! `require` of near ground and blind zones from outside: the numbers of `study nearfield`, and what a search makes of them; range
+//! cards on ground that is not level.
 
 use crate::cli::*;
+use crate::cli_requirements::on_slopes;
 
 /// Ground with a kerb and a walker who moves, and a cart whose body hides what is beside it.
 fn yard(dir: &Path, require: Value) {
@@ -378,4 +380,43 @@ fn ground_lost_again_behind_a_slit_breaks_the_rule_on_a_depth() {
     assert!(missing.ends_with("; 8 of 8 lanes lose ground behind it again"), "{missing}");
     stdout(&dir, &("study nearfield", files))
         .says("! slit: behind 0.2 m, but unseen again in 8 of 8 lanes, the longest stretch from 1.3 to 10 m\n");
+}
+
+#[test]
+fn a_range_card_stands_on_ground_that_is_not_level_and_on_nothing_else_of_the_scene() {
+    let dir = TempDir::new().unwrap();
+    // The nose points 0.05 rad down, so that the road rises ahead.
+    on_slopes(dir.path(), [("hill", 0.05), ("plain", 0.0)], &[]);
+    let pose = |pitch: f64| json!([{ "x": 0, "y": 0, "z": 1.8, "pitch": pitch, "sensor": "m" }]);
+    write_rig(&dir, "down.json", "a", pose(0.05));
+    let card = |scene: &str, rig: &str| -> Value {
+        let line = format!("score {scene}.json {rig}.json --backend cpu --format json");
+        let found: Value = serde_json::from_str(&ran(&dir, &line).1[0]).unwrap();
+        found["scores"][0]["range_card"].clone()
+    };
+    let (hill, plain, down) = (card("hill", "p"), card("plain", "p"), card("plain", "down"));
+    assert_eq!(hill["ground"], json!({ "scene": "hill", "frame": 0 }));
+    assert!(plain["ground"].is_null() && plain["targets"] != hill["targets"], "{plain}");
+    // A LiDAR that looks as far down on a level road sees the car ahead alike, but that it leans there.
+    let ahead = |card: &Value| -> Vec<f64> {
+        let met = card["targets"][0]["bearings"][0]["met"].list();
+        met.iter().flat_map(|run| [run[0].number(), run[1].number()]).collect()
+    };
+    let [of_hill, of_down] = [ahead(&hill), ahead(&down)];
+    assert_eq!(of_hill.len(), of_down.len(), "{of_hill:?} {of_down:?}");
+    let is_near = |(a, b): (&f64, &f64)| (a - b).abs() <= 5.0;
+    assert!(of_hill.iter().zip(&of_down).all(is_near), "{of_hill:?} {of_down:?}");
+    assert_ne!(of_hill, ahead(&plain));
+    let (_, [text, _]) = ran(&dir, "score hill.json p.json --backend cpu");
+    text.says("met in all 16 directions, on the ground of hill in frame 0: car ");
+    // Neither the crate beside the road nor a house among the ground's own shapes is in the way.
+    let house = json!({ "class": "building", "box": { "min": [14, -9, 0], "max": [24, -3, 9] } });
+    change(&dir, "hill.json", |scene| {
+        scene["actors"] = json!([]);
+        scene["static"].as_array_mut().unwrap().insert(0, house);
+    });
+    assert_eq!(card("hill", "p"), hill);
+    let _ = ran(&dir, "view hill.json p.json --out v.html --backend cpu");
+    let page = read_text(&dir, "v.html");
+    page.says(" of a target on the ground of hill in frame 0, which is not level");
 }

@@ -225,3 +225,45 @@ fn a_search_looks_away_from_the_own_body() {
     let all: Vec<usize> = (0..45).collect();
     assert!(best_of(&all) > pair, "a pair that looks at the roof gains more");
 }
+
+#[test]
+fn scores_results_and_pages_have_the_depths_of_the_study() {
+    let dir = TempDir::new().unwrap();
+    yard(&dir);
+    let study = ok(&dir, "study nearfield yard.json two.json --frames 4 --backend cpu");
+    let depths = |of: &Value| ["ahead", "behind", "left", "right"].map(|side| of[side].clone());
+    let zone = |k: usize| depths(&study["near_fields"][k]["zone"]);
+    let score = "score yard.json two.json --backend cpu";
+    let scores = ok(&dir, score);
+    for k in 0..2 {
+        let found = &scores["scores"][k]["blind_zone"];
+        for (found, wanted) in depths(found).iter().zip(zone(k)) {
+            match wanted.is_null() {
+                true => assert!(found.is_null(), "{scores}"),
+                false => assert!((found.number() - wanted.number()).abs() < 1e-9, "{scores}"),
+            }
+        }
+        assert_eq!(found["frames"], study["frames"], "{found}");
+    }
+    assert_ne!(zone(0), zone(1), "one rig sees nearer ground than the other");
+    let [ahead, ..] = zone(1).map(|depth| (10.0 * depth.as_f64().unwrap() - 1e-6).ceil() / 10.0);
+    let words = format!("; blind zone over {} frame", study["frames"]);
+    let (_, [text, _]) = ran(&dir, score);
+    let line = text.lines().find(|line| line.starts_with("high: ")).unwrap();
+    line.says(&words).says(&format!(": ahead {ahead:.1} m, behind "));
+    printed(&dir, "view yard.json two.json:high --out v.html --backend cpu");
+    let page = read_text(&dir, "v.html");
+    page.says("<p>Blind zone, ground straight before the body that no beam reaches, over ");
+    page.says(&format!("ahead {ahead:.1} m, behind "));
+    // Each of several scenes has its own, and the mean has that of the first.
+    let both = ok(&dir, "score yard.json yard.json two.json --backend cpu");
+    for all in [&both["scenes"][1]["scores"], &both["mean"]] {
+        assert_eq!(all[1]["blind_zone"], scores["scores"][1]["blind_zone"]);
+    }
+    let run = "optimize yard.json --out run --evaluations 20 --seed 1 --backend cpu";
+    printed(&dir, run);
+    let result = read_json(dir.path().join("run/result.json"));
+    let [found, near] = [&result["best"]["scores"]["blind_zone"], &result["near_field"]];
+    assert_eq!(depths(found), depths(&near["zone"]), "{found}");
+    assert_eq!(found["frames"], near["frames"]);
+}

@@ -299,19 +299,20 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
             assert_eq!(told.contains(words), is_told, "{line}: {told}");
         }
         let page = read_text(&dir, "v.html");
-        assert_eq!(page.contains("Note: targets of requirements and range card"), is_told);
+        assert_eq!(page.contains("Note: targets of requirements stand on level ground"), is_told);
     }
     // A requirement that stands on the ground of the scene is no reason to doubt.
     let mut on_scene = car([-60, 60], 0.1);
     on_scene["ground"] = json!("scene");
     set_rules(&dir, json!([on_scene]));
-    stderr(&dir, "score street.json rigs.json --backend cpu")
-        .says("targets of the range card stand on level ground, ");
+    stderr(&dir, "score street.json rigs.json --backend cpu").says(
+        "the range card stands on the ground of street, which rises 1.5 m to 15 m at 0° in frame 0",
+    );
 }
 
 /// Scenes on a road that the nose points to by an angle, with a rig `a` in `p.json`. Its vehicle must meet a car on level
 /// ground, one on the ground of the scene, and the given rules.
-fn on_slopes(dir: &Path, scenes: [(&str, f64); 2], more: &[Value]) {
+pub(crate) fn on_slopes(dir: &Path, scenes: [(&str, f64); 2], more: &[Value]) {
     let car = |name: &str| {
         json!({ "name": name, "target": "car", "from": 30, "within": 30, "bearing": [0, 0],
         "beams": 30, "share": 1 })

@@ -244,6 +244,8 @@ fn more_placements_than_are_looked_at_closely_are_said_and_have_no_card() {
             assert_eq!(told.matches(words).count(), usize::from(count > 64), "{told}");
             let scores = found[key][count - 1].as_object().unwrap();
             assert_eq!(scores["range_card"].is_null(), count > 64, "{scores:?}");
+            // The street has no ground.
+            assert_eq!(scores.contains_key("blind_zone"), count > 64, "{scores:?}");
             assert!(!scores.contains_key("requirements_hold_in"), "no requirements: {scores:?}");
         }
     }

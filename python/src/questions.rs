@@ -31,7 +31,8 @@ const ROW_BYTES: usize = size_of::<TargetRow>() + 128;
 impl PyScene {
     /// Range card of one placement, as a `dict`: distances in metres at which five beams or more meet a target.
     ///
-    /// Targets are a car, an adult and a tyre, on level ground with the own body in the way. Sixteen bearings are in
+    /// Targets are a car, an adult and a tyre, on level ground with the own body in the way, or on the ground of the scene
+    /// where that leaves z = 0 by more than 0.2 m (`ground` names it). Sixteen bearings are in
     /// degrees counter-clockwise from straight ahead. The card names the sectors that lose a car between 5 and 50 m,
     /// or up to the longest range of the sensors where that is less (`blind_between`).
     /// `None` with coverage `through`. Raises `ValueError` as `score`, and for several placements.
@@ -45,7 +46,7 @@ impl PyScene {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (built, placement) = self.one(poses, sensors, phases)?;
         let card = answer(py, None, move |_| {
-            let site = built.job.target_site().map_err(raised)?;
+            let site = built.job.card_site().map_err(raised)?;
             let card = site.map(|site| RangeCard::new(site, &placement.lidars)).transpose();
             card.map_err(|unknown| bad(unknown.to_string()))
         })?;

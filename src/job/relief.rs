@@ -5,7 +5,8 @@ use crate::targets::{GroundBelow, Relief};
 
 impl Job {
     /// Sentence on the first scene whose ground leaves z = 0 by more than 0.2 m where targets of requirements and of the range
-    /// card stand: these stand on level ground. `None` where there is none, and with coverage `through`.
+    /// card stand: the first stand on level ground, the range card on that of the scene. `None` where there is none, and with
+    /// coverage `through`.
     ///
     /// # Errors
     /// See [`Self::problem`].
@@ -19,14 +20,13 @@ impl Job {
                 continue;
             };
             let (name, rules) = (scene.scene().name(), problem.target_rules());
-            let of = match rules.iter().any(|rule| !rule.on_scene) {
-                true => "requirements and range card",
-                false => "the range card",
-            };
-            return Ok(Some(format!(
-                "targets of {of} stand on level ground, and the ground of {name} {relief}; `study targets` with this scene \
-                 looks at targets on it, and so do requirements with `\"ground\": \"scene\"`"
-            )));
+            return Ok(Some(match rules.iter().any(|rule| !rule.on_scene) {
+                true => format!(
+                    "targets of requirements stand on level ground, and the ground of {name} {relief}; `study targets` with \
+                     this scene looks at targets on it, and so do range cards, and requirements with `\"ground\": \"scene\"`"
+                ),
+                false => format!("the range card stands on the ground of {name}, which {relief}"),
+            }));
         }
         Ok(None)
     }

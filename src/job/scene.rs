@@ -4,13 +4,15 @@ use std::sync::{Arc, OnceLock};
 
 use super::Job;
 use super::error::JobError;
+use crate::engine::{EngineChoice, open};
 use crate::geom::Pose;
-use crate::near_field::place;
+use crate::near_field::{BlindDepths, NearSite, few_frames, place};
 use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{Psog, read_psog};
 use crate::scan::conditions::{Condition, in_words};
 use crate::scan::{in_conditions, scan_scene};
 use crate::scene::{PsogSource, Scene};
+use crate::score::Scores;
 use crate::shared::{Overlap, Redundancy, RedundancySite};
 use crate::targets::{TargetQuestion, TargetSite, check_counting};
 use crate::vehicle::{Constraints, Placement, Sensors};
@@ -32,6 +34,10 @@ pub struct JobScene {
     problem: OnceLock<Arc<Problem>>,
     /// Sensors and body for beams on targets, made on first use; copies of this scene share it.
     site: Arc<OnceLock<TargetSite>>,
+    /// The vehicle on the ground of the scene for range cards, made on first use; `None` where that is level.
+    on_ground: Arc<OnceLock<Option<TargetSite>>>,
+    /// Ground near the vehicle in a few frames, made on first use; `None` without own body or ground.
+    near: Arc<OnceLock<Option<NearSite>>>,
 }
 
 /// Voxels that hold information.
@@ -68,6 +74,8 @@ impl From<Arc<Scene>> for JobScene {
             draw: 0,
             problem: OnceLock::new(),
             site: Arc::default(),
+            on_ground: Arc::default(),
+            near: Arc::default(),
         }
     }
 }
@@ -82,6 +90,7 @@ impl JobScene {
     /// The scene with other settings; its problem is made anew.
     pub(super) fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
         (self.problem, self.site) = (OnceLock::new(), Arc::default());
+        (self.on_ground, self.near) = (Arc::default(), Arc::default());
         change(&mut self);
         self
     }
@@ -154,6 +163,40 @@ impl JobScene {
     pub fn target_site(&self) -> Result<Option<&TargetSite>, JobError> {
         let problem = self.problem()?;
         Ok(problem.ends_at_hits().then(|| self.site.get_or_init(|| TargetSite::of(&problem))))
+    }
+
+    /// Site of range cards: alone on the ground of the scene in the frame in which it lies farthest from z = 0, where that is
+    /// more than 0.2 m; else [`Self::target_site`].
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub fn card_site(&self) -> Result<Option<&TargetSite>, JobError> {
+        let Some(level) = self.target_site()? else { return Ok(None) };
+        let problem = self.problem()?;
+        let on_ground = || TargetSite::on_ground(&self.scene, &problem);
+        Ok(Some(self.on_ground.get_or_init(on_ground).as_ref().unwrap_or(level)))
+    }
+
+    /// Adds the depth of the blind zone on each side to scores, over few frames. Coverage `through` adds nothing, and neither
+    /// does a scene without own body or ground.
+    ///
+    /// # Errors
+    /// See [`Self::problem`]; an engine that fails, a sensor that the vehicle does not have.
+    pub(super) fn add_blind_zones<'a>(
+        &self,
+        memory: Option<u64>,
+        all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
+    ) -> Result<(), JobError> {
+        let problem = self.problem()?;
+        let site = || NearSite::new(&self.scene, &few_frames(&problem).0).ok();
+        let site = problem.ends_at_hits().then(|| self.near.get_or_init(site).as_ref()).flatten();
+        let Some(site) = site else { return Ok(()) };
+        let choice = EngineChoice { memory, ..EngineChoice::cpu() };
+        let mut engine = open(site.problem().task(), &choice, |_| {})?.engine;
+        for (placement, scores) in all {
+            scores.blind_zone = Some(BlindDepths::from(&site.look(&mut *engine, placement)?));
+        }
+        Ok(())
     }
 
     /// The problem, made on first use.

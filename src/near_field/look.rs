@@ -23,6 +23,7 @@ pub(crate) const CLOSE: f64 = 0.5;
 pub(super) const MOST_BODY: f64 = 50.0;
 
 /// Near field of a scene, as far as it is the same for every placement.
+#[derive(Debug)]
 pub struct NearSite {
     pub(super) problem: Arc<Problem>,
     pub(super) footprint: Footprint,
@@ -173,6 +174,11 @@ impl NearSite {
     /// Number in the scene of the first frame of a pose of the bodies.
     pub(super) fn first_frame(&self, pose: usize) -> usize {
         self.problem.number_of(self.frames[self.poses[pose][0]].0)
+    }
+
+    /// The problem, whose engine [`Self::look`] takes.
+    pub(crate) fn problem(&self) -> &Problem {
+        &self.problem
     }
 
     /// Outline of the own body.

@@ -33,9 +33,11 @@
 //! | `ground` | cells, and which of them are ground |
 //! | `look` | ends of beams, cells and poles seen, and their shares: the near field of a placement |
 //! | `zone` | the blind zone |
+//! | `depths` | its depth on each side, over the few frames of a result |
 //! | `required` | ground that the vehicle's rules ask for, as bits that a search adds up |
 
 mod body;
+mod depths;
 mod ground;
 mod look;
 mod required;
@@ -45,6 +47,8 @@ mod zone;
 pub(crate) use self::body::under_raised;
 pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, mounts_into_body, self_hits};
 pub(crate) use self::body::{WheelPlane, under_raised_in_words};
+pub use depths::BlindDepths;
+pub(crate) use depths::few_frames;
 pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
 pub(crate) use look::{CLOSE, bodies_move, body_poses, outline, place, returned_hits};
 pub use look::{NearField, NearSite};

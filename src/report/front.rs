@@ -229,8 +229,30 @@ pub(crate) fn front_csv(front: &Front) -> String {
     csv(std::iter::once(first).chain(rows))
 }
 
-/// Draws the first two objectives against each other; of three the third stands beside the points that are picked. Baselines
-/// are diamonds with their names.
+/// Pixels of the radius of points with the least and the most of a third objective.
+const SIZES: [f64; 2] = [3.5, 7.0];
+
+/// Radius of points by their third objective, and lines of the legend that tell the least and the most of it; `None` of two
+/// objectives, and where all points have as much.
+fn third_drawn(front: &Front) -> Option<(impl Fn(&FrontPoint) -> f64, [Series; 2])> {
+    let third = front.objectives.all().get(2)?;
+    let values = || all_shown(front).map(|point| point.values[2]).filter(|value| value.is_finite());
+    let [least, most] = [values().reduce(f64::min)?, values().reduce(f64::max)?];
+    let size = move |point: &FrontPoint| {
+        let part = ((point.values[2] - least) / (most - least)).clamp(0.0, 1.0);
+        ((SIZES[0] + part * (SIZES[1] - SIZES[0])) * 10.0).round() / 10.0
+    };
+    let key = |(size, value): (f64, f64)| Series {
+        name: format!("size: {} {}", title(third), shown(third, value)),
+        sizes: vec![size],
+        ..Series::default()
+    };
+    let keys = [(SIZES[0], least), (SIZES[1], most)].map(key);
+    (most > least).then_some((size, keys))
+}
+
+/// Draws the first two objectives against each other; the third is the size of the points, and stands beside those that are
+/// picked. Baselines are diamonds with their names.
 pub(crate) fn front_plot(front: &Front) -> Plot {
     let all = front.objectives.all();
     let scale = |objective: &FrontObjective, value: f64| match objective {
@@ -241,6 +263,10 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
     let at =
         |point: &FrontPoint| (scale(&all[0], point.values[0]), scale(&all[1], point.values[1]));
     let requires = has_requirements(front);
+    let third = third_drawn(front);
+    let sizes = |points: &[&FrontPoint]| -> Vec<f64> {
+        third.iter().flat_map(|(size, _)| points.iter().copied().map(size)).collect()
+    };
     let series = [(true, "meets all requirements"), (false, "misses a requirement")].map(
         |(meets, words)| {
             let of: Vec<(usize, &FrontPoint)> =
@@ -256,6 +282,7 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
                 name: if requires { words.to_owned() } else { "front".to_owned() },
                 points: of.iter().map(|(_, point)| at(point)).collect(),
                 labels: labels.collect(),
+                sizes: sizes(&of.iter().map(|(_, point)| *point).collect::<Vec<_>>()),
                 ..Series::default()
             }
         },
@@ -266,8 +293,11 @@ pub(crate) fn front_plot(front: &Front) -> Plot {
     };
     let [x_title, y_title] = [0, 1].map(|k| unit(&all[k]));
     let title = format!("Placements by {}", names_in_words(front));
-    let series = series.into_iter().chain([baselines_drawn(front, at)]);
-    let series = series.filter(|series| !series.points.is_empty()).collect();
+    let mut baselines = baselines_drawn(front, at);
+    baselines.sizes = sizes(&front.baselines.iter().collect::<Vec<_>>());
+    let series = series.into_iter().chain([baselines]);
+    let series = series.filter(|series| !series.points.is_empty());
+    let series = series.chain(third.iter().flat_map(|(_, keys)| keys.clone())).collect();
     Plot { title, x_title, y_title, x: Axis::Numbers, series }
 }
 
@@ -366,6 +396,32 @@ mod tests {
         let record = FrontRecord::new(&front);
         let text = front_text(&front, &record, "runs".as_ref());
         assert!(text.contains(&format!("\n{words} 20 m\n")), "{text}");
+    }
+
+    #[test]
+    fn a_third_objective_is_the_size_of_the_points() {
+        let mut front = single();
+        let point = |at: [f64; 3]| FrontPoint { values: at.to_vec(), ..single().points[0].clone() };
+        front.objectives = "price,near_gain,sensors".parse().unwrap();
+        front.points = vec![point([3.0, 0.5, 1.0]), point([5.0, 0.6, 3.0]), point([6.0, 0.7, 4.0])];
+        front.baselines = vec![point([7.0, 0.6, 2.0])];
+        let svg = front_plot(&front).svg();
+        for words in [">size: sensors 1<", ">size: sensors 4<", "r=\"5.8\" fill="] {
+            assert_eq!(svg.matches(words).count(), 1, "{words}: {svg}");
+        }
+        // A point and its line in the legend.
+        for words in ["r=\"3.5\" fill=", "r=\"7\" fill="] {
+            assert_eq!(svg.matches(words).count(), 2, "{words}: {svg}");
+        }
+        // All alike, or two objectives: no size tells anything.
+        front.points.truncate(1);
+        front.baselines.clear();
+        let alike = front_plot(&front).svg();
+        front.objectives = "price,near_gain".parse().unwrap();
+        front.points[0].values.truncate(2);
+        for svg in [alike, front_plot(&front).svg()] {
+            assert!(!svg.contains("size: ") && svg.contains("r=\"4\" fill="), "{svg}");
+        }
     }
 
     #[test]

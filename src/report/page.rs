@@ -14,8 +14,6 @@ mod scores;
 mod search;
 mod seen;
 
-use std::sync::Arc;
-
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::coverage::near_field_svg;
@@ -27,8 +25,8 @@ use super::{
 };
 use crate::engine::{BackendError, EngineChoice, open};
 use crate::job::{Job, JobError, JobScene, Losses};
-use crate::near_field::{Footprint, NearField, NearSite, bodies_move};
-use crate::problem::{Problem, spread};
+use crate::near_field::{Footprint, NearField, NearSite, few_frames};
+use crate::problem::Problem;
 use crate::scan::conditions::under;
 use crate::scene::Target;
 use crate::search::{Evaluator, GenerationRecord, Member, Scored, Suite};
@@ -204,10 +202,6 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// Frames that near field, overlap and redundancy are taken over.
-const NEAR_FRAMES: u32 = 4;
-/// Frames of it where bodies of the vehicle move: the straight trailer may be in any of them.
-const MOVING_FRAMES: u32 = 12;
 /// Most LiDARs × frames of which each LiDAR is lost in turn: every loss takes a score over all frames.
 const MOST_LOST: usize = 512;
 
@@ -314,18 +308,11 @@ impl Looks {
 pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord>, JobError> {
     let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
     let problem = job.problem()?;
-    let (few, frames) = near_frames(&problem);
+    let (few, frames) = few_frames(&problem);
     let Ok(site) = NearSite::new(job.scene(), &few) else { return Ok(None) };
     let mut engine = open(few.task(), &choice, |_| {})?.engine;
     let near = site.look(&mut *engine, placement)?;
     Ok(Some(NearRecord { frames, near, rival: None }))
-}
-
-fn near_frames(problem: &Problem) -> (Arc<Problem>, usize) {
-    // A P-SOG without geometry has no frame to cast into.
-    let most = if bodies_move(problem) { MOVING_FRAMES } else { NEAR_FRAMES };
-    let frames = spread(problem.geometry_frame_count(), Some(most));
-    (Arc::new(problem.over(&frames)), frames.len())
 }
 
 /// Near fields of placements over a few frames of a scene, and the LiDARs of the first one against each other.
@@ -336,7 +323,7 @@ fn near<'a>(
     placements: impl Iterator<Item = &'a Placement> + Clone,
 ) -> Result<(Result<Near, String>, Several), JobError> {
     let scene = &**of.scene();
-    let (few, frames) = near_frames(problem);
+    let (few, frames) = few_frames(problem);
     let mut engine = open(few.task(), choice, |_| {})?.engine;
     let mut several = Several::default();
     let has_others = !scene.vehicle().other_sensors.is_empty();

@@ -61,6 +61,21 @@ pub(crate) struct Series {
     pub hollow: Vec<usize>,
     /// True if the points are diamonds.
     pub diamonds: bool,
+    /// Pixels of each point's radius, where points differ in size. A series of one size without points is a grey line of the
+    /// legend.
+    pub sizes: Vec<f64>,
+}
+
+impl Series {
+    /// Radius of a point by its number; in the legend of the first one.
+    fn radius(&self, point: usize, other: f64) -> f64 {
+        self.sizes.get(point).copied().unwrap_or(other)
+    }
+
+    /// True for a line of the legend that explains a size.
+    fn is_key(&self) -> bool {
+        self.points.is_empty() && !self.sizes.is_empty()
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -158,7 +173,7 @@ impl Plot {
                 @if series.diamonds {
                     (diamond((x, y), 6.0, self.colour(index), false))
                 } @else {
-                    circle cx=(x) cy=(y) r="5" fill=(self.colour(index)) {}
+                    circle cx=(x) cy=(y) r=(if series.is_key() { series.radius(0, 5.0) } else { 5.0 }) fill=(self.colour(index)) {}
                 }
                 @for (k, line) in legend_lines(&series.name).iter().enumerate() {
                     ({ y += if k == 0 { 0.0 } else { LINE }; "" })
@@ -171,7 +186,12 @@ impl Plot {
     }
 
     fn colour(&self, index: usize) -> &'static str {
-        if self.series.len() == 1 { ACCENT } else { colour(index) }
+        let mut drawn = self.series.iter().filter(|series| !series.is_key());
+        match self.series[index].is_key() {
+            true => GREY,
+            false if drawn.nth(1).is_none() => ACCENT,
+            false => colour(index),
+        }
     }
 
     /// Words beside the points of a series, clear of other points.
@@ -236,11 +256,12 @@ impl Plot {
             @if !series.line || drawn.len() <= DOTTED {
                 @for (k, (x, y)) in all.map(|(k, &p)| (k, axes.at(p))) {
                     @if series.diamonds {
-                        (diamond((x, y), 5.5, colour, is_hollow(&k)))
+                        (diamond((x, y), series.radius(k, 5.5), colour, is_hollow(&k)))
                     } @else if is_hollow(&k) {
                         circle cx=(px(x)) cy=(px(y)) r="4.5" fill="#fff" stroke=(colour) stroke-width="2" {}
                     } @else {
-                        circle cx=(px(x)) cy=(px(y)) r="4" fill=(colour) {}
+                        circle cx=(px(x)) cy=(px(y)) r=(series.radius(k, 4.0)) fill=(colour)
+                            fill-opacity=[(!series.sizes.is_empty()).then_some(".75")] {}
                     }
                 }
             }

@@ -20,10 +20,10 @@ use super::words::{
 };
 use super::{Axis, Plot, Series};
 use crate::json::counted;
-use crate::near_field::{NEAR, NearField, RING};
+use crate::near_field::{BlindDepths, NEAR, NearField, RING};
 use crate::problem::Modelled;
 use crate::scan::conditions::under;
-use crate::score::{metres_up, percent_down};
+use crate::score::percent_down;
 use crate::search::{
     Certificate, Climbs, Finding, FramesUsed, GainSpread, GenerationRecord, LeftOut, Member,
     MethodRecord, Outcome, PLAIN, PhaseCheck, Scored, Suite, rules_in_words,
@@ -175,17 +175,12 @@ impl NearRecord {
     /// Depth of the blind zone on each side, and shares of the ground that are seen.
     fn in_words(&self) -> String {
         let near = &self.near;
-        let depths = near.zone.depths().map(|(side, depth)| {
-            let told =
-                depth.map_or(format!("more than {NEAR} m"), |d| format!("{:.1} m", metres_up(d)));
-            format!("{side} {told}{}{}", near.zone.in_frame(side), near.zone.but_lost(side))
-        });
         let ([worst, of_ring], frames) = (near.worst_in_words(), counted(self.frames, "frame"));
         let ring = |ring| format!(", {:.1} %{of_ring} within {RING} m", percent_down(ring));
         format!(
             "blind zone, ground before the body that no beam reaches, over {frames}: {}\n\
              ground seen: {:.1} %{worst} within {NEAR} m{}\n{}\n",
-            depths.join(", "),
+            BlindDepths::from(near).in_words(),
             percent_down(near.near_field),
             near.ring.map(ring).unwrap_or_default(),
             seen_ground()

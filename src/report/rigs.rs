@@ -9,19 +9,21 @@ use super::tables::{header, titles};
 use super::targets::runs_in_words;
 use crate::csv::{csv, number};
 use crate::json::{counted, fixed};
+use crate::near_field::BlindDepths;
 use crate::rig::{Asymmetry, Comparison, MovedLidar};
 use crate::score::{Objective, Scores, Standing, percent_down};
-use crate::targets::{AS_IN_FRAME_0, RangeCard};
+use crate::targets::{RangeCard, stands_in_words};
 use crate::vehicle::{Placement, Vehicle};
 
-/// Price of the sensors of each placement and the range card in short, a line a placement; then the better of several
+/// Price of the sensors of each placement, the range card in short and the blind zone, a line a placement; then the better of several
 /// placements: rules first, then requirements, then the default objective. Empty where nothing is known.
 pub(crate) fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scores]) -> String {
     let mut text = String::new();
     for (placement, scores) in placements.iter().zip(all) {
         let price = vehicle.price_of_rig(placement).map(|price| format!("price {price}"));
         let card = scores.range_card.as_ref().map(card_in_words);
-        let facts: Vec<String> = price.into_iter().chain(card).collect();
+        let zone = scores.blind_zone.as_ref().map(zone_in_words);
+        let facts: Vec<String> = price.into_iter().chain(card).chain(zone).collect();
         if !facts.is_empty() {
             text += &format!("{}: {}\n", scores.name, facts.join("; "));
         }
@@ -34,6 +36,12 @@ pub(crate) fn rigs_text(vehicle: &Vehicle, placements: &[Placement], all: &[Scor
     text
 }
 
+/// Depth of the blind zone on each side: `blind zone over 4 frames: ahead 2.1 m, …`.
+fn zone_in_words(zone: &BlindDepths) -> String {
+    let frames = counted(zone.frames() as usize, "frame");
+    format!("blind zone over {frames}: {}", zone.in_words())
+}
+
 fn card_in_words(card: &RangeCard) -> String {
     let each = card.targets.iter().map(|of| match &of.in_all_directions()[..] {
         [] => format!("{} none", of.target),
@@ -43,7 +51,7 @@ fn card_in_words(card: &RangeCard) -> String {
     format!(
         "distances from the origin met in all {} directions{}: {}",
         card.targets.first().map_or(0, |target| target.bearings.len()),
-        if card.bodies_move { AS_IN_FRAME_0 } else { "" },
+        stands_in_words(card.ground.as_ref(), card.bodies_move),
         each.join(", ")
     )
 }

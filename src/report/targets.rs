@@ -129,6 +129,12 @@ pub(super) fn reach_in_words(card: &RangeCard) -> Vec<String> {
     card.ends_at_range().then_some(of_all).into_iter().chain(of_rig).collect()
 }
 
+/// Ground that the targets of a card stand on: `on level ground`.
+pub(super) fn ground_in_words(card: &RangeCard) -> String {
+    let ground = card.ground.as_ref().map(|ground| format!("{ground}, alone"));
+    ground.unwrap_or_else(|| "on level ground".to_owned())
+}
+
 pub(crate) fn range_card_text(card: &RangeCard) -> String {
     let on_card = |sector: &&BlindSector| {
         let bearings = card.targets.first().map_or(&[][..], |target| &target.bearings);
@@ -144,8 +150,9 @@ pub(crate) fn range_card_text(card: &RangeCard) -> String {
     let words = overlap_in_words(card).into_iter().chain(reach_in_words(card));
     let words: String = words.map(|words| words + "\n").collect();
     format!(
-        "Range card: metres from the vehicle's origin at which {} beams or more meet a target on level ground\n{}{between}{words}",
+        "Range card: metres from the vehicle's origin at which {} beams or more meet a target {}\n{}{between}{words}",
         card.beams,
+        ground_in_words(card),
         align_columns(&range_card_rows(card))
     )
 }

@@ -7,8 +7,9 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::card::{BeamFinder, SLACK};
+use super::finder::{BeamFinder, SLACK};
 use super::ground::GroundBelow;
+use super::on_ground::CardGround;
 use super::plan::BodyPlan;
 use crate::bvh::{Hit, Ray};
 use crate::cast::closest_hit_in;
@@ -16,7 +17,8 @@ use crate::geom::Pose;
 use crate::maths;
 use crate::near_field::{WheelPlane, bodies_move};
 use crate::problem::{
-    Air, DevicePose, Frame, Instance, Problem, beam_direction, beam_origin, own_bodies,
+    Air, DevicePose, Frame, Instance, Problem, SceneSurface, beam_direction, beam_origin,
+    own_bodies,
 };
 use crate::scan::conditions::Weather;
 use crate::scene::{Scene, Target};
@@ -56,6 +58,8 @@ struct SiteSurface {
     frame: usize,
     /// True for a mirror image: LiDARs and places are mirrored there.
     is_mirrored: bool,
+    /// Ground as a range card tells it.
+    told: Option<CardGround>,
 }
 
 /// A target in place: the middle of its box in plan and the height of its ground, in the ego frame, metres. Its own
@@ -152,15 +156,30 @@ impl TargetSite {
     /// Site of a problem whose rules place targets on the surface of its scene, with all that is there in the way; `None`
     /// where none does. A mirror image has mirrored sensors, and is asked for the vehicle's own LiDARs and places.
     pub(super) fn in_scene(problem: &Problem, is_mirrored: bool) -> Option<Self> {
-        let surface = problem.surface()?;
-        let own = BodyPlan::in_frame(&surface.geometry, problem.overlap_required().own);
-        let plan = Arc::new(BodyPlan::of(&own));
+        let own = problem.overlap_required().own;
+        Some(Self::on_surface(problem, problem.surface()?, own, (is_mirrored, None)))
+    }
+
+    /// Site of a problem on a surface, whose own bodies have the triangles from `own` on; true for a mirror image, and the
+    /// ground where a range card tells it.
+    pub(super) fn on_surface(
+        problem: &Problem,
+        surface: &SceneSurface,
+        own: usize,
+        (is_mirrored, told): (bool, Option<CardGround>),
+    ) -> Self {
+        let plan = Arc::new(BodyPlan::of(&BodyPlan::in_frame(&surface.geometry, own)));
         let ground = GroundBelow::of(surface, problem.body());
         let wheels = ground.wheels(&surface.geometry);
-        let surface_of = SiteSurface { ground, wheels, frame: surface.frame, is_mirrored };
+        let surface_of = SiteSurface { ground, wheels, frame: surface.frame, is_mirrored, told };
         let (body, bodies_of) = (surface.geometry.clone(), surface.frame);
         let surface = Some(Arc::new(surface_of));
-        Some(Self { body, plan, surface, bodies_of, ..Self::of(problem) })
+        Self { body, plan, surface, bodies_of, ..Self::of(problem) }
+    }
+
+    /// Ground that targets of a range card stand on; `None` for level ground.
+    pub(super) fn card_ground(&self) -> Option<&CardGround> {
+        self.surface.as_ref()?.told.as_ref()
     }
 
     /// Models and own body of a scene's vehicle.

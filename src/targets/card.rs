@@ -1,14 +1,12 @@
 //! The range card of a rig: distances at which a car, an adult and a tyre are met, by bearing, and blind sectors.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::{Arc, OnceLock};
 
-use glam::DVec3;
 use serde::Serialize;
 
-use super::AS_IN_FRAME_0;
 use super::beams::{PlacedTarget, TargetSite};
 use super::missing::range;
+use super::on_ground::{CardGround, stands_in_words};
 use crate::maths;
 use crate::scene::{Target, preset_targets};
 use crate::vehicle::{SensorPose, UnknownSensor};
@@ -34,7 +32,7 @@ const FARTHEST: f64 = 200.0;
 
 /// Distances at which targets are met, by bearing. A target is met by at least [`CARD_BEAMS`] beams.
 ///
-/// Targets stand on level ground, without a scene, and phases stand at 0.
+/// Targets stand on level ground, without a scene, and phases stand at 0, or alone on the ground of a scene in a frame.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RangeCard {
     /// Least beams on a target that is met.
@@ -51,6 +49,9 @@ pub struct RangeCard {
     /// distances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reach: Option<f64>,
+    /// Ground of a scene that targets stand on; `None` for level ground. Places without ground are left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ground: Option<CardGround>,
     /// True where bodies of the vehicle move: they stand as in frame 0.
     #[serde(skip)]
     pub bodies_move: bool,
@@ -102,6 +103,9 @@ pub struct BlindSector {
     pub worst: f64,
     /// First and last of neighbouring distances at which a car is lost there, metres.
     pub lost: Vec<[f64; 2]>,
+    /// Ground of a scene that the car stands on; `None` for level ground.
+    #[serde(skip)]
+    pub ground: Option<CardGround>,
     /// True where bodies of the vehicle move: they stand as in frame 0.
     #[serde(skip)]
     pub bodies_move: bool,
@@ -152,7 +156,8 @@ impl BlindSector {
     /// A sector in which a car is lost at all of the distances, worst in its middle.
     pub(crate) fn lost(bearings: [f64; 2], distances: [f64; 2]) -> Self {
         let worst = bearings[0] + 0.5 * (bearings[1] - bearings[0]).rem_euclid(360.0);
-        Self { bearings, distances, worst, lost: vec![distances], bodies_move: false }
+        let (lost, ground, bodies_move) = (vec![distances], None, false);
+        Self { bearings, distances, worst, lost, ground, bodies_move }
     }
 }
 
@@ -165,7 +170,7 @@ impl std::fmt::Display for BlindSector {
         };
         let lost: Vec<String> = self.lost.iter().map(run).collect();
         let lost = lost.join(" and ");
-        let frame = if self.bodies_move { AS_IN_FRAME_0 } else { "" };
+        let frame = stands_in_words(self.ground.as_ref(), self.bodies_move);
         // Each neighbouring sector has a bearing at which a car is lost; other bearings may meet it.
         let within = match self.degrees() {
             degrees if degrees >= 360.0 => format!("in every sector of {SECTOR}°"),
@@ -220,27 +225,22 @@ impl RangeCard {
     pub fn new(site: &TargetSite, lidars: &[SensorPose]) -> Result<Self, UnknownSensor> {
         let range = f64::from(site.sensors().longest_range());
         let (targets, distances) = (card_targets(), distances(range));
-        // Number of the target, fine bearing, number of the distance.
-        let mut places = Vec::new();
+        // Number of the target, fine bearing, number of the distance; where the target stands.
+        let (mut places, mut standing) = (Vec::new(), Vec::new());
         for (target, of) in targets.iter().enumerate() {
             for bearing in (0..FINE).step_by(if target == 0 { 1 } else { FINE / BEARINGS }) {
                 let is_on_card = bearing % (FINE / BEARINGS) == 0;
                 for (distance, &metres) in distances.iter().enumerate() {
                     // Between the bearings of the card, only sectors are tested.
                     let is_tested = is_on_card || metres <= SECTOR_RANGE[1];
-                    if is_tested && site.has_room(of, position(metres, degrees(bearing))) {
+                    let at = position(metres, degrees(bearing));
+                    if let Some(at) = is_tested.then(|| site.standing(of, at)).flatten() {
                         places.push([target, bearing, distance]);
+                        standing.push(PlacedTarget { target: of, at });
                     }
                 }
             }
         }
-        let standing: Vec<PlacedTarget<'_>> = places
-            .iter()
-            .map(|&[target, bearing, distance]| PlacedTarget {
-                target: &targets[target],
-                at: position(distances[distance], degrees(bearing)),
-            })
-            .collect();
         let is_met = site.met(lidars, &standing, CARD_BEAMS)?;
         // `None` where the own vehicle stands, and where nobody looks.
         let mut met = vec![vec![vec![None; distances.len()]; FINE]; targets.len()];
@@ -262,9 +262,11 @@ impl RangeCard {
         // A range is an f32: 30.2 is not to read 30.2000008.
         let metres = |range: f64| (1e3 * range).round() / 1e3;
         let blind_between = [near, metres(range).clamp(near, far)];
-        let bodies_move = site.bodies_move();
+        let (bodies_move, ground) = (site.bodies_move(), site.card_ground().cloned());
         let mut blind = blind_sectors(&met[0], &distances, blind_between);
-        blind.iter_mut().for_each(|sector| sector.bodies_move = bodies_move);
+        for sector in &mut blind {
+            (sector.bodies_move, sector.ground) = (bodies_move, ground.clone());
+        }
         let mut reach: f64 = 0.0;
         for lidar in lidars {
             let model = site.sensors().number(lidar)?;
@@ -272,7 +274,7 @@ impl RangeCard {
         }
         let reach = Some(metres(reach)).filter(|&reach| reach < blind_between[1]);
         let (beams, targets) = (CARD_BEAMS, ranges);
-        Ok(Self { beams, distances, targets, blind_between, blind, reach, bodies_move })
+        Ok(Self { beams, distances, targets, blind_between, blind, reach, ground, bodies_move })
     }
 
     /// Distances in words between which a car counts as lost: `between 5 and 50 m`, or less far where no sensor reaches 50 m.
@@ -359,7 +361,8 @@ fn blind_sectors(
         let there: Vec<Option<bool>> =
             distances_of.iter().map(|d| Some(lost[worst].contains(d))).collect();
         let lost = runs(&there, distances_of);
-        BlindSector { bearings, distances, worst: turned(worst), lost, bodies_move: false }
+        let (worst, ground, bodies_move) = (turned(worst), None, false);
+        BlindSector { bearings, distances, worst, lost, ground, bodies_move }
     };
     if is_blind.iter().all(|blind| *blind) {
         return vec![span(0, BEARINGS)];
@@ -370,131 +373,4 @@ fn blind_sectors(
         span(b, count)
     };
     (0..BEARINGS).filter(begins).map(run).collect()
-}
-
-/// Cells of a degree: rows of elevation, columns of azimuth.
-const ROWS: usize = 180;
-const COLUMNS: usize = 360;
-/// Radians that a cone is widened by, for directions rounded to `f32`.
-pub(super) const SLACK: f64 = 1e-6;
-
-/// Beams of a sensor model by the cell of a degree that their direction lies in.
-#[derive(Debug)]
-pub(super) struct BeamFinder {
-    /// First beam of each cell in `beams`, and the end; `[ROWS × COLUMNS + 1]`.
-    starts: Vec<u32>,
-    /// Numbers of beams, cell after cell.
-    beams: Vec<u32>,
-}
-
-/// Azimuth from −π to π and elevation of a direction, radians.
-fn angles(direction: DVec3) -> [f64; 2] {
-    let flat = maths::hypot(direction.x, direction.y);
-    [maths::atan2(direction.y, direction.x), maths::atan2(direction.z, flat)]
-}
-
-fn row(elevation: f64) -> usize {
-    (((elevation + FRAC_PI_2) / PI * ROWS as f64) as usize).min(ROWS - 1)
-}
-
-fn column(azimuth: f64) -> usize {
-    ((azimuth.rem_euclid(TAU) / TAU * COLUMNS as f64) as usize).min(COLUMNS - 1)
-}
-
-impl BeamFinder {
-    pub(super) fn new(directions: &[[f32; 3]]) -> Self {
-        let cell = |direction: &[f32; 3]| {
-            let [azimuth, elevation] = angles(DVec3::from(direction.map(f64::from)));
-            row(elevation) * COLUMNS + column(azimuth)
-        };
-        let cells: Vec<usize> = directions.iter().map(cell).collect();
-        let mut starts = vec![0; ROWS * COLUMNS + 1];
-        cells.iter().for_each(|&cell| starts[cell + 1] += 1);
-        (0..ROWS * COLUMNS).for_each(|cell| starts[cell + 1] += starts[cell]);
-        let (mut next, mut beams) = (starts.clone(), vec![0; cells.len()]);
-        for (beam, &cell) in (0_u32..).zip(&cells) {
-            beams[next[cell] as usize] = beam;
-            next[cell] += 1;
-        }
-        Self { starts, beams }
-    }
-
-    /// Asks `go_on` with every beam within `half_angle` radians of an axis, and with a few more beside them, until it
-    /// says no. Beams at the height of the axis come first.
-    pub(super) fn near(&self, axis: DVec3, half_angle: f64, mut go_on: impl FnMut(usize) -> bool) {
-        let (half_angle, [azimuth, elevation]) = (half_angle + SLACK, angles(axis));
-        let [low, high] = [elevation - half_angle, elevation + half_angle];
-        let (first, last) = (row(low.max(-FRAC_PI_2)), row(high.min(FRAC_PI_2)));
-        // Azimuths of a cone around an elevation e reach asin(sin α / cos e); one that holds a pole has all.
-        let holds_pole = low <= -FRAC_PI_2 || high >= FRAC_PI_2;
-        let across = match holds_pole {
-            true => PI,
-            false => {
-                let sine = maths::sin(half_angle) / maths::cos(elevation);
-                maths::asin(sine.min(1.0))
-            }
-        };
-        let width = ((across / TAU * COLUMNS as f64).ceil() as usize + 1).min(COLUMNS / 2);
-        let (middle, columns) = (column(azimuth), (2 * width + 1).min(COLUMNS));
-        let begin = middle + COLUMNS - width;
-        let mut rows: Vec<usize> = (first..=last).collect();
-        let level = row(elevation);
-        rows.sort_by_key(|row| row.abs_diff(level));
-        // Cells of a row lie one after the other: one run of beams, or two where columns go past the last one.
-        let first = begin % COLUMNS;
-        let end = first + columns;
-        let runs = [first..end.min(COLUMNS), 0..end.saturating_sub(COLUMNS)];
-        for row in rows {
-            for run in &runs {
-                let [from, to] = [run.start, run.end].map(|k| self.starts[row * COLUMNS + k]);
-                let beams = &self.beams[from as usize..to as usize];
-                if !beams.iter().all(|&beam| go_on(beam as usize)) {
-                    return;
-                }
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
-
-    use super::*;
-
-    #[test]
-    fn no_beam_in_a_cone_is_left_out_and_none_comes_twice() {
-        let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let mut unit = |_| loop {
-            let v = DVec3::from([0; 3].map(|_| rng.random_range(-1.0..1.0)));
-            if (0.1..1.0).contains(&v.length()) {
-                break v.normalize();
-            }
-        };
-        let mut directions: Vec<DVec3> = (0..4000).map(&mut unit).collect();
-        directions.extend([DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::X, DVec3::Y]);
-        let table: Vec<[f32; 3]> = directions.iter().map(|d| d.as_vec3().to_array()).collect();
-        let finder = BeamFinder::new(&table);
-        let axes: Vec<DVec3> = (0..60).map(unit).chain([DVec3::Z, -DVec3::X]).collect();
-        for (k, axis) in axes.into_iter().enumerate() {
-            let half_angle = [0.002, 0.05, 0.4, 1.2, 2.0][k % 5];
-            let mut found = Vec::new();
-            finder.near(axis, half_angle, |beam| {
-                found.push(beam);
-                true
-            });
-            let count = found.len();
-            found.sort_unstable();
-            found.dedup();
-            assert_eq!(found.len(), count, "a beam comes twice");
-            let within = |beam: &usize| directions[*beam].angle_between(axis) <= half_angle;
-            let wanted: Vec<usize> = (0..directions.len()).filter(within).collect();
-            assert!(wanted.iter().all(|beam| found.binary_search(beam).is_ok()), "axis {k}");
-            assert!(
-                half_angle > 0.3 || count < directions.len() / 4,
-                "{count} of all are looked at"
-            );
-        }
-    }
 }

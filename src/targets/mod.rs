@@ -13,8 +13,10 @@
 //! | `bounded` | upper bounds on the shares of rules, for the bound of a search |
 //! | `by_scene` | rules in each of several scenes |
 //! | `card` | the range card, and blind sectors |
+//! | `finder` | beams of a sensor model near a direction |
 //! | `ground` | ground of a scene below a place, and whether a target has room there |
 //! | `missing` | places of a rule that are not met, in words |
+//! | `on_ground` | a vehicle on the ground of a scene alone, for range cards |
 //! | `places` | places of a rule on targets, and a look at places closer together |
 //! | `plan` | the own body from above: places that it takes |
 //! | `reach` | rules on targets and ground that no rig on some poses meets, or that no place or cell counts for |
@@ -29,8 +31,10 @@ mod bodies;
 mod bounded;
 mod by_scene;
 mod card;
+mod finder;
 mod ground;
 mod missing;
+mod on_ground;
 mod places;
 mod plan;
 mod reach;
@@ -44,14 +48,13 @@ pub(crate) use bodies::BodyPoses;
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
 pub use ground::GroundBelow;
 pub(crate) use missing::missed_places;
+pub use on_ground::CardGround;
+pub(crate) use on_ground::stands_in_words;
 pub(crate) use places::{look_between, places_of};
 pub(crate) use reach::{MountPoses, OutOfReach, check_counting};
 pub(crate) use relief::Relief;
 pub use sight::{CAR_WEIGHT, Sight, SightBeams};
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
-
-/// Words on a range card where bodies of the vehicle move.
-pub(crate) const AS_IN_FRAME_0: &str = ", own bodies as in frame 0";
 
 #[cfg(test)]
 mod tests;

@@ -23,6 +23,8 @@ pub(crate) struct Relief {
     bearing: f64,
     /// Frame of the scene, from 0.
     frame: usize,
+    /// Place of that frame among the problem's.
+    place: usize,
 }
 
 /// Number of distances that are looked at, up to the farthest, m.
@@ -58,18 +60,23 @@ impl Relief {
                     && height.abs() > most
                 {
                     let bearing = if bearing > 180.0 { bearing - 360.0 } else { bearing };
-                    let frame = problem.number_of(frame);
-                    found = Some(Self { height, distance, bearing, frame });
+                    let (place, frame) = (frame, problem.number_of(frame));
+                    found = Some(Self { height, distance, bearing, frame, place });
                 }
             }
         }
         found
     }
+
+    /// Place of its frame among the problem's frames.
+    pub(super) fn place(&self) -> usize {
+        self.place
+    }
 }
 
 impl std::fmt::Display for Relief {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { height, distance, bearing, frame } = self;
+        let Self { height, distance, bearing, frame, .. } = self;
         let how = if *height > 0.0 { "rises" } else { "falls" };
         let height = height.abs();
         write!(f, "{how} {height:.1} m to {distance} m at {bearing}° in frame {frame}")

@@ -29,16 +29,26 @@ pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
             ul.guards { @for sector in &card.blind { li { (prose(&sector.to_string())) } } }
         }
         p {
-            "Metres from the vehicle's origin to the middle of a target on level ground, alone, at which "
+            "Metres from the vehicle's origin to the middle of a target "
+            @match &card.ground {
+                Some(ground) => { (prose(&ground.to_string())) ", which is not level, with nothing else in the way, at which " }
+                None => "on level ground, alone, at which ",
+            }
             (card.beams) " beams or more end at it, the own body in the way. Bearings count to the left from \
              straight ahead."
         }
-        @if figures.has_moving_bodies {
+        @if figures.has_moving_bodies && card.ground.is_none() {
             p { "Bodies of the vehicle move: range card and blind sectors are for frame 0." }
         }
         p.small {
             (sizes_in_words(card))
             @for words in overlap_in_words(card).into_iter().chain(reach_in_words(card)) { " " (prose(&words)) }
+        }
+        @if let Some(zone) = &best.scores.blind_zone {
+            p {
+                "Blind zone, ground straight before the body that no beam reaches, over "
+                (counted(zone.frames() as usize, "frame")) ": " (prose(&zone.in_words())) "."
+            }
         }
         @if let Some(words) = &figures.relief { p { "Note: " (prose(words)) "." } }
         div.polar {

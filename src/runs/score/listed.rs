@@ -9,8 +9,10 @@ use crate::score::Scores;
 /// there would be nothing to look at. `ends_at_hits`: beams end at surfaces in a scene.
 pub(super) fn not_looked_closely(ends_at_hits: bool, first: Option<&Scores>) -> Option<String> {
     let things = match (ends_at_hits, first.is_some_and(|first| !first.required.is_empty())) {
-        (true, true) => "range cards, blind sectors, `self_hit` and copies within the tolerance",
-        (true, false) => "range cards, blind sectors and `self_hit`",
+        (true, true) => {
+            "range cards, blind sectors, blind zones, `self_hit` and copies within the tolerance"
+        }
+        (true, false) => "range cards, blind sectors, blind zones and `self_hit`",
         (false, true) => "copies within the tolerance",
         (false, false) => return None,
     };
@@ -28,6 +30,8 @@ pub(super) struct Listed<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     range_card: Option<()>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    blind_zone: Option<()>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     requirements_hold_in: Option<()>,
     #[serde(skip_serializing_if = "Option::is_none")]
     price: Option<f64>,
@@ -44,6 +48,7 @@ pub(super) fn listed<'a>(
     all.into_iter().enumerate().map(move |(k, scores): (usize, &'a Scores)| Listed {
         scores,
         range_card: null(ends_at_hits),
+        blind_zone: null(ends_at_hits),
         requirements_hold_in: null(!scores.required.is_empty()),
         price: prices.get(k).copied(),
     })

@@ -119,7 +119,8 @@ pub fn metres(at: &Location, value: f64) -> Checked<f64> {
 
 /// A length in metres above 0.
 pub fn length(at: &Location, value: f64) -> Checked<f64> {
-    fitting(at, value, value > 0.0 && value <= MAX_METRES, "a positive length")
+    let wanted = "a positive length; give metres, 0.5 for example";
+    fitting(at, value, value > 0.0 && value <= MAX_METRES, wanted)
 }
 
 /// So many a second, above 0.

@@ -168,6 +168,9 @@ impl Solid {
     }
 }
 
+/// End of the error of two corners of a shape without an extent between them.
+const APART: &str = "; give it an extent, `max` above `min` by 0.1 m for example";
+
 pub(crate) fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Checked<Solid> {
     let yaw = check::radians(&at.key("yaw"), b.yaw)?;
     let (center, size) = match (b.center, b.foot, b.size, b.min, b.max) {
@@ -181,7 +184,7 @@ pub(crate) fn cuboid(at: &Location, b: &BoxDescription, class: u16) -> Checked<S
             (foot + DVec3::Z * (size.z / 2.0), size)
         }
         (None, None, None, Some(min), Some(max)) => {
-            let [min, max] = check::corners(at, min, max, "")?.map(DVec3::from);
+            let [min, max] = check::corners(at, min, max, APART)?.map(DVec3::from);
             ((min + max) / 2.0, max - min)
         }
         _ => {
@@ -201,7 +204,8 @@ pub(crate) fn prism(at: &Location, p: &PrismDescription, class: u16) -> Checked<
         check::metres(&z.item(i), p.z[i])?;
     }
     if p.z[0] >= p.z[1] {
-        return Err(bad(&z, format!("{:?}", p.z), "a range [bottom, top] with bottom < top"));
+        let wanted = "a range [bottom, top] with bottom < top; raise the top";
+        return Err(bad(&z, format!("{:?}", p.z), wanted));
     }
     Ok(Solid::prism(&base, p.z, class))
 }
@@ -219,7 +223,8 @@ pub(crate) fn plane(at: &Location, p: &PlaneDescription, class: u16) -> Checked<
         check::metres(&at.key("min").item(i), p.min[i])?;
         check::metres(&at.key("max").item(i), p.max[i])?;
         if p.min[i] >= p.max[i] {
-            return Err(bad(&at.key("max").item(i), p.max[i], format!("above min ({})", p.min[i])));
+            let wanted = format!("above min ({}){APART}", p.min[i]);
+            return Err(bad(&at.key("max").item(i), p.max[i], wanted));
         }
     }
     let z = check::metres(&at.key("z"), p.z)?;
@@ -302,7 +307,8 @@ fn simple(at: &Location, base: &[[f64; 2]]) -> Checked<Vec<[f64; 2]>> {
     // Relative to the first corner, so that far-away outlines keep their digits.
     let area: f64 = (1..n - 1).map(|i| turn(base[0], base[i], base[i + 1])).sum();
     if area == 0.0 {
-        return Err(bad(at, "the outline", "a polygon with an area"));
+        let wanted = "a polygon with an area; move a corner off the line of the others";
+        return Err(bad(at, "the outline", wanted));
     }
     if area < 0.0 {
         corners.reverse();

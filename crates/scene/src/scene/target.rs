@@ -28,6 +28,11 @@ const MOST_TRIANGLES: u64 = 200_000;
 const MOST_METRES: f64 = 100.0;
 /// Reflectance of a target that states none: sensors' rated ranges hold for it.
 pub(crate) const RATED_REFLECTANCE: f64 = 0.1;
+/// Least size of a target along the two longer axes of the box around it, in metres.
+const LEAST_METRES: f64 = 1e-4;
+/// End of the error of a target that beams cannot meet.
+const NO_SIZE: &str = ": beams cannot meet a target without size; give its shapes lengths in metres, or a mesh faces with an \
+                       area and a larger `scale`";
 /// Metres by which a target may stand off its origin or the ground before a note says so.
 const OFF_CENTRE: f64 = 1e-3;
 /// Longest hits in the trees of targets, in metres.
@@ -211,7 +216,7 @@ impl Target {
         let mut soup = TriangleSoup::default();
         solid.append_to(&mut soup, &Pose::IDENTITY);
         if !solid.has_area() {
-            let wanted = "at least one shape with an area: beams cannot meet a target without size";
+            let wanted = format!("at least one shape with an area{NO_SIZE}");
             return Err(bad(&at.key("shapes"), "a list without an area", wanted));
         }
         let [low, high] = checked_corners(&at, &soup)?;
@@ -255,6 +260,14 @@ fn checked_corners(at: &Location, soup: &TriangleSoup) -> Checked<[[f64; 3]; 2]>
             "a target of at most {MOST_METRES} m; if a mesh is in millimetres, give it `\"scale\": 0.001`"
         );
         return Err(bad(&at.key("shapes"), format!("a target of {longest:.1} m"), wanted));
+    }
+    let size = (high - low).to_array();
+    let long_enough = size.iter().filter(|metres| **metres >= LEAST_METRES).count();
+    if long_enough < 2 {
+        let found =
+            format!("a target of {} m", size.map(|metres| format!("{metres:e}")).join(" × "));
+        let wanted = format!("{LEAST_METRES} m or more along two axes{NO_SIZE}");
+        return Err(bad(&at.key("shapes"), found, wanted));
     }
     if high.z < OFF_CENTRE && low.z < -OFF_CENTRE {
         let found = format!("a target whose top is at z = {:.3} m", high.z);
@@ -343,7 +356,30 @@ mod tests {
             (target(cube, r#", "reflectance": 10"#), "reflectance"),
             (target(cube, r#", "colour": 1"#), "colour"),
             (target(&many, ""), "200000"),
-            (target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 0, 1]}}"#, ""), "size"),
+            (
+                target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 0, 1]}}"#, ""),
+                "0 is not a positive length; give metres",
+            ),
+            (
+                target(r#"{"box": {"min": [0, 0, 0], "max": [1, 1, 0]}}"#, ""),
+                "box.max[2]: 0 is not above min (0); give it an extent",
+            ),
+            (
+                target(r#"{"cylinder": {"foot": [0, 0, 0], "radius": 0, "height": 1}}"#, ""),
+                "cylinder.radius: 0 is not a positive length; give metres",
+            ),
+            (
+                target(r#"{"cylinder": {"foot": [0, 0, 0], "radius": 1, "height": -1}}"#, ""),
+                "cylinder.height: -1 is not a positive length; give metres",
+            ),
+            (
+                target(r#"{"plane": {"min": [0, 0], "max": [1, 0], "z": 0}}"#, ""),
+                "plane.max[1]: 0 is not above min (0); give it an extent",
+            ),
+            (
+                target(r#"{"box": {"foot": [0, 0, 0], "size": [1, 1e-9, 1e-9]}}"#, ""),
+                "along two axes: beams cannot meet a target without size; give",
+            ),
             (target(r#"{"box": {"foot": [0, 0, 0], "size": [900, 1, 1]}}"#, ""), "millimetres"),
             (r#"{"sightline": 1, "roi": {}}"#.to_owned(), "a scene"),
         ];
@@ -368,7 +404,11 @@ mod tests {
             let line = "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n";
             std::fs::write(dir.path().join("a.obj"), line).unwrap();
             let told = target(r#"{"mesh": {"file": "a.obj"}}"#).unwrap_err();
-            assert_holds!(told, "shapes: a list without an area");
+            assert_holds!(
+                told,
+                "shapes: a list without an area",
+                "; give its shapes lengths in metres"
+            );
         }
     }
 
