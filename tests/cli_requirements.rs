@@ -281,11 +281,16 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
     street(dir.path(), json!([car([-60, 60], 0.1)]));
     write_rig(&dir, "rigs.json", "ahead", json!([{ "x": 0, "y": 0, "z": 1, "sensor": "half" }]));
     let mut scene = read_json(dir.path().join("street.json"));
-    for (z, is_told) in [(0.2, false), (1.5, true)] {
+    for (z, who) in
+        [(0.2, None), (1.5, Some("requirements and range card")), (1.6, Some("requirements"))]
+    {
         let plane = |from: i32, to: i32, z: f64| json!({ "class": "road", "plane": { "min": [from, -40], "max": [to, 40], "z": z } });
         scene["static"] = json!([plane(-40, 12, 0.0), plane(12, 60, z)]);
         write(&dir, "street.json", &scene);
-        let words = "stand on level ground, and the ground of street rises 1.5 m to 15 m at 0° in frame 0; `study targets`";
+        let words = format!(
+            "targets of {} stand on level ground, and the ground of street rises {z} m to 15 m at 0° in frame 0; `study targets`",
+            who.unwrap_or_default()
+        );
         for (command, more) in [
             ("score", ""),
             ("view", " --force --out v.html"),
@@ -296,17 +301,17 @@ fn ground_that_is_not_level_where_targets_stand_is_said() {
         ] {
             let line = format!("{command} street.json rigs.json --backend cpu{more}");
             let (_, [_, told]) = ran(&dir, &line);
-            assert_eq!(told.contains(words), is_told, "{line}: {told}");
+            assert_eq!(told.contains(&words), who.is_some(), "{line}: {told}");
         }
         let page = read_text(&dir, "v.html");
-        assert_eq!(page.contains("Note: targets of requirements stand on level ground"), is_told);
+        assert_eq!(page.contains(&format!("Note: {}", &words[..40])), who.is_some());
     }
     // A requirement that stands on the ground of the scene is no reason to doubt.
     let mut on_scene = car([-60, 60], 0.1);
     on_scene["ground"] = json!("scene");
     set_rules(&dir, json!([on_scene]));
     stderr(&dir, "score street.json rigs.json --backend cpu").says(
-        "the range card stands on the ground of street, which rises 1.5 m to 15 m at 0° in frame 0",
+        "the range card stands on the ground of street, which rises 1.6 m to 15 m at 0° in frame 0",
     );
 }
 

@@ -166,7 +166,7 @@ impl JobScene {
     }
 
     /// Site of range cards: alone on the ground of the scene in the frame in which it lies farthest from z = 0, where that is
-    /// more than 0.2 m; else [`Self::target_site`].
+    /// more than 1.5 m; else [`Self::target_site`].
     ///
     /// # Errors
     /// See [`Self::problem`].

@@ -42,9 +42,9 @@ pub(crate) fn stands_in_words(ground: Option<&CardGround>, bodies_move: bool) ->
 
 impl TargetSite {
     /// Site of a problem on the ground of its scene, with nothing else of the scene there, in the frame whose ground lies
-    /// farthest from z = 0; `None` where the ground is level to 0.2 m.
+    /// farthest from z = 0; `None` where that is 1.5 m at most.
     pub(crate) fn on_ground(scene: &Scene, problem: &Problem) -> Option<Self> {
-        let relief = Relief::of(problem, &GroundBelow::new(scene))?;
+        let relief = Relief::of(problem, &GroundBelow::new(scene)).filter(Relief::is_steep)?;
         let geometry = problem.geometry(relief.place())?;
         let is_ground = ground_triangles(scene);
         let ground = ground_alone(geometry, &is_ground);

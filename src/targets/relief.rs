@@ -6,6 +6,8 @@ use crate::problem::{Problem, spread};
 
 /// Metres by which ground may lie above or below z = 0.
 const LEVEL: f64 = 0.2;
+/// Metres by which ground lies so far from z = 0 that a car on it and one on level ground share no point, about a car's height.
+const STEEP: f64 = 1.5;
 /// Frames that are looked at, spread evenly.
 const FRAMES: u32 = 4;
 /// Bearings that are looked at, and metres between distances.
@@ -66,6 +68,11 @@ impl Relief {
             }
         }
         found
+    }
+
+    /// True where a car there stands above or below all of one on level ground: range cards then stand on the scene's.
+    pub(crate) fn is_steep(&self) -> bool {
+        self.height.abs() > STEEP
     }
 
     /// Place of its frame among the problem's frames.
