@@ -270,7 +270,21 @@ fn a_requirement_that_is_missed_is_left_out_and_the_others_are_studied() {
         assert_eq!(of["lidar"], k);
         let within = together.map(|of| &of["tolerance"]).and_then(place);
         assert!(place(&of["holds_within"]) >= within, "{both}");
+        // Beyond it a requirement breaks, which the text names; the placement misses `far` anyway.
+        assert_eq!(of["breaks"].is_null(), of["breaks_within"].is_null(), "{both}");
+        let next = place(&of["holds_within"]).map_or(0, |last| last + 1);
+        assert_eq!(
+            of["breaks_within"],
+            copies.get(next).map_or(Value::Null, |of| of["tolerance"].clone())
+        );
+        if let Some(name) = of["breaks"].as_str() {
+            assert!(name != "far" && text.contains(&format!("{name} breaks first")), "{text}");
+        }
     }
+    // CSV has the boxes, too: all together and each LiDAR, in millimetres and in degrees.
+    let (_, [csv, _]) = ran(&dir, &(args, "--format csv"));
+    assert_eq!(csv.matches(",all fields,mm,").count(), 3, "{csv}");
+    assert_eq!(csv.matches(",all fields,deg,").count(), 3, "{csv}");
     for words in [
         "all LiDARs off together by up to 5 mm and 0.5°: ",
         " % of 200 copies meet all other requirements (± ",

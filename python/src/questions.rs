@@ -328,7 +328,8 @@ impl PyScene {
     ///
     /// The `dict` has the row that `sightline study tolerance` prints. `missed` names requirements that are not met
     /// anyway, and are left out of all else. `fields` have `down` and `up`, each with `holds_to`, `breaks_at` and
-    /// `breaks`, in mm or degrees. `tilt` has its `directions`; then there are `copies` and `alone`.
+    /// `breaks`, in mm or degrees. `tilt` has its `directions`; then there are `copies` and `alone`,
+    /// whose `breaks` names the requirement that breaks first beyond `holds_within`.
     ///
     /// Fields move up to `most_mm` millimetres and `most_deg` degrees, in `steps` steps to either side. The whole
     /// vehicle tilts up to `most_tilt_deg` degrees about the point `tilt_about` `(x, y)` of the ground, metres of the ego

@@ -2,21 +2,23 @@
 
 use serde::Serialize;
 
-use super::holds::add_holds_in;
+use self::copies::{COPIES_WITHIN, alone};
 use super::sweep::SweptField;
-use super::{Job, JobError, Tolerance};
+use super::{Job, JobError};
 use crate::engine::BackendError;
 use crate::near_field::self_hits;
 use crate::problem::Problem;
 use crate::scene::Scene;
-use crate::score::{Guard, HOLDS, Scores, Seen};
-use crate::search::{Evaluator, Moved, drawn, error_of_share};
+use crate::score::{Guard, Scores, Seen};
+use crate::search::{Evaluator, Moved};
 use crate::vehicle::Placement;
+
+pub use self::copies::{RoomOfCopies, RoomOfLidar};
+
+mod copies;
 
 /// Placements that are looked at together; the caller is asked in between.
 const AT_ONCE: usize = 16;
-/// Tolerances in which copies are mounted, as multiples of the usual one.
-const COPIES_WITHIN: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 
 /// Deviations that are looked at: at equal steps to either side.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -82,27 +84,6 @@ pub struct RoomOfSide {
     /// it as it is. `None` where there is none; not looked at in tilts, where the own body turns along.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub self_hit_at: Option<f64>,
-}
-
-/// Copies whose LiDARs are all off, at random within a tolerance.
-#[derive(Debug, Clone, Serialize)]
-pub struct RoomOfCopies {
-    /// Tolerance of every LiDAR.
-    pub tolerance: Tolerance,
-    /// Share of 200 copies that meet all requirements.
-    pub holds_in: f64,
-    /// Two standard errors of the share: the copies are a draw.
-    pub error: f64,
-}
-
-/// How far all fields of one LiDAR may be off at once, the other LiDARs as they are.
-#[derive(Debug, Clone, Serialize)]
-pub struct RoomOfLidar {
-    /// Number of the LiDAR.
-    pub lidar: usize,
-    /// Largest tolerance of [`Room::copies`] within which `HOLDS` of the copies meet all requirements; `None` where fewer do
-    /// within the smallest.
-    pub holds_within: Option<Tolerance>,
 }
 
 /// Requirements that are missed as the placement is, by position: no deviation breaks them.
@@ -202,70 +183,6 @@ impl Job {
         self.add_copies((placement, &mut scores), &mut room, go_on)?;
         Ok(room)
     }
-
-    /// Adds the copies of a placement, whose `scores` are over all frames, all LiDARs off and then each alone.
-    fn add_copies(
-        &self,
-        (placement, scores): (&Placement, &mut Scores),
-        room: &mut Room,
-        go_on: &mut dyn FnMut(u64) -> bool,
-    ) -> Result<(), JobError> {
-        let (usual, mut few) = (Tolerance::default(), self.over_few_frames()?);
-        for times in COPIES_WITHIN {
-            let tolerance =
-                Tolerance { metres: times * usual.metres, radians: times * usual.radians };
-            let holds = holds_in(&mut few, (placement, scores), (tolerance, None), go_on)?;
-            let Some(holds_in) = holds else { return Ok(()) };
-            let error = error_of_share(holds_in, drawn(&scores.required, placement.lidars.len()));
-            room.copies.push(RoomOfCopies { tolerance, holds_in, error });
-            go_on(1);
-        }
-        for lidar in alone(placement) {
-            let mut share = |tolerance| {
-                holds_in(&mut few, (placement, scores), (tolerance, Some(lidar)), go_on)
-            };
-            let Some(of_lidar) = room_of_lidar(&mut share, lidar, &room.copies)? else { break };
-            room.alone.push(of_lidar);
-            go_on(1);
-        }
-        Ok(())
-    }
-}
-
-/// Share of copies that meet all requirements, with all LiDARs off by a tolerance, or one of them; `None` once `go_on` says
-/// no.
-fn holds_in(
-    few: &mut Evaluator,
-    (placement, scores): (&Placement, &mut Scores),
-    off: (Tolerance, Option<usize>),
-    go_on: &mut dyn FnMut(u64) -> bool,
-) -> Result<Option<f64>, JobError> {
-    let is_whole = add_holds_in(few, (placement, &mut *scores), off, &mut || go_on(0))?;
-    Ok(scores.requirements_hold_in.filter(|_| is_whole))
-}
-
-/// LiDARs that are also looked at alone: each of several.
-fn alone(placement: &Placement) -> std::ops::Range<usize> {
-    let lidars = placement.lidars.len();
-    if lidars > 1 { 0..lidars } else { 0..0 }
-}
-
-/// How far one LiDAR may be off in all fields at once, by halving the tolerances beyond those within which all LiDARs may be off
-/// together. `share` gives the share of copies that hold; `None` once it has none.
-fn room_of_lidar(
-    share: &mut dyn FnMut(Tolerance) -> Result<Option<f64>, JobError>,
-    lidar: usize,
-    copies: &[RoomOfCopies],
-) -> Result<Option<RoomOfLidar>, JobError> {
-    let mut holds = copies.iter().take_while(|all| all.holds_in >= HOLDS).count();
-    let mut breaks = copies.len();
-    while holds < breaks {
-        let middle = usize::midpoint(holds, breaks);
-        let Some(share) = share(copies[middle].tolerance)? else { return Ok(None) };
-        if share >= HOLDS { holds = middle + 1 } else { breaks = middle }
-    }
-    let within = holds.checked_sub(1).map(|last| copies[last].tolerance);
-    Ok(Some(RoomOfLidar { lidar, holds_within: within }))
 }
 
 /// Steps of [`Job::room_while`] for a placement: each pose field, each direction of the tilt, copies within each tolerance, and

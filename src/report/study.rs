@@ -232,10 +232,12 @@ fn copies_text(room: &Room) -> String {
     let mut text = String::new();
     for copies in &room.copies {
         let [share, error] = [copies.holds_in, copies.error].map(|share| 100.0 * share);
+        let first = copies.breaks.iter().map(|name| format!("; {name} breaks first"));
         text += &format!(
             "all LiDARs off together by up to {}: {share:.0} % of {COPIES} copies meet {all} requirements (± {error:.0}, two \
-             standard errors)\n",
-            copies.tolerance.in_words()
+             standard errors){}\n",
+            copies.tolerance.in_words(),
+            first.collect::<String>()
         );
     }
     // Fewer draws than copies count only where there are few LiDARs.
@@ -247,14 +249,18 @@ fn copies_text(room: &Room) -> String {
         );
     }
     let least = 100.0 * HOLDS;
-    for RoomOfLidar { lidar, holds_within } in &room.alone {
+    for RoomOfLidar { lidar, holds_within, breaks_within, breaks } in &room.alone {
         let smallest = || room.copies.first().map(|copies| copies.tolerance);
         let [fewer, more] =
             if holds_within.is_some() { ["", " or more"] } else { ["fewer than ", ""] };
         let within = holds_within.or_else(smallest).unwrap_or_default().in_words();
+        let next = breaks_within.filter(|_| holds_within.is_some());
+        let next = next.map(|next| format!("by up to {}, ", next.in_words())).unwrap_or_default();
+        let first = breaks.iter().map(|name| format!("; {next}{name} breaks first"));
+        let first = first.collect::<String>();
         text += &format!(
             "LiDAR {lidar} alone off in all fields by up to {within}: {fewer}{least:.0} %{more} of {COPIES} copies meet {all} \
-             requirements\n"
+             requirements{first}\n"
         );
     }
     text
@@ -291,7 +297,7 @@ pub(crate) fn room_text(all: &[Room]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::TiltedTo;
+    use crate::job::{TiltedTo, Tolerance};
 
     fn table(drawing: TablePlot) -> Table {
         let row = |name: &str, values: [Option<f64>; 2]| Row {
@@ -364,6 +370,39 @@ mod tests {
         let later = TiltedTo { side: side_of(1.0, true), ..least.clone() };
         let limit_later = "holds to 1.25°, then near breaks (rear down)\n";
         assert!(text(&later).ends_with(limit_later), "{}", text(&later));
+    }
+
+    #[test]
+    fn each_lidar_alone_names_the_requirement_that_breaks_first() {
+        let [some, next] = [0.005, 0.01].map(|metres| Tolerance { metres, radians: 0.0 });
+        let alone = |holds_within, breaks_within, breaks: Option<&str>| {
+            let breaks = breaks.map(str::to_owned);
+            RoomOfLidar { lidar: 4, holds_within, breaks_within, breaks }
+        };
+        let copies = |tolerance, holds_in, breaks: Option<&str>| {
+            let breaks = breaks.map(str::to_owned);
+            RoomOfCopies { tolerance, holds_in, error: 0.02, breaks }
+        };
+        let room = Room {
+            copies: vec![copies(some, 1.0, None), copies(next, 0.5, Some("kerb"))],
+            alone: vec![
+                alone(Some(some), Some(next), Some("tyre")),
+                alone(None, Some(some), Some("ring")),
+                alone(Some(next), None, None),
+            ],
+            ..Room::default()
+        };
+        let text = copies_text(&room);
+        let ends = [
+            "standard errors)",
+            "standard errors); kerb breaks first",
+            "requirements; by up to 10 mm and 0°, tyre breaks first",
+            "fewer than 95 % of 200 copies meet all requirements; ring breaks first",
+            "by up to 10 mm and 0°: 95 % or more of 200 copies meet all requirements",
+        ];
+        let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with('±')).collect();
+        assert_eq!(lines.len(), ends.len(), "{text}");
+        assert!(lines.iter().zip(ends).all(|(line, end)| line.ends_with(end)), "{text}");
     }
 
     #[test]

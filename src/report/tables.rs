@@ -4,10 +4,10 @@
 use super::SceneRecord;
 use super::study::lost;
 use crate::csv::{csv, number};
-use crate::job::{Room, RoomOfSide, Sweep};
+use crate::job::{Room, RoomOfSide, Sweep, Tolerance};
 use crate::json::{distinct, fixed};
 use crate::near_field::{NearField, Standard};
-use crate::score::{Guard, NEAR_GAINS, Scores, Seen, percent_down};
+use crate::score::{Guard, HOLDS, NEAR_GAINS, Scores, Seen, percent_down};
 use crate::search::Scored;
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies};
 use crate::study::{REQUIREMENTS, Table};
@@ -222,7 +222,8 @@ pub(crate) fn sweep_csv(all: &[Sweep]) -> String {
 }
 
 /// A row a field of a LiDAR: how far it holds to either side and what breaks; of a placement that misses
-/// requirements as it is, a row first that names them: the others leave them out.
+/// requirements as it is, a row first that names them: the others leave them out. Last stand the boxes of all fields at once,
+/// a row of millimetres and a row of degrees.
 pub(crate) fn room_csv(all: &[Room]) -> String {
     let mut rows = vec![header(
         "placement,lidar,field,unit,minus_holds_to,minus_breaks_at,minus_breaks,plus_holds_to,plus_breaks_at,plus_breaks,\
@@ -256,8 +257,45 @@ pub(crate) fn room_csv(all: &[Room]) -> String {
             row[9] = of.side.breaks.clone().unwrap_or_default();
             row
         }));
+        rows.extend(boxes(room).into_iter().flat_map(|(lidar, within, next, breaks)| {
+            let [within, next] =
+                [within, next].map(|of: Option<Tolerance>| of.map(|of| of.small()));
+            ["mm", "deg"].into_iter().enumerate().map(move |(k, unit)| {
+                let mut row = vec![String::new(); width];
+                row[0].clone_from(&room.placement);
+                row[1].clone_from(&lidar);
+                (row[2], row[3]) = ("all fields".to_owned(), unit.to_owned());
+                let holds = number(within.map_or(0.0, |of| of[k]));
+                let side =
+                    [holds, number(next.map(|of| of[k])), breaks.clone().unwrap_or_default()];
+                row[4..7].clone_from_slice(&side);
+                row[7..10].clone_from_slice(&side);
+                row
+            })
+        }));
     }
     csv(rows)
+}
+
+/// Boxes of a placement within which enough copies meet all: all LiDARs off together, as `all`, and each alone, by number. Each
+/// has the largest tolerance that holds, the next, and the requirement that breaks first there.
+fn boxes(room: &Room) -> Vec<(String, Option<Tolerance>, Option<Tolerance>, Option<String>)> {
+    let holds = room.copies.iter().take_while(|of| of.holds_in >= HOLDS).count();
+    let within = holds.checked_sub(1).map(|last| room.copies[last].tolerance);
+    let next = room.copies.get(holds);
+    let all = (!room.copies.is_empty()).then(|| {
+        (
+            "all".to_owned(),
+            within,
+            next.map(|of| of.tolerance),
+            next.and_then(|of| of.breaks.clone()),
+        )
+    });
+    let alone = room
+        .alone
+        .iter()
+        .map(|of| (of.lidar.to_string(), of.holds_within, of.breaks_within, of.breaks.clone()));
+    all.into_iter().chain(alone).collect()
 }
 
 /// A study's cases; of several tables all, each row with the title of its own, the columns of all beside each other.

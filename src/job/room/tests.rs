@@ -1,6 +1,8 @@
 //! Tests of `room`.
 
+use super::copies::{Held, breaks, room_of_lidar};
 use super::*;
+use crate::job::Tolerance;
 use crate::vehicle::SensorPose;
 
 #[test]
@@ -27,19 +29,37 @@ fn a_lidar_alone_is_looked_at_beyond_all_together_by_halving() {
                 tolerance: within(COPIES_WITHIN[k]),
                 holds_in: if k < together { 1.0 } else { 0.9 },
                 error: 0.1,
+                breaks: None,
             })
             .collect();
         let mut asked = 0;
         let mut share = |tolerance: Tolerance| {
             asked += 1;
             let holds = copies[..alone].iter().any(|of| of.tolerance == tolerance);
-            Ok::<_, JobError>(Some(if holds { 0.96 } else { 0.94 }))
+            let far = tolerance.metres / usual.metres;
+            let (share, breaks) =
+                if holds { (0.96, None) } else { (0.94, Some(format!("area {far}"))) };
+            Ok::<_, JobError>(Some(Held { share, breaks }))
         };
         let found = room_of_lidar(&mut share, 1, &copies).unwrap().unwrap();
         let most = alone.checked_sub(1).map(|last| copies[last].tolerance);
         assert_eq!((found.lidar, found.holds_within), (1, most), "{together} {alone}");
+        // The next tolerance, and the requirement that breaks there, whichever others were asked before.
+        let next = copies.get(alone);
+        assert_eq!(found.breaks_within, next.map(|of| of.tolerance), "{together} {alone}");
+        let breaks = next.map(|_| format!("area {}", COPIES_WITHIN[alone]));
+        assert_eq!(found.breaks, breaks, "{together} {alone}");
         assert!(asked <= 3 && (together < 6 || asked == 0), "{asked}");
     }
+}
+
+#[test]
+fn the_requirement_that_fewest_copies_meet_breaks_first() {
+    let held = |name: &str, holds_in| Seen { holds_in, ..Seen::of(name, 0.95) };
+    let all = [held("a", Some(1.0)), held("b", Some(0.7)), held("c", Some(0.7)), held("d", None)];
+    assert_eq!(breaks(0.6, &all).as_deref(), Some("b"));
+    assert_eq!(breaks(0.95, &all), None, "enough copies meet all");
+    assert_eq!(breaks(0.0, &all[3..]), None);
 }
 
 /// Level ground with a walker that comes and goes in three frames, and a vehicle that requires an area, ground and a target.
