@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `scene` | problems, searches and scores of one scene, shared by its cases |
 //! | `settings` | settings of a study, and its observer |
+//! | `lost` | scores and margins without each LiDAR |
 //! | `table` | the result, and the mean of several scenes |
 //! | `lidars`, `sensors` | number, price, model and height of LiDARs |
 //! | `regions`, `loss` | placements of one scene against each other |
@@ -11,6 +12,7 @@
 
 mod lidars;
 mod loss;
+mod lost;
 mod published;
 mod regions;
 mod scene;
@@ -23,6 +25,8 @@ use crate::job::JobScene;
 use scene::StudyScene;
 use table::Cases;
 
+pub use lost::{AfterLoss, Margin};
+pub(crate) use lost::{cells_of_losses, titles_of_losses};
 pub use regions::Subregion;
 pub use settings::{Kind, StudyError, StudySettings};
 pub(crate) use table::{REQUIREMENTS, TablePlot};

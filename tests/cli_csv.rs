@@ -52,7 +52,7 @@ impl Csv {
 }
 
 /// Two placements in a small town, and its vehicle with a requirement.
-fn town() -> TempDir {
+pub(crate) fn town() -> TempDir {
     let dir = world();
     let lidar = |y: f64, z: f64| json!({ "x": 0.1, "y": y, "z": z, "pitch": 0.05 });
     let placements = json!({ "placements": [

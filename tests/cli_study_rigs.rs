@@ -341,10 +341,38 @@ fn own_rigs_lose_each_lidar_in_turn() {
     // Without the first of two that look alike nothing changes.
     let twice = values(1);
     assert_eq!((&twice[0], &twice[5]), (&twice[2], &json!(0.0)));
+    // The scores that `score` has of the LiDARs that are left, and how far each requirement is from failing.
+    let after = &found["rows"][0]["after_loss"];
+    assert_eq!(after.list().len(), 2, "{after}");
+    write_rig(&dir, "rest.json", "rest", [lidar(std::f64::consts::PI)]);
+    let rest = &ok(&dir, "score street.json rest.json --backend cpu")["scores"][0];
+    for key in ["near_gain", "information_gain_share", "m_sog_scaled", "covered"] {
+        assert_eq!(after[0][key].number(), rest[key].number(), "{key}");
+    }
+    assert_eq!(after[0]["name"], "LiDAR 0 (mast)");
+    for (k, name) in ["ahead", "pair"].into_iter().enumerate() {
+        let margin = &after[0]["requirements"][k];
+        assert!(margin["name"].text().starts_with(name), "{margin}");
+        assert_eq!((&margin["found"], &margin["met"]), (&json!(0.0), &json!(false)));
+        assert!((margin["margin_points"].number() + 90.0).abs() < 1e-9, "{margin}");
+        assert!(after[1]["requirements"][k]["margin_points"].number() >= 0.0, "{after}");
+    }
+    let text = stdout(&dir, "study loss street.json own.json --backend cpu --out lost");
+    let lost = text.lines().find(|line| line.starts_with("  LiDAR 0 (mast)")).expect(&text);
+    assert_eq!(lost.matches("!-90.0").count(), 2, "{text}");
+    assert!(
+        text.lines()
+            .skip_while(|line| !line.starts_with("LiDAR lost"))
+            .take(9)
+            .all(|line| line.len() <= 80)
+    );
     // Every column has a name of its own, and the gain is in per cent, as the table of `score` has it.
     let table = read_text(&dir, "lost/table.csv");
     let mut titles: Vec<&str> = table.lines().next().unwrap().split(',').collect();
     let count = titles.len();
+    for title in ["LiDAR 0 lost: near gain %", "LiDAR 2 lost: ahead margin points"] {
+        assert!(titles.contains(&title), "{titles:?}");
+    }
     titles.sort_unstable();
     titles.dedup();
     assert_eq!(titles.len(), count, "{table}");

@@ -58,7 +58,8 @@ const OF_SCENE: [(&str, &str); 6] = [
 ];
 
 /// Makes the study `kind` of one scene (`transfer`: of several), as `sightline study` does, and returns its table as a `dict`:
-/// `title`, `columns`, `rows` with `name`, `values`, `placement`, `requirements_met`, `not_met`, `warning`, and `notes`.
+/// `title`, `columns`, `rows` with `name`, `values`, `placement`, `requirements_met`, `not_met`, `warning`, and `notes`; rows of
+/// `loss` have `after_loss`.
 ///
 /// `kind` is `lidars`, `cost`, `channels`, `voxels`, `random`, `tasks`, `height`, `regions`, `loss`, `weather`, `transfer` or
 /// `published`. Own rigs, `poses` with `sensors` and `phases` as for `Scene.score`, are taken by `loss`, `random`, `regions`,

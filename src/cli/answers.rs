@@ -12,13 +12,10 @@ use crate::report::tables::{
 };
 use crate::report::targets::{in_frames, targets_text};
 use crate::runs::coverage::{NearFieldRequest, TargetsRequest, near_fields, targets};
-use crate::runs::sensitivity::{
-    OverlapRequest, RedundancyFound, RedundancyRequest, RoomRequest, SweepRequest, overlap,
-    redundancy, room, sweep,
-};
+use crate::runs::sensitivity::{RoomRequest, SweepRequest, room, sweep};
+use crate::runs::sharing::{OverlapRequest, RedundancyRequest, overlap, redundancy};
 use crate::runs::{RunError, TableFormat};
 use crate::scan::conditions::under;
-use crate::shared::Redundancy;
 
 pub(super) type NearFieldArgs = Asked<NearFieldRequest, TableFormat>;
 
@@ -58,18 +55,13 @@ pub(super) fn run_targets(args: &TargetsArgs) -> Result<Exit, RunError> {
 
 pub(super) type RedundancyArgs = Asked<RedundancyRequest, TableFormat>;
 
-/// Rows of an answer, the means last.
-fn rows(found: &RedundancyFound) -> Vec<&Redundancy> {
-    found.rows.iter().chain(&found.mean).collect()
-}
-
 pub(super) fn run_redundancy(args: &RedundancyArgs) -> Result<Exit, RunError> {
     let (exit, _) = args.answer(
         redundancy,
-        |found| redundancy_csv(&rows(found)),
+        |found| redundancy_csv(&found.all()),
         |found| {
             let (beams, over, under) = (found.beams, &found.over, under(&found.conditions));
-            let (tables, at) = (redundancy_text(&rows(found)), targets_at(&found.distances));
+            let (tables, at) = (redundancy_text(&found.all()), targets_at(&found.distances));
             format!(
                 "Seen by how many LiDARs, {over}{under}\nTargets{at}, {beams} beams or more each\n\n{tables}"
             )

@@ -5,7 +5,7 @@ use super::text::{shortened, visible};
 /// Longest line of a table in characters.
 pub(crate) const WIDEST: usize = 100;
 /// Longest cell of a table in characters: two names of placements and the words between them.
-const LONGEST_CELL: usize = 140;
+pub(super) const LONGEST_CELL: usize = 140;
 /// Characters that the first column may have in a table that is too wide.
 const FIRST: usize = 32;
 /// Blanks between two columns.

@@ -15,6 +15,7 @@
 //! | `coverage` | ground near the vehicle, things by the number of LiDARs that see them, overlap of pairs |
 //! | `drawing` | a drawing as a list of shapes, written as SVG and PDF |
 //! | `handover` | the drawing of a rig in three views |
+//! | `losses` | near gain and margins of requirements without each LiDAR |
 //! | `targets` | distances at which targets are met, by bearing |
 //! | `map` | a placement on its vehicle, and the information that it gains from above |
 //! | `tables` | tables of scores and studies as CSV; gains in each of several scenes |
@@ -33,6 +34,7 @@ pub(crate) mod coverage;
 mod drawing;
 pub(crate) mod front;
 pub(crate) mod handover;
+mod losses;
 pub(crate) mod map;
 mod next_steps;
 mod page;

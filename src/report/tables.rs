@@ -10,7 +10,7 @@ use crate::near_field::{NearField, Standard};
 use crate::score::{Guard, HOLDS, NEAR_GAINS, Scores, Seen, percent_down};
 use crate::search::Scored;
 use crate::shared::{Overlap, Redundancy, SeenBy, SeenByTechnologies};
-use crate::study::{REQUIREMENTS, Table};
+use crate::study::{REQUIREMENTS, Table, cells_of_losses, titles_of_losses};
 use crate::targets::{TargetRow, TargetTable};
 
 /// Between the parts of a cell that holds several.
@@ -309,6 +309,8 @@ pub(crate) fn studies_csv(tables: &[&Table]) -> String {
     rows[0].extend(columns.iter().map(|column| (*column).clone()));
     let requires = tables.iter().any(|table| table.has_requirements());
     rows[0].extend(requires.then(|| titles(&REQUIREMENTS)).into_iter().flatten());
+    let of_losses = titles_of_losses(tables.iter().flat_map(|table| &table.rows));
+    rows[0].extend(of_losses.iter().cloned());
     for table in tables {
         rows.extend(table.rows.iter().map(|row| {
             let value = |column: &&String| {
@@ -317,7 +319,9 @@ pub(crate) fn studies_csv(tables: &[&Table]) -> String {
             };
             let start = [table.title.clone(), row.name.clone()];
             let last = requires.then(|| row.requirements()).into_iter().flatten();
-            start.into_iter().chain(columns.iter().map(value)).chain(last).collect()
+            let after_loss = cells_of_losses(row, &of_losses);
+            let values = columns.iter().map(value);
+            start.into_iter().chain(values).chain(last).chain(after_loss).collect()
         }));
     }
     csv(rows)

@@ -1,6 +1,7 @@
 //! Scores, P-SOGs and verifications as text.
 
-use super::columns::{align_columns, align_with_notes, table_text};
+use super::columns::{LONGEST_CELL, align_columns, align_with_notes, table_text};
+use super::losses::losses_text;
 use super::{RunRecord, SceneRecord, ScoreColumn, optional};
 use crate::json::{counted, fixed, spoken, trimmed};
 use crate::psog::PsogInfo;
@@ -189,7 +190,20 @@ pub(crate) fn study_text(table: &Table) -> String {
         table.rows.iter().flat_map(Row::remarks).map(|remark| format!("{remark}\n")).collect();
     let gap = if remarks.is_empty() { "" } else { "\n" };
     let notes: String = table.notes.iter().map(|note| format!("\n{note}\n")).collect();
-    align_columns(&rows) + &empty + gap + &remarks + &notes
+    let shown = align_columns(&rows);
+    let cut = cut_names(table, &shown);
+    shown + &empty + &cut + &losses_text(table) + gap + &remarks + &notes
+}
+
+/// Names that a table cuts, such as long lists of sensors, whole, a line each. Remarks have the names of their rows.
+fn cut_names(table: &Table, shown: &str) -> String {
+    let is_cut = |name: &str| {
+        name.chars().count() > LONGEST_CELL
+            || name.split_whitespace().any(|word| !shown.contains(word))
+    };
+    let unremarked = table.rows.iter().filter(|row| row.remarks().next().is_none());
+    let names = unremarked.map(|row| visible(&row.name)).filter(|name| is_cut(name));
+    names.map(|name| format!("{}: {name}\n", table.columns[0])).collect()
 }
 
 /// The poses of a placement, a line each, in metres and radians and then in millimetres and degrees; `mounts` names the
@@ -446,5 +460,30 @@ mod tests {
         // Counts beside each other are written alike, however large.
         let counts = study_text(&table(row([1_175_600.0, 794_158.0, 0.5].map(Some), &[])));
         assert_eq!(counts, "case        a       b    c\nrig   1175600  794158  0.5\n");
+    }
+
+    #[test]
+    fn a_long_list_of_sensors_is_cut_in_the_table_and_whole_below() {
+        let rows = ["near and far, ", "short"].map(|name| Row {
+            name: name.repeat(if name == "short" { 1 } else { 12 }).trim_end_matches(", ").into(),
+            values: vec![Some(1.0)],
+            ..Row::default()
+        });
+        let long = rows[0].name.clone();
+        let table = Table {
+            title: "t".into(),
+            columns: ["sensors", "price"].map(str::to_owned).to_vec(),
+            rows: rows.to_vec(),
+            notes: Vec::new(),
+            drawing: TablePlot::ByCase { columns: vec![0], y_title: "a".into(), line: false },
+        };
+        let text = study_text(&table);
+        assert!(text.contains('…') && text.ends_with(&format!("\nsensors: {long}\n")), "{text}");
+        assert!(!text.contains("sensors: short"), "{text}");
+        // The remark of a row has its name whole.
+        let mut unmet = table.clone();
+        unmet.rows[0].not_met = vec!["NOT MET: near".into()];
+        let text = study_text(&unmet);
+        assert_eq!(text.matches(&long).count(), 1, "{text}");
     }
 }

@@ -221,8 +221,8 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<bool, Ru
     let baselines: Vec<Placement> =
         baselines.into_iter().filter(|baseline| baseline != shown).collect();
     let (page, figures, is_met) = page(request, &job, &mut evaluator, shown, &baselines)?;
-    let wrote = outputs::wrote(request.figures.figures.as_deref(), figures.len(), Some(out));
-    outputs::write_figures(request.figures.figures.as_deref(), figures)?;
+    let wrote = outputs::wrote(request.figures.figures.as_deref(), (figures.len(), 0), Some(out));
+    outputs::write_figures(request.figures.figures.as_deref(), figures, None)?;
     outputs::write_text(out, &page)?;
     wrote.iter().for_each(|wrote| computing.watcher.note(wrote));
     if !is_met {

@@ -114,11 +114,11 @@ pub struct Conditions {
     pub condition: Vec<Condition>,
 }
 
-/// Figures as files.
+/// Figures and tables as files.
 #[derive(Debug, Clone, Default)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct FiguresOut {
-    /// Write each figure as an SVG file of its own into this folder, which is new or empty
+    /// Write each figure as an SVG file of its own, and the printed table as CSV, into this folder, which is new or empty
     #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub figures: Option<PathBuf>,
 }

@@ -21,6 +21,7 @@ use crate::files::Session;
 use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite, under_raised_in_words};
 use crate::report::coverage::near_field_svg;
+use crate::report::tables::{near_field_csv, targets_csv};
 use crate::report::targets::{targets_figures, targets_svg};
 use crate::scan::conditions::in_words;
 use crate::scene::{Scene, Target};
@@ -116,7 +117,8 @@ pub fn near_fields(
             (format!("near-field-{}", one.0.name), near_field_svg(outline, &[*one]))
         };
         let figures = drawn.iter().map(figure).collect();
-        drawings.write(figures, || Some(near_field_svg(outline, &drawn)), watcher)?;
+        let table = ("near-field", || near_field_csv(&all));
+        drawings.write(figures, table, || Some(near_field_svg(outline, &drawn)), watcher)?;
     } else {
         watcher.note_interrupted(drawings.file.or(drawings.folder));
     }
@@ -292,7 +294,8 @@ pub fn targets(
     }
     if watcher.goes_on() {
         let figures = targets_figures(&question, &table);
-        drawings.write(figures, || Some(targets_svg(&question, &table)), watcher)?;
+        let csv = ("targets", || targets_csv(&table));
+        drawings.write(figures, csv, || Some(targets_svg(&question, &table)), watcher)?;
     } else {
         watcher.note_interrupted(drawings.file.or(drawings.folder));
     }

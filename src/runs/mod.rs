@@ -9,11 +9,11 @@
 //! | `inputs`, `opening` | files sorted into scenes and placements, checks of placements, jobs and evaluators of them |
 //! | `run_folder` | the folder of a run in place of its files |
 //! | `parse` | parsers of numbers with units, as options have them |
-//! | `outputs` | figures and binary glTF beside an answer |
+//! | `outputs` | figures, tables and binary glTF beside an answer |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
 //! | `study`, `chart` | experiments in folders of their own, resumed |
-//! | `devices`, `coverage`, `sensitivity` | experiments of scene files |
+//! | `devices`, `coverage`, `sensitivity`, `sharing` | experiments of scene files |
 //! | `scan`, `cast` | labelled scans as data sets; every beam's hit, and the page about a placement |
 //! | `handover` | the folder of a rig for others: tables, masks, drawing, profiles |
 //! | `psog`, `rig`, `scene` | files of P-SOGs, of rigs and of scenes |
@@ -38,6 +38,7 @@ pub mod scan;
 pub mod scene;
 pub mod score;
 pub mod sensitivity;
+pub mod sharing;
 pub mod study;
 
 use computing::GRACE;

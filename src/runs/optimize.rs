@@ -19,6 +19,7 @@ use crate::files::{RunDir, Session, holds_run, read_own};
 use crate::job::{Job, JobError, JobRun, JobState, JobStep};
 use crate::problem::Content;
 use crate::report::record::peak_memory;
+use crate::report::run_tables::run_csv;
 use crate::report::words::from_here;
 use crate::report::{Figures, Looks, RunRecord, RunTimes, report_html};
 use crate::search::{
@@ -392,7 +393,8 @@ fn finish(sitting: &RunSession, outcome: &Outcome) -> Result<RunRecord, RunError
     folder.write_text("report.html", &report_html(&record, &drawings, &tolerance))?;
     record.command = whole;
     let wanted = sitting.request.figures.figures.as_deref();
-    outputs::write_figures(wanted, drawings.files(record.best.as_ref()))?;
+    let table = wanted.map(|_| ("result", run_csv(&record)));
+    outputs::write_figures(wanted, drawings.files(record.best.as_ref()), table)?;
     Ok(record)
 }
 

@@ -1,4 +1,4 @@
-//! Files that commands write beside their answer: figures as SVG, a frame as glTF.
+//! Files that commands write beside their answer: figures as SVG, tables as CSV, a frame as glTF.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,6 +13,8 @@ use crate::report::Figures;
 
 /// A figure: its name without an ending, and the SVG.
 pub(crate) type Figure = (String, String);
+/// A table: its name without an ending, and the CSV.
+pub(crate) type TableFile = (&'static str, String);
 
 /// Checks, before long work, that a folder of figures could be written; true if one is wanted.
 pub(crate) fn check_figures(folder: Option<&Path>) -> Result<bool, RunError> {
@@ -45,13 +47,18 @@ pub(super) fn write_drawings<S>(folder: &RunDir<S>, drawings: &Figures) -> Resul
     Ok(())
 }
 
-/// Writes each figure as `NAME.svg`.
-pub(crate) fn write_figures(folder: Option<&Path>, figures: Vec<Figure>) -> Result<(), RunError> {
+/// Writes each figure as `NAME.svg`, and the table that a command prints, if there is one, as `NAME.csv`.
+pub(crate) fn write_figures(
+    folder: Option<&Path>,
+    figures: Vec<Figure>,
+    table: Option<TableFile>,
+) -> Result<(), RunError> {
     let Some(folder) = folder else { return Ok(()) };
     let names = safe_names(figures.iter().map(|(name, _)| &**name));
     let named = names.into_iter().zip(figures);
-    let files = named.map(|(name, (_, svg))| (format!("{name}.svg"), svg.into_bytes()));
-    Ok(write_folder(folder, &files.collect::<Vec<_>>())?)
+    let figures = named.map(|(name, (_, svg))| (format!("{name}.svg"), svg.into_bytes()));
+    let table = table.map(|(name, csv)| (format!("{name}.csv"), csv.into_bytes()));
+    Ok(write_folder(folder, &figures.chain(table).collect::<Vec<_>>())?)
 }
 
 /// Places of a drawing, and of its figures one by one.
@@ -66,22 +73,30 @@ impl<'a> Drawings<'a> {
         Self { file: file.as_deref(), folder: folder.figures.as_deref() }
     }
 
+    /// Drawings of a command that has no file for one.
+    pub(crate) fn in_folder(folder: &'a FiguresOut) -> Self {
+        Self { file: None, folder: folder.figures.as_deref() }
+    }
+
     /// Checks, before work begins, that they can be written.
     pub(crate) fn check(self) -> Result<(), RunError> {
         self.file.map_or(Ok(()), |file| check_file(file, "svg"))?;
         check_figures(self.folder).map(drop)
     }
 
-    /// Writes the figures, and the drawing where there is one, and notes their names.
+    /// Writes the figures and the table, and the drawing where there is one, and notes their names. The table is made where
+    /// a folder is given.
     pub(crate) fn write(
         self,
         figures: Vec<Figure>,
+        (name, table): (&'static str, impl FnOnce() -> String),
         drawing: impl FnOnce() -> Option<String>,
         watcher: &dyn Watcher,
     ) -> Result<(), RunError> {
-        let wrote = wrote(self.folder, figures.len(), self.file);
+        let wrote = wrote(self.folder, (figures.len(), 1), self.file);
+        let table = self.folder.map(|_| (name, table()));
         // First, since the file may lie in their folder.
-        write_figures(self.folder, figures)?;
+        write_figures(self.folder, figures, table)?;
         if let Some(file) = self.file
             && let Some(svg) = drawing()
         {
@@ -97,10 +112,18 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RunError> {
     write_whole(path, |file| file.write_all(text.as_bytes()).map_err(RunError::io(path)))
 }
 
-/// Sentence that names what a command wrote: figures in a folder, and a drawing; `None` where nothing.
-pub(super) fn wrote(folder: Option<&Path>, figures: usize, file: Option<&Path>) -> Option<String> {
-    let folder =
-        folder.map(|folder| format!("{} in {}", counted(figures, "figure"), folder.display()));
+/// Sentence that names what a command wrote: figures and tables in a folder, and a drawing; `None` where nothing.
+pub(super) fn wrote(
+    folder: Option<&Path>,
+    (figures, tables): (usize, usize),
+    file: Option<&Path>,
+) -> Option<String> {
+    let count = match (figures, tables) {
+        (figures, 0) => counted(figures, "figure"),
+        (0, tables) => counted(tables, "table"),
+        _ => format!("{} and {}", counted(figures, "figure"), counted(tables, "table")),
+    };
+    let folder = folder.map(|folder| format!("{count} in {}", folder.display()));
     let file = file.map(|file| file.display().to_string());
     let all: Vec<String> = file.into_iter().chain(folder).collect();
     (!all.is_empty()).then(|| format!("wrote {}", all.join(", ")))
@@ -200,11 +223,12 @@ mod tests {
         assert_eq!(over(&[("a", 2), ("b", 2)]), "over 2 frames of each of 2 scenes");
         assert_eq!(over(&[("a", 2), ("b", 1)]), "over 2 frames of a, 1 frame of b");
         let [folder, file] = ["figs", "near.svg"].map(Path::new);
-        assert_eq!(wrote(None, 3, None), None);
-        assert_eq!(wrote(Some(folder), 1, None).unwrap(), "wrote 1 figure in figs");
+        assert_eq!(wrote(None, (3, 1), None), None);
+        assert_eq!(wrote(Some(folder), (1, 0), None).unwrap(), "wrote 1 figure in figs");
+        assert_eq!(wrote(Some(folder), (0, 1), None).unwrap(), "wrote 1 table in figs");
         assert_eq!(
-            wrote(Some(folder), 2, Some(file)).unwrap(),
-            "wrote near.svg, 2 figures in figs"
+            wrote(Some(folder), (2, 1), Some(file)).unwrap(),
+            "wrote near.svg, 2 figures and 1 table in figs"
         );
     }
 }

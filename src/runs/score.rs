@@ -13,9 +13,11 @@ use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, fit_alone, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
+use super::outputs::Drawings;
 use super::run_folder::with_run_scenes;
 use super::{
-    Computing, Conditions, GRACE, MountingArgs, RunError, TableFormat, Watcher, opening, outputs,
+    Computing, Conditions, FiguresOut, GRACE, MountingArgs, RunError, TableFormat, Watcher,
+    opening, outputs,
 };
 use crate::csv::csv;
 use crate::files::{
@@ -56,6 +58,11 @@ pub fn score(
     let total = placements.count()?;
     if request.draw > 0 && scenes.len() > 1 {
         return Err(RunError::Usage("--draw: takes one scene".to_owned()));
+    }
+    Drawings::in_folder(&request.figures).check()?;
+    if request.resume && request.figures.figures.is_some() {
+        let words = "--figures: needs all scores, and --resume does not read those that are known; leave one of them out";
+        return Err(RunError::Usage(words.to_owned()));
     }
     if request.resume && scenes.len() > 1 {
         return Err(RunError::Usage("--resume: takes one scene".to_owned()));
@@ -121,6 +128,8 @@ pub struct ScoreRequest {
     /// several frames, voxels covered in at least one; of several scenes DIR/SCENE/NAME.npy
     #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
     pub coverage_out: Option<PathBuf>,
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
     /// Average over this many frames, spread evenly over each scene [default: all]
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
     pub frames: Option<u32>,
@@ -147,6 +156,15 @@ fn write_out(
         Some(path) => write_whole(path, |file| print(path, file)),
         None => print(Path::new("stdout"), out),
     }
+}
+
+/// Writes the scores as CSV where a folder is given for it.
+fn write_table(
+    request: &ScoreRequest,
+    csv: impl FnOnce() -> String,
+    watcher: &dyn Watcher,
+) -> Result<(), RunError> {
+    Drawings::in_folder(&request.figures).write(Vec::new(), ("scores", csv), || None, watcher)
 }
 
 /// Says how far a batch came whose scores are not kept; `total` is 0 where it is not known.
@@ -277,6 +295,7 @@ fn score_each(
         };
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(RunError::io(path))
     })?;
+    write_table(request, || batch.csv(), computing.watcher)?;
     computing.watcher.note(&batch.pace(seconds));
     Ok(batch.judged.iter().any(|judged| meets(&judged.scores)))
 }

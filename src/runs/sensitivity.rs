@@ -4,20 +4,18 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::coverage::named;
 use super::inputs::{Files, Given, file_and_name, fit_alone, note_repeated};
 use super::opening::{LoadTimes, Loaded, no_hidden_places, vehicle_alone};
 use super::outputs::Drawings;
-use super::run_folder::{with_run, with_run_scenes};
+use super::run_folder::with_run;
 use super::{Computing, Conditions, FiguresOut, GRACE, RunError, opening, outputs};
 use crate::Note;
 use crate::files::Session;
 use crate::job::{Job, JobError, JobScene, Room, RoomSteps, Sweep, SweptField, moves_of};
 use crate::report::study::sweep_plot;
+use crate::report::tables::{room_csv, sweep_csv};
 use crate::scan::conditions::in_words;
-use crate::scene::Target;
 use crate::search::Evaluator;
-use crate::shared::{Overlap, REDUNDANCY_TARGETS, Redundancy, redundancy_question};
 use crate::vehicle::{Constraints, Placement, read_placements};
 
 /// Values that are scored at once.
@@ -130,7 +128,8 @@ pub fn sweep(request: &SweepRequest, computing: &Computing<'_>) -> Result<SweepF
     if computing.watcher.goes_on() {
         let figure = |sweep: &Sweep| (format!("sweep-{}", sweep.placement), sweep_plot(sweep));
         let figures = sweeps.iter().map(figure).collect();
-        drawings.write(figures, || sweeps.first().map(sweep_plot), computing.watcher)?;
+        let table = ("sweep", || sweep_csv(&sweeps));
+        drawings.write(figures, table, || sweeps.first().map(sweep_plot), computing.watcher)?;
     }
     Ok(SweepFound {
         over: opened.over(&scenes),
@@ -214,6 +213,8 @@ pub struct RoomRequest {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1000)))]
     pub steps: u32,
     #[cfg_attr(feature = "cli", command(flatten))]
+    pub figures: FiguresOut,
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub shared: SharedRequest,
 }
 
@@ -223,7 +224,9 @@ pub struct RoomRequest {
 /// Files that cannot be read, a vehicle that requires nothing.
 pub fn room(request: &RoomRequest, computing: &Computing<'_>) -> Result<RoomFound, RunError> {
     let _session = Session::begin();
-    let &RoomRequest { ref shared, most_mm, most_deg, most_tilt_deg, tilt_about, steps } = request;
+    let &RoomRequest { most_mm, most_deg, most_tilt_deg, tilt_about, steps, .. } = request;
+    let (shared, drawings) = (&request.shared, Drawings::in_folder(&request.figures));
+    drawings.check()?;
     let steps = RoomSteps { most_mm, most_deg, most_tilt_deg, tilt_about, steps };
     let (files, computing) = &with_run(&shared.files, computing)?;
     let (scenes, file) = Files::or_level_ground(files, computing)?;
@@ -249,6 +252,10 @@ pub fn room(request: &RoomRequest, computing: &Computing<'_>) -> Result<RoomFoun
     drop(bar);
     opened.finish(computing);
     let over = opened.over(&scenes);
+    if computing.watcher.goes_on() {
+        let table = ("tolerance", || room_csv(&rows));
+        drawings.write(Vec::new(), table, || None, computing.watcher)?;
+    }
     Ok(RoomFound { over, conditions: in_words(&shared.conditions.condition), steps, rows })
 }
 
@@ -264,160 +271,6 @@ pub struct SharedRequest {
     pub frames: Option<u32>,
     #[cfg_attr(feature = "cli", command(flatten))]
     pub conditions: Conditions,
-}
-
-/// Scenes, placements, and targets to count the LiDARs on.
-#[derive(Debug, Clone, Default)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
-pub struct RedundancyRequest {
-    /// Target: a preset, or a file { "sightline": 1, "name", "shapes", "reflectance" }; may be given several
-    /// times [default: car, adult, child, tyre]
-    #[cfg_attr(feature = "cli", arg(long = "target", value_name = "NAME|FILE"))]
-    pub targets: Vec<String>,
-    #[cfg_attr(feature = "cli", command(flatten))]
-    pub shared: SharedRequest,
-}
-
-/// Scenes and placements whose pairs are looked at.
-#[derive(Debug, Clone, Default)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
-#[cfg_attr(feature = "cli", command(mut_arg("files", |files| files.value_name("SCENE… PLACEMENTS")
-    .help("Scene files, and a file of placements with two LiDARs or more each"))))]
-pub struct OverlapRequest {
-    /// Least surface voxels that a pair must share to count, a mean over frames
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = crate::shared::LEAST_SHARED, value_parser = super::parse::at_least_one))]
-    pub least_shared: u64,
-    #[cfg_attr(feature = "cli", command(flatten))]
-    pub shared: SharedRequest,
-}
-
-/// Redundancy of placements, and the settings behind the numbers; an interrupted answer holds the first rows.
-#[derive(Debug, Serialize)]
-pub struct RedundancyFound {
-    /// Scenes and frames behind the numbers, in words.
-    #[serde(skip)]
-    pub over: String,
-    /// Least beams of a LiDAR on a target that it sees.
-    pub beams: u32,
-    /// Targets with their dimensions and where these are from.
-    pub targets: Vec<Target>,
-    /// Metres from the ego origin to the middle of a target.
-    pub distances: Vec<f64>,
-    /// Degrees counter-clockwise from straight ahead.
-    pub bearings: Vec<f64>,
-    /// Weather and faults, as they are written.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub conditions: Vec<String>,
-    /// For each scene, each placement.
-    pub rows: Vec<Redundancy>,
-    /// Means over several scenes, a row a placement; empty where there is one scene.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub mean: Vec<Redundancy>,
-}
-
-/// Overlap of placements; an interrupted answer holds the first rows.
-#[derive(Debug, Serialize)]
-pub struct OverlapFound {
-    /// Scenes and frames behind the numbers, in words.
-    #[serde(skip)]
-    pub over: String,
-    /// Weather and faults, as they are written.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub conditions: Vec<String>,
-    /// For each scene, each placement.
-    pub rows: Vec<Overlap>,
-}
-
-/// Counts the LiDARs of each placement that see voxels, ground and targets given by preset or file.
-///
-/// # Errors
-/// Files that cannot be read, an unknown target or one given twice, neither scene nor vehicle.
-pub fn redundancy(
-    RedundancyRequest { shared: request, targets }: &RedundancyRequest,
-    computing: &Computing<'_>,
-) -> Result<RedundancyFound, RunError> {
-    let _session = Session::begin();
-    let targets = match &targets[..] {
-        [] => named(&REDUNDANCY_TARGETS.map(str::to_owned), computing)?,
-        given => named(given, computing)?,
-    };
-    let question = redundancy_question(targets);
-    let (files, computing) = &with_run(&request.files, computing)?;
-    let (scenes, file) = Files::or_level_ground(files, computing)?;
-    for condition in request.conditions.condition.iter().filter(|condition| !condition.dims_light())
-    {
-        let words = "changes voxels and ground; targets are dimmed by fog, snow and rain alone";
-        computing.watcher.note(&format!("--condition {condition}: {words}"));
-    }
-    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
-    let mut rows = Vec::new();
-    let bar = opened.bar(computing);
-    for (index, scene) in opened.job.scenes().iter().enumerate() {
-        let (site, (_, engine)) = (scene.redundancy_site()?, opened.evaluator.member_mut(index));
-        if let Some(reason) = site.no_ground() {
-            computing.watcher.note(reason);
-        }
-        site.notes().iter().for_each(|note| computing.watcher.note(note));
-        if index == 0 && site.has_cones() && !request.conditions.condition.is_empty() {
-            let words =
-                "weather and faults change the sight of LiDARs; other_sensors see as in clear air";
-            computing.watcher.note(words);
-        }
-        for placement in opened.placements.iter().take_while(|_| computing.watcher.goes_on()) {
-            rows.push(site.look(engine, &question, placement)?);
-            bar.advance(1);
-        }
-    }
-    drop(bar);
-    opened.finish(computing);
-    Ok(RedundancyFound {
-        over: opened.over(&scenes),
-        beams: question.beams,
-        targets: question.targets,
-        distances: question.distances,
-        bearings: question.bearings,
-        conditions: in_words(&request.conditions.condition),
-        mean: Redundancy::means(&rows, opened.placements.len()),
-        rows,
-    })
-}
-
-/// Looks at the overlap of each placement's pairs; those of `least_shared` voxels or more count.
-///
-/// # Errors
-/// Files that cannot be read, a scene without geometry or in which beams end at nothing, a placement of one LiDAR.
-pub fn overlap(
-    OverlapRequest { shared: request, least_shared }: &OverlapRequest,
-    computing: &Computing<'_>,
-) -> Result<OverlapFound, RunError> {
-    let _session = Session::begin();
-    let (files, computing) = &with_run_scenes(&request.files, computing)?;
-    let (scenes, file) = Files::with_placements(files, computing.watcher)?;
-    for placement in read_placements(&file)? {
-        if placement.lidars.len() < 2 {
-            return Err(RunError::Usage(format!(
-                "{}: placement `{}` has one LiDAR, and overlap is between two; add a second LiDAR, or leave the \
-                 placement out",
-                file.display(),
-                placement.name
-            )));
-        }
-    }
-    let mut opened = OpenJob::new(request, &scenes, &file, computing)?;
-    let mut rows = Vec::new();
-    let bar = opened.bar(computing);
-    for (index, scene) in opened.job.scenes().iter().enumerate() {
-        let (member, engine) = opened.evaluator.member_mut(index);
-        for placement in opened.placements.iter().take_while(|_| computing.watcher.goes_on()) {
-            let (scene, problem) = (scene.scene(), member.problem());
-            rows.push(Overlap::new(scene, problem, engine, placement, *least_shared)?);
-            bar.advance(1);
-        }
-    }
-    drop(bar);
-    opened.finish(computing);
-    let over = opened.over(&scenes);
-    Ok(OverlapFound { over, conditions: in_words(&request.conditions.condition), rows })
 }
 
 /// A job over the scenes of a request with its engines, and the placements.
@@ -479,13 +332,13 @@ impl OpenJob {
         Ok(Self { job: loaded.job, evaluator, placements })
     }
 
-    fn bar<'a>(&self, computing: &Computing<'a>) -> Box<dyn super::Bar> {
+    pub(super) fn bar<'a>(&self, computing: &Computing<'a>) -> Box<dyn super::Bar> {
         let rows = self.placements.len() * self.job.scenes().len();
         computing.watcher.bar(rows as u64, Some("placements"))
     }
 
     /// Scenes of these files and frames of each, in words.
-    fn over(&self, files: &[PathBuf]) -> String {
+    pub(super) fn over(&self, files: &[PathBuf]) -> String {
         let scenes = self.job.scenes().iter().take(files.len());
         let each: Vec<(&str, usize)> =
             scenes.map(|scene| (scene.scene().name(), scene.frame_numbers().len())).collect();

@@ -214,8 +214,9 @@ fn of_scenes(
     Ok(found)
 }
 
-/// Number of the layout of rows: an interrupted study of another layout does not go on. 2: gains in per cent.
-const ROWS: u32 = 2;
+/// Number of the layout of rows: an interrupted study of another layout does not go on. 2: gains in per cent. 3: scores
+/// after each loss.
+const ROWS: u32 = 3;
 
 /// Files of a study, and the settings that decide about its numbers.
 struct Recorded {

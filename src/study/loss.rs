@@ -6,7 +6,7 @@ use sightline_cma::{Cma, CmaOptions};
 
 use super::scene::StudyScene;
 use super::table::{Cases, shown_objective};
-use super::{Row, StudyError, Table, TablePlot};
+use super::{AfterLoss, Row, StudyError, Table, TablePlot};
 use crate::job::{Loss, Losses, without};
 use crate::problem::Problem;
 use crate::score::{Objective, Scores};
@@ -107,7 +107,10 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
         values.resize(OF_VALUE.len() + most, None);
         values.extend([most_unmet.map(|count| count as f64), blind]);
         let row = Row::scored(values, rig.clone(), &losses.scores);
-        let row = Row { unmet_at: unmet_at(&losses, objective), ..row };
+        let each = losses.losses.iter();
+        let after = each.map(|of| AfterLoss::new(of.lidar, of.name.clone(), &of.scores));
+        let after_loss = after.collect();
+        let row = Row { unmet_at: unmet_at(&losses, objective), after_loss, ..row };
         looked.insert(rig.name.clone(), losses);
         Ok(row)
     })?;
@@ -198,7 +201,11 @@ fn with_losses(
     values.extend(left.iter().map(|scores| objective.value(scores)));
     let (_, factor) = shown_objective(objective);
     values.iter_mut().flatten().for_each(|value| *value *= factor);
-    Ok(Row::scored(values, placement, &all))
+    let names = scene.lidar_names(&placement);
+    let after = left.iter().zip(names).enumerate();
+    let after = after.map(|(lidar, (scores, name))| AfterLoss::new(lidar, name, scores));
+    let after_loss = after.collect();
+    Ok(Row { after_loss, ..Row::scored(values, placement, &all) })
 }
 
 /// The placement without each of its LiDARs in turn.

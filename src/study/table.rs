@@ -4,15 +4,15 @@ use std::collections::HashSet;
 
 use serde::{Deserialize, Serialize};
 
-use super::StudyError;
 use super::scene::StudyScene;
+use super::{AfterLoss, StudyError, cells_of_losses, titles_of_losses};
 use crate::csv::{csv, number};
 use crate::json::distinct;
 use crate::score::{NEAR_GAIN, Objective, Scores, Seen};
 use crate::search::Evaluator;
 use crate::vehicle::Placement;
 
-/// Last columns of a CSV file where the vehicle requires something.
+/// Columns of a CSV file behind the values where the vehicle requires something.
 pub(crate) const REQUIREMENTS: [&str; 2] = ["requirements met", "not met"];
 
 /// Notes below a table of a vehicle that requires something: where placements are searched, and where they are given.
@@ -48,6 +48,9 @@ pub struct Row {
     /// Guard that the placement violates, in words, where a study of random placements shows its value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
+    /// The placement without each of its LiDARs, in a study of losses.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub after_loss: Vec<AfterLoss>,
 }
 
 impl Row {
@@ -192,17 +195,19 @@ impl Table {
     }
 
     /// Comma-separated, the columns' titles first; missing numbers are empty. Two columns more where a vehicle requires
-    /// something: whether all is met, and the misses.
+    /// something: whether all is met, and the misses. Then come scores and margins after each loss, where LiDARs are lost.
     pub fn csv(&self) -> String {
-        let requires = self.has_requirements();
+        let (requires, of_losses) = (self.has_requirements(), titles_of_losses(&self.rows));
         let rows = self.rows.iter().map(|row| {
             let values = row.values.iter().map(|value| number(*value));
             let last = requires.then(|| row.requirements()).into_iter().flatten();
-            std::iter::once(row.name.clone()).chain(values).chain(last).collect()
+            let after_loss = cells_of_losses(row, &of_losses);
+            std::iter::once(row.name.clone()).chain(values).chain(last).chain(after_loss).collect()
         });
         let last = REQUIREMENTS.map(str::to_owned);
         let mut titles = self.columns.clone();
         titles.extend(last.into_iter().filter(|_| requires));
+        titles.extend(of_losses.iter().cloned());
         csv(std::iter::once(titles).chain(rows))
     }
 }

@@ -86,8 +86,8 @@ fn an_option_of_another_command_is_named_with_its_command() {
         ),
         ("score s.json --frame 3", "not of `score`; a similar argument exists: '--frames';"),
         (
-            "score s.json --figures f",
-            "`--figures` is an option of `optimize`, `view`, `study nearfield` and others, not of `score`; see",
+            "cast s.json --figures f",
+            "`--figures` is an option of `optimize`, `score`, `view` and others, not of `cast`; see",
         ),
         ("view s.json p.json --frames 2", "not of `view`; see"),
         (

@@ -10,7 +10,7 @@ use super::request::{Begun, OptimizeRequest, command, in_full};
 use super::{BETWEEN_CHECKPOINTS, Bars, TIMES, earlier_times, priced};
 use crate::files::{FileError, RunDir, Session, command_of as command_in};
 use crate::job::{Front, FrontObjective, FrontObjectives, FrontState, FrontStopped, Job};
-use crate::report::front::front_plot;
+use crate::report::front::{front_csv, front_plot};
 use crate::report::words::{from_here, word};
 use crate::report::{FrontRecord, front_html};
 use crate::runs::inputs::note_unpriced;
@@ -117,7 +117,8 @@ pub fn front(
     let here = command_of(begun, &job, objectives, limit, from_here);
     let page = front_html(&found, &FrontRecord { command: here, ..record.clone() });
     write(&folder, &job, (&found, &record), &page)?;
-    outputs::write_figures(figures, vec![("front".to_owned(), front_plot(&found).svg())])?;
+    let (drawn, table) = (front_plot(&found).svg(), front_csv(&found));
+    outputs::write_figures(figures, vec![("front".to_owned(), drawn)], Some(("front", table)))?;
     Ok(Some(Fronted { front: found, record, folder: folder.path().to_owned() }))
 }
 

@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use super::journal::Journal;
 use super::listed::{listed, not_looked_closely};
 use super::rigs::{RigFiles, RigReader};
-use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
+use super::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out, write_table};
 use crate::csv::csv;
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
@@ -128,6 +128,7 @@ fn scoring<'a>(
         used: HashSet::new(),
         prices: Vec::new(),
         below: String::new(),
+        table: String::new(),
         is_looked_at: false,
         at_once: FEWEST,
         is_stopped: false,
@@ -163,6 +164,8 @@ struct Scoring<'a> {
     prices: Vec<f64>,
     /// Text below the scores of few placements.
     below: String,
+    /// All scores so far as CSV, where a folder is given for it.
+    table: String,
     /// True if the placements are few enough to be looked at closely.
     is_looked_at: bool,
     /// Placements that are scored in one go.
@@ -226,6 +229,9 @@ impl Scoring<'_> {
                 write_coverage(folder, placement, covered, self.request.resume)?;
             }
         }
+        if self.request.figures.figures.is_some() {
+            self.table += &self.csv(&scores, self.count == 0);
+        }
         self.count += block.len() as u64;
         if let Some(bar) = &self.bar {
             bar.set(self.count, self.total.max(self.count));
@@ -253,6 +259,11 @@ impl Scoring<'_> {
 
     fn timings(&self) -> Value {
         timings(self.times, self.evaluator.backend().times(), self.start)
+    }
+
+    fn write_table(&mut self) -> Result<(), RunError> {
+        let table = std::mem::take(&mut self.table);
+        write_table(self.request, || table, self.watcher)
     }
 
     fn note_rate(&self) {
@@ -289,8 +300,9 @@ impl Scoring<'_> {
         }
         self.check(first)?;
         out.write_all(self.tail()?.as_bytes()).map_err(RunError::io(path))?;
-        self.note_rate();
         out.flush().map_err(RunError::io(path))?;
+        self.write_table()?;
+        self.note_rate();
         Ok(self.is_met)
     }
 
@@ -315,6 +327,7 @@ impl Scoring<'_> {
                     sync_disk(folder);
                 }
                 journal.finish(out, &head, &tail)?;
+                self.write_table()?;
                 self.note_rate();
                 Ok(self.is_met)
             }
@@ -387,14 +400,7 @@ impl Scoring<'_> {
     fn text(&self, scores: &[Scores], first: bool) -> Result<String, RunError> {
         let mut text = String::new();
         if self.request.format == TableFormat::Csv {
-            let (all, names) = (scores.iter().collect::<Vec<_>>(), requirements_of(scores));
-            let rows = rows_with_requirements(&all, &self.prices, &names);
-            return Ok(if first {
-                let titles = titles_with_requirements(&self.prices, &names);
-                csv(std::iter::once(titles).chain(rows))
-            } else {
-                csv(rows)
-            });
+            return Ok(self.csv(scores, first));
         }
         if self.request.format == TableFormat::Text {
             text += &report::scores_text(scores);
@@ -408,6 +414,14 @@ impl Scoring<'_> {
             text += &self.json(&scores, CompactFormatter)?;
         }
         Ok(text)
+    }
+
+    /// Scores of a block as CSV, the first one with titles.
+    fn csv(&self, scores: &[Scores], first: bool) -> String {
+        let (all, names) = (scores.iter().collect::<Vec<_>>(), requirements_of(scores));
+        let rows = rows_with_requirements(&all, &self.prices, &names);
+        let titles = first.then(|| titles_with_requirements(&self.prices, &names));
+        csv(titles.into_iter().chain(rows))
     }
 
     fn tail(&self) -> Result<String, RunError> {
