@@ -412,7 +412,7 @@ fn the_name_of_the_blind_zone_ahead_ends_before_the_legend() {
         let (placement, vehicle) = (path(placement), path(vehicle));
         let of = ["rig", "handover", &placement, "--vehicle", &vehicle, "--backend", "cpu"];
         ok(&dir, &[&of[..], &["--out", out]].concat());
-        read_text(&dir, &format!("{out}/drawing.svg"))
+        read_text(&dir, format!("{out}/drawing.svg"))
     };
     let svg = drawn("tests/data/van-blind.json", "benches/searches/van.json", "h");
     let (end, element) = text_at(&svg, "ahead: blind to");

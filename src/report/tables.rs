@@ -257,9 +257,8 @@ pub(crate) fn room_csv(all: &[Room]) -> String {
             row[9] = of.side.breaks.clone().unwrap_or_default();
             row
         }));
-        rows.extend(boxes(room).into_iter().flat_map(|(lidar, within, next, breaks)| {
-            let [within, next] =
-                [within, next].map(|of: Option<Tolerance>| of.map(|of| of.small()));
+        rows.extend(boxes(room).into_iter().flat_map(|(lidar, ends, breaks)| {
+            let [within, next] = ends.map(|of| of.map(|of| of.small()));
             ["mm", "deg"].into_iter().enumerate().map(move |(k, unit)| {
                 let mut row = vec![String::new(); width];
                 row[0].clone_from(&room.placement);
@@ -279,22 +278,18 @@ pub(crate) fn room_csv(all: &[Room]) -> String {
 
 /// Boxes of a placement within which enough copies meet all: all LiDARs off together, as `all`, and each alone, by number. Each
 /// has the largest tolerance that holds, the next, and the requirement that breaks first there.
-fn boxes(room: &Room) -> Vec<(String, Option<Tolerance>, Option<Tolerance>, Option<String>)> {
+fn boxes(room: &Room) -> Vec<(String, [Option<Tolerance>; 2], Option<String>)> {
     let holds = room.copies.iter().take_while(|of| of.holds_in >= HOLDS).count();
     let within = holds.checked_sub(1).map(|last| room.copies[last].tolerance);
     let next = room.copies.get(holds);
     let all = (!room.copies.is_empty()).then(|| {
-        (
-            "all".to_owned(),
-            within,
-            next.map(|of| of.tolerance),
-            next.and_then(|of| of.breaks.clone()),
-        )
+        let breaks = next.and_then(|of| of.breaks.clone());
+        ("all".to_owned(), [within, next.map(|of| of.tolerance)], breaks)
     });
     let alone = room
         .alone
         .iter()
-        .map(|of| (of.lidar.to_string(), of.holds_within, of.breaks_within, of.breaks.clone()));
+        .map(|of| (of.lidar.to_string(), [of.holds_within, of.breaks_within], of.breaks.clone()));
     all.into_iter().chain(alone).collect()
 }
 

@@ -246,6 +246,7 @@ pub(super) fn pairs(lidars: &[SensorPose]) -> Pairs {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use std::f64::consts::PI;
     use std::sync::Arc;
 
     use glam::DVec3;
@@ -298,11 +299,14 @@ pub(crate) mod tests {
     fn a_half_turn_of_a_few_digits_is_in_the_plane() {
         let straight_back = |yaw: f64| SensorPose { yaw, ..SensorPose::at(-3.0, 0.0, 2.0) };
         let side = |y: f64, yaw: f64| SensorPose { yaw, ..SensorPose::at(0.0, y, 2.0) };
-        let lidars = [straight_back(3.141_592_65), side(1.0, 1.5708), side(-1.0, -1.570_796)];
+        // π and half of it with eight, four and six digits.
+        let half = 0.5 * PI;
+        let lidars =
+            [straight_back(PI - 3.6e-9), side(1.0, half + 3.7e-6), side(-1.0, 3.3e-7 - half)];
         let wanted = Pairs { mirrored: vec![[1, 2]], in_plane: vec![0], alone: Vec::new() };
         assert_eq!(pairs(&lidars), wanted);
         assert_eq!(not_mirrored(&lidars), []);
-        assert_eq!(pairs(&[straight_back(3.1415)]).alone, [0]);
+        assert_eq!(pairs(&[straight_back(PI - 9.3e-5)]).alone, [0]);
     }
 
     #[test]
