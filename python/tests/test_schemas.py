@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+import shutil
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -120,9 +121,13 @@ def test_wrong_files_are_refused_by_the_validator_and_by_the_program(
     warnings.simplefilter("ignore")
     check, seen = validator(kind), set()
     types = keys = missing = 0
+    # The van names sensor files.
+    shutil.copytree("scenes/sensors", tmp_path / "sensors")
+    folder = tmp_path / "vehicles"
+    folder.mkdir()
     for _, name, document in (own for own in own_files() if own[0] == kind):
         # Some need files beside them.
-        if refused(kind, document, tmp_path, small):
+        if refused(kind, document, folder, small):
             continue
         for at in places(document):
             general = tuple("" if isinstance(key, int) else key for key in at)
@@ -132,16 +137,16 @@ def test_wrong_files_are_refused_by_the_validator_and_by_the_program(
             value, place = value_at(document, at), (name, at)
             if isinstance(value, dict):
                 wrong = changed({"": document}, ("", *at, "colour?"), [[]])[""]
-                assert not check.is_valid(wrong) and refused(kind, wrong, tmp_path, small), (place, "unknown key")
+                assert not check.is_valid(wrong) and refused(kind, wrong, folder, small), (place, "unknown key")
                 keys += 1
             if not at:
                 continue
             wrong = changed(document, at, [] if isinstance(value, dict) else {"colour?": 1})
-            assert not check.is_valid(wrong) and refused(kind, wrong, tmp_path, small), (place, "wrong type")
+            assert not check.is_valid(wrong) and refused(kind, wrong, folder, small), (place, "wrong type")
             types += 1
             if isinstance(at[-1], str):
                 lacking = without(document, at)
-                told = refused(kind, lacking, tmp_path, small)
+                told = refused(kind, lacking, folder, small)
                 is_required = not check.is_valid(lacking)
                 assert not is_required or told, (place, "missing key")
                 assert is_required or not re.search("missing key|the key .* is missing", told or ""), (place, told)

@@ -333,7 +333,8 @@ fn met_or_not(best: &Scored, baselines: &[Scored]) -> Markup {
     let per_cent = |share: f64| format!("{:.1}", percent_down(share));
     let rows = best.scores.required.iter().enumerate().map(|(k, seen)| {
         let mut row = vec![text(seen.title()), text(if seen.is_met() { "met" } else { "NOT MET" })];
-        let intact = seen.lost.as_ref().map(|lost| format!(" (intact {})", per_cent(lost.intact)));
+        let all = |share: f64| format!(" ({} with all LiDARs)", per_cent(share));
+        let intact = seen.lost.as_ref().map(|lost| all(lost.intact));
         let worst = seen.worst_frame.map_or(String::new(), |worst| worst.beside(seen.share));
         row.push(text(per_cent(seen.share) + &intact.unwrap_or_default() + &worst));
         // The margin is the difference of the numbers beside it.
