@@ -1,5 +1,5 @@
-//! `require` of near ground and blind zones from outside: the numbers of `study nearfield`, and what a search makes of them; range
-//! cards on ground that is not level.
+//! Requirements on near ground and blind zones, from outside: they have the numbers of `study nearfield`, and a search heeds
+//! them. Range cards on ground that is not level.
 
 use crate::cli::*;
 use crate::cli_requirements::on_slopes;

@@ -255,7 +255,7 @@ fn scores_results_and_pages_have_the_depths_of_the_study() {
     let page = read_text(&dir, "v.html");
     page.says("<p>Blind zone, ground straight before the body that no beam reaches, over ");
     page.says(&format!("ahead {ahead:.1} m, behind "));
-    // Each of several scenes has its own, and the mean has that of the first.
+    // Each scene has depths of its own; the mean over scenes has the depths of the first scene.
     let both = ok(&dir, "score yard.json yard.json two.json --backend cpu");
     for all in [&both["scenes"][1]["scores"], &both["mean"]] {
         assert_eq!(all[1]["blind_zone"], scores["scores"][1]["blind_zone"]);

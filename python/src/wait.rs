@@ -45,8 +45,8 @@ pub(crate) fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// Threads that have done their work and wait for more. None of this process ever ends, those of forks do: the C library gives a new thread what an ended one
-/// leaves, and ends the process where that thread then finds no memory for its thread-local variables.
+/// Idle threads, ready for the next call. In this process no thread ends; in a fork they do. The C
+/// library gives a new thread what an ended one leaves, and aborts where that thread finds no memory for thread-local variables.
 static IDLE: Mutex<Vec<Sender<Job>>> = Mutex::new(Vec::new());
 
 fn idle() -> MutexGuard<'static, Vec<Sender<Job>>> {

@@ -177,8 +177,17 @@ impl JobScene {
         Ok(Some(self.on_ground.get_or_init(on_ground).as_ref().unwrap_or(level)))
     }
 
-    /// Adds the depth of the blind zone on each side to scores, over few frames. Coverage `through` adds nothing, and neither
-    /// does a scene without own body or ground.
+    /// Ground near the vehicle over a few frames. `None` with coverage `through`, and without own body or ground.
+    ///
+    /// # Errors
+    /// See [`Self::problem`].
+    pub(crate) fn near_site(&self) -> Result<Option<&NearSite>, JobError> {
+        let problem = self.problem()?;
+        let site = || NearSite::new(&self.scene, &few_frames(&problem)).ok();
+        Ok(problem.ends_at_hits().then(|| self.near.get_or_init(site).as_ref()).flatten())
+    }
+
+    /// Adds the depth of the blind zone on each side to scores, over few frames; none without a [site](Self::near_site).
     ///
     /// # Errors
     /// See [`Self::problem`]; an engine that fails, a sensor that the vehicle does not have.
@@ -187,10 +196,7 @@ impl JobScene {
         memory: Option<u64>,
         all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
     ) -> Result<(), JobError> {
-        let problem = self.problem()?;
-        let site = || NearSite::new(&self.scene, &few_frames(&problem).0).ok();
-        let site = problem.ends_at_hits().then(|| self.near.get_or_init(site).as_ref()).flatten();
-        let Some(site) = site else { return Ok(()) };
+        let Some(site) = self.near_site()? else { return Ok(()) };
         let choice = EngineChoice { memory, ..EngineChoice::cpu() };
         let mut engine = open(site.problem().task(), &choice, |_| {})?.engine;
         for (placement, scores) in all {

@@ -15,12 +15,11 @@ const FEW_FRAMES: u32 = 4;
 /// Frames of it where bodies of the vehicle move: the straight trailer may be in any of them.
 const MOVING_FRAMES: u32 = 12;
 
-/// A problem over the few frames in which the near field of a result is looked at, and their number.
-pub(crate) fn few_frames(problem: &Problem) -> (Arc<Problem>, usize) {
+/// A problem over the few frames in which the near field of a result is looked at.
+pub(crate) fn few_frames(problem: &Problem) -> Arc<Problem> {
     // A P-SOG without geometry has no frame to cast into.
     let most = if bodies_move(problem) { MOVING_FRAMES } else { FEW_FRAMES };
-    let frames = spread(problem.geometry_frame_count(), Some(most));
-    (Arc::new(problem.over(&frames)), frames.len())
+    Arc::new(problem.over(&spread(problem.geometry_frame_count(), Some(most))))
 }
 
 /// Depth of the blind zone of a placement on each side.

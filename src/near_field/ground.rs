@@ -22,6 +22,10 @@ use crate::maths;
 use crate::problem::{Frame, Instance, SensorBatch};
 use crate::vehicle::{BeamTable, FARTHEST_GROUND};
 
+/// Metres from a cell's centre, counted level, within which a hit sees it.
+pub(crate) const CLOSE: f64 = 0.5;
+/// Longest side of a body in metres.
+pub(super) const MOST_BODY: f64 = 50.0;
 /// Edge of a cell in metres.
 pub(crate) const CELL: f64 = 0.25;
 /// Metres around the own body that the near field reaches.

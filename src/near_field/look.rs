@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::ground::{Cell, CellGrid};
+use super::ground::{CLOSE, Cell, CellGrid, MOST_BODY};
 use super::zone::BlindZone;
 use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, WheelPlane, ground};
 use crate::bvh::Hit;
@@ -16,11 +16,6 @@ use crate::problem::{Frame, Instance, Problem, SensorBatch, ground_triangles};
 use crate::scene::{Ground, Scene};
 use crate::score::{Scores, WorstFrame};
 use crate::vehicle::{BeamTable, Placement, SensorPose};
-
-/// Metres from a cell's centre, counted level, within which a hit sees it.
-pub(crate) const CLOSE: f64 = 0.5;
-/// Longest side of a body in metres.
-pub(super) const MOST_BODY: f64 = 50.0;
 
 /// Near field of a scene, as far as it is the same for every placement.
 #[derive(Debug)]

@@ -49,9 +49,9 @@ pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, mounts_into_body, 
 pub(crate) use self::body::{WheelPlane, under_raised_in_words};
 pub use depths::BlindDepths;
 pub(crate) use depths::few_frames;
-pub(crate) use ground::{CELL, NEAR, Pole, RING, Standard};
-pub(crate) use look::{CLOSE, bodies_move, body_poses, outline, place, returned_hits};
+pub(crate) use ground::{CELL, CLOSE, NEAR, Pole, RING, Standard};
 pub use look::{NearField, NearSite};
+pub(crate) use look::{bodies_move, body_poses, outline, place, returned_hits};
 pub(crate) use required::{RequiredGround, least_metres};
 pub use zone::NearFieldError;
 

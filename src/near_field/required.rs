@@ -6,8 +6,9 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::ground::{CLOSE, MOST_BODY};
 use super::ground::{Cell, CellGrid};
-use super::look::{CLOSE, MOST_BODY, NearSite};
+use super::look::NearSite;
 use super::zone::{kept_depth, lane_before};
 use super::{CELL, Footprint, NEAR};
 use crate::bvh::Hit;

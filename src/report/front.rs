@@ -251,8 +251,8 @@ fn third_drawn(front: &Front) -> Option<(impl Fn(&FrontPoint) -> f64, [Series; 2
     (most > least).then_some((size, keys))
 }
 
-/// Draws the first two objectives against each other; the third is the size of the points, and stands beside those that are
-/// picked. Baselines are diamonds with their names.
+/// Chart of the first two objectives. A third one is the size of the points, and its value stands beside each pick. Baselines are
+/// diamonds with their names.
 pub(crate) fn front_plot(front: &Front) -> Plot {
     let all = front.objectives.all();
     let scale = |objective: &FrontObjective, value: f64| match objective {

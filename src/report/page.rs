@@ -307,12 +307,10 @@ impl Looks {
 /// See [`Job::problem`]; an engine that fails.
 pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord>, JobError> {
     let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
-    let problem = job.problem()?;
-    let (few, frames) = few_frames(&problem);
-    let Ok(site) = NearSite::new(job.scene(), &few) else { return Ok(None) };
-    let mut engine = open(few.task(), &choice, |_| {})?.engine;
+    let Some(site) = job.scenes()[0].near_site()? else { return Ok(None) };
+    let mut engine = open(site.problem().task(), &choice, |_| {})?.engine;
     let near = site.look(&mut *engine, placement)?;
-    Ok(Some(NearRecord { frames, near, rival: None }))
+    Ok(Some(NearRecord { frames: near.frames as usize, near, rival: None }))
 }
 
 /// Near fields of placements over a few frames of a scene, and the LiDARs of the first one against each other.
@@ -323,7 +321,8 @@ fn near<'a>(
     placements: impl Iterator<Item = &'a Placement> + Clone,
 ) -> Result<(Result<Near, String>, Several), JobError> {
     let scene = &**of.scene();
-    let (few, frames) = few_frames(problem);
+    let few = few_frames(problem);
+    let frames = few.geometry_frame_count();
     let mut engine = open(few.task(), choice, |_| {})?.engine;
     let mut several = Several::default();
     let has_others = !scene.vehicle().other_sensors.is_empty();

@@ -112,7 +112,7 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), RunError> {
     write_whole(path, |file| file.write_all(text.as_bytes()).map_err(RunError::io(path)))
 }
 
-/// Sentence that names what a command wrote: figures and tables in a folder, and a drawing; `None` where nothing.
+/// Sentence on the files that a command wrote: figures and tables in a folder, and a drawing. `None` if it wrote none.
 pub(super) fn wrote(
     folder: Option<&Path>,
     (figures, tables): (usize, usize),

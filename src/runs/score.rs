@@ -13,7 +13,6 @@ use serde_json::{Value, json};
 
 use super::inputs::{Files, Given, fit_alone, note_unpriced};
 use super::opening::{LoadTimes, Loaded, timings};
-use super::outputs::Drawings;
 use super::run_folder::with_run_scenes;
 use super::{
     Computing, Conditions, FiguresOut, GRACE, MountingArgs, RunError, TableFormat, Watcher,
@@ -59,7 +58,7 @@ pub fn score(
     if request.draw > 0 && scenes.len() > 1 {
         return Err(RunError::Usage("--draw: takes one scene".to_owned()));
     }
-    Drawings::in_folder(&request.figures).check()?;
+    outputs::Drawings::in_folder(&request.figures).check()?;
     if request.resume && request.figures.figures.is_some() {
         let words = "--figures: needs all scores, and --resume does not read those that are known; leave one of them out";
         return Err(RunError::Usage(words.to_owned()));
@@ -164,7 +163,12 @@ fn write_table(
     csv: impl FnOnce() -> String,
     watcher: &dyn Watcher,
 ) -> Result<(), RunError> {
-    Drawings::in_folder(&request.figures).write(Vec::new(), ("scores", csv), || None, watcher)
+    outputs::Drawings::in_folder(&request.figures).write(
+        Vec::new(),
+        ("scores", csv),
+        || None,
+        watcher,
+    )
 }
 
 /// Says how far a batch came whose scores are not kept; `total` is 0 where it is not known.

@@ -149,7 +149,7 @@ pub fn redundancy(
     Ok(found)
 }
 
-/// Looks at the overlap of each placement's pairs; those of `least_shared` voxels or more count.
+/// Overlap of the LiDARs of each placement, pair by pair. A pair counts if it shares `least_shared` voxels or more.
 ///
 /// # Errors
 /// Files that cannot be read, a scene without geometry or in which beams end at nothing, a placement of one LiDAR.

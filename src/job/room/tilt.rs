@@ -75,8 +75,8 @@ fn tilted(placement: &Placement, turn: &Pose) -> Placement {
 }
 
 impl Job {
-    /// How far a placement may tilt towards each direction, given with its requirements as it is and the numbers of those that
-    /// it misses; `None` once `go_on` says no.
+    /// Largest tilt towards each direction. Takes the placement, its requirements as it stands, and the numbers of requirements
+    /// that it misses. `None` once `go_on` says no.
     pub(super) fn room_of_tilt(
         &self,
         (placement, required, missed): (&Placement, &[Seen], &[usize]),
