@@ -154,10 +154,11 @@ fn left_out(found: &Found, vehicle: &Vehicle, budget: Option<f64>) -> Vec<Note> 
 
 /// Doubts about the end of a search: requirements that no equipment reaches, and requirements that the result misses.
 fn doubts_about(found: &Found) -> Vec<Note> {
-    let beyond = found.equipped.iter().flat_map(|equipped| &equipped.out_of_reach);
+    let best = found.outcome.best.as_ref();
+    let required = best.map_or(&[][..], |best| &best.scores.required);
+    let beyond = found.equipped.iter().flat_map(|equipped| equipped.beyond_reach(required));
     let beyond = beyond.map(|words| format!("OUT OF REACH: {words}"));
-    let required = found.outcome.best.iter().flat_map(|best| &best.scores.required);
-    let missed = required.filter(|seen| seen.share < seen.least).map(ToString::to_string);
+    let missed = required.iter().filter(|seen| seen.share < seen.least).map(ToString::to_string);
     beyond.chain(missed).map(Note::doubt).collect()
 }
 
@@ -410,8 +411,7 @@ fn result_object<'py>(
     let Found { outcome, suite, settings, equipment, equipped, equipping } = found;
     let mut settled = json!(settings);
     if let Some(equipped) = equipped {
-        settled["equipped"] = json!(equipped);
-        settled["equipped"]["open_mounts"] = json!(equipped.open_mounts(vehicle));
+        settled["equipped"] = equipped.record(vehicle);
     }
     let scene = suite.members().first().map_or("", |member| member.name());
     let (times, equip) = (&outcome.times, equipping.as_secs_f64());

@@ -10,11 +10,16 @@ use crate::study::{AfterLoss, Margin, Table};
 /// Requirements beside each other in a table of 80 columns.
 const BESIDE: usize = 5;
 
-/// Percentage points, rounded down: a requirement that is not met never reads as one that is.
+/// A share found less the share required in percentage points with their sign, rounded down: a requirement that is not
+/// met never reads as one that is.
+pub(super) fn margin_points(found: f64, required: f64) -> String {
+    let points = percent_down(found - required);
+    format!("{}{}", if points > 0.0 { "+" } else { "" }, fixed(points, 1))
+}
+
 fn points(of: &Margin) -> String {
-    let points = percent_down(of.found - of.required);
     let mark = if of.met { "" } else { "!" };
-    format!("{mark}{}{}", if points > 0.0 { "+" } else { "" }, fixed(points, 1))
+    format!("{mark}{}", margin_points(of.found, of.required))
 }
 
 /// Near gain without each LiDAR of each placement, with the margins of all requirements; empty where no LiDAR is lost.

@@ -5,7 +5,8 @@ use serde_json::Value;
 
 use super::RunRecord;
 use crate::csv::rounded;
-use crate::search::{OpenMount, PLAIN, Scored};
+use crate::score::Seen;
+use crate::search::{OpenMount, PLAIN, Scored, is_about};
 
 /// Mounts with room that are named.
 const MOST_MOUNTS: usize = 4;
@@ -35,8 +36,7 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
     let is_cut = cut.is_some();
     let mut steps: Vec<String> = cut.into_iter().collect();
     let required = run.best.iter().flat_map(|best| &best.scores.required);
-    let unmet: Vec<String> =
-        required.filter(|seen| !seen.is_met()).map(|seen| format!("{}: ", seen.name)).collect();
+    let unmet: Vec<&Seen> = required.filter(|seen| !seen.is_met()).collect();
     if unmet.is_empty() {
         let best = run.best.as_ref();
         steps.extend(best.and_then(|best| firmer_in_words(best, run.seed)));
@@ -45,7 +45,7 @@ pub(crate) fn next_in_words(run: &RunRecord) -> Vec<String> {
     }
     let beyond = beyond_reach(&run.settings, &unmet);
     steps.extend(beyond.iter().map(|words| format!("Out of reach: {words}.")));
-    let is_beyond = |name: &String| beyond.iter().any(|words| words.starts_with(name));
+    let is_beyond = |seen: &&Seen| beyond.iter().any(|words| is_about(words, seen));
     if !unmet.iter().all(is_beyond) {
         let room = |names_mounts| room_in_words(&run.settings, names_mounts).filter(|_| !is_cut);
         let budget =
@@ -90,12 +90,17 @@ fn poses_in_words(best: &Scored, [searched, scored]: [usize; 2]) -> String {
     }
 }
 
-/// Sentences of the choice of sensors on requirements out of reach that begin with an unmet name. The choice looks at few
-/// poses: the search may meet what none of these does.
-fn beyond_reach<'a>(settings: &'a Value, unmet: &[String]) -> Vec<&'a str> {
-    let is_unmet = |words: &&str| unmet.iter().any(|name| words.starts_with(name));
-    let all = settings["equipped"]["out_of_reach"].as_array();
-    all.into_iter().flatten().filter_map(Value::as_str).filter(is_unmet).collect()
+/// Sentences of the choice of sensors on requirements out of reach that are not met. The choice looks at few poses: where the
+/// search saw more than all of these together, the bound says nothing.
+fn beyond_reach<'a>(settings: &'a Value, unmet: &[&Seen]) -> Vec<&'a str> {
+    let [all, ceilings] =
+        ["out_of_reach", "ceilings"].map(|key| settings["equipped"][key].as_array());
+    let all = all.into_iter().flatten().filter_map(Value::as_str).enumerate();
+    let is_unmet = |(k, words): &(usize, &str)| {
+        let ceiling = ceilings.and_then(|all| all.get(*k)?.as_f64()).unwrap_or(1.0);
+        unmet.iter().any(|seen| is_about(words, seen) && seen.share <= ceiling)
+    };
+    all.filter(is_unmet).map(|(_, words)| words).collect()
 }
 
 /// Advice where requirements hold on paper only; `None` elsewhere.
@@ -136,10 +141,15 @@ fn fewer_in_words(best: &Scored, baselines: &[Scored], settings: &Value) -> Opti
     Some(format!("`{PLAIN}` meets all requirements, too; `--fewest` looks for fewer sensors."))
 }
 
-/// Advice to spend more; none where what is left pays for a LiDAR on a mount with room.
+/// Advice to spend more; none where what is left pays for a LiDAR on a mount with room, or all mounts are full and the budget
+/// pays for their dearest models.
 fn dearer(settings: &Value, room: Option<&str>) -> String {
     let has_room = room.is_some_and(|words| words.contains(MOUNTS_WITH_ROOM));
-    let budget = settings["budget"].as_f64().filter(|_| !has_room);
+    let equipped = &settings["equipped"];
+    let is_full = equipped["open_mounts"].as_array().is_some_and(Vec::is_empty);
+    let dearest = equipped["dearest"].as_f64().filter(|_| is_full);
+    let is_of_use = |budget: &f64| dearest.is_none_or(|dearest| dearest > *budget);
+    let budget = settings["budget"].as_f64().filter(|_| !has_room).filter(is_of_use);
     budget.map_or(String::new(), |budget| format!("a --budget above {budget}, "))
 }
 
@@ -207,7 +217,7 @@ mod tests {
 
     use super::*;
     use crate::report::words::tests::planted;
-    use crate::score::{Seen, WorstFrame};
+    use crate::score::WorstFrame;
     use crate::vehicle::SensorPose;
 
     #[test]
@@ -262,10 +272,18 @@ mod tests {
     #[test]
     fn only_unmet_requirements_are_out_of_reach() {
         let said = ["child: at most 0.0 % seen", "child, one LiDAR lost: at most 20.0 % seen"];
-        let settings = json!({ "equipped": { "out_of_reach": said } });
-        let beyond = |unmet: &str| beyond_reach(&settings, &[format!("{unmet}: ")]);
-        assert_eq!(beyond("child"), [said[0]]);
-        assert!(beyond("tyre").is_empty());
+        let settings = json!({ "equipped": { "out_of_reach": said, "ceilings": [0.2, 0.2] } });
+        let beyond = |unmet: &str, share: f64| {
+            let seen = Seen::of(unmet, share);
+            beyond_reach(&settings, &[&seen])
+                .iter()
+                .map(|&words| words.to_owned())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(beyond("child", 0.2), [said[0]]);
+        assert!(beyond("tyre", 0.2).is_empty());
+        // The search saw more than all poses of the choice.
+        assert!(beyond("child", 0.21).is_empty());
     }
 
     #[test]
@@ -320,5 +338,12 @@ mod tests {
         let full = json!({ "budget": 9100, "equipped": { "cost": 9100.0, "open_mounts": [] } });
         assert_eq!(room_in_words(&full, true), None);
         assert_eq!(room_in_words(&json!({}), true), None);
+        // Money cannot help where the dearest models fit in the budget.
+        let dearest = |price: f64| {
+            let equipped = json!({ "cost": 800.0, "open_mounts": [], "dearest": price });
+            dearer(&json!({ "budget": 1000, "equipped": equipped }), None)
+        };
+        assert_eq!(dearest(1000.0), "");
+        assert_eq!(dearest(1000.5), "a --budget above 1000, ");
     }
 }

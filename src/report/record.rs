@@ -396,7 +396,10 @@ fn best_text(best: &Scored, record: &RunRecord) -> String {
         text += &format!("  {bound}\n");
     }
     if !record.constraints.is_empty() {
-        text += &format!("\nrules kept: {}\n", rule_lines(&record.constraints).join("\n  "));
+        text += &format!(
+            "\nrules of the mounts kept: {}\n",
+            rule_lines(&record.constraints).join("\n  ")
+        );
     }
     text += &format!("\nfound by: {}\n", methods_in_words(record));
     if let Some(climbs) = climbs_in_words(record) {

@@ -13,7 +13,7 @@ use super::warnings::{Blind, blind_in_words, kinds_beside, unseen_in_words};
 use crate::csv::rounded;
 use crate::json::counted;
 use crate::score::{Guard, HOLDS, NEAR_GAIN, Objective, lidar_name, percent_down};
-use crate::search::{COPIES, Certificate, Climbs, PLAIN, Scored, Tolerance};
+use crate::search::{COPIES, Certificate, Climbs, LAYOUT_GIVEN, PLAIN, Scored, Tolerance};
 
 /// The result of a run against the best baselines, by the objective and by information gain.
 ///
@@ -42,6 +42,10 @@ pub(crate) fn run_verdict(run: &RunRecord) -> String {
 
 /// Unmet requirements that a verdict tells with share and places; of more it has the names, and the rest stands below.
 const MOST_LACKING: usize = 2;
+
+/// Sentence without its full stop where every entropy is 0.
+const NO_INFORMATION: &str = "NO INFORMATION: no voxel of the scene changes between its frames, so that a near gain counts \
+                              near ground alone";
 
 /// Parts of a verdict that only a run has; either may be empty.
 #[derive(Default)]
@@ -104,17 +108,18 @@ fn judged_at(
     if required.is_empty() && !frames.is_empty() {
         against += &format!("; all this{frames}");
     }
-    let share = best.scores.segmentation.information_gain_share.map_or(String::new(), |share| {
-        let held = match best.by_scene.len() {
-            0 => "the scene holds",
-            _ => "the scenes hold, a mean over them",
-        };
+    let held = match best.by_scene.len() {
+        0 => "the scene holds",
+        _ => "the scenes hold, a mean over them",
+    };
+    let gained = best.scores.segmentation.information_gain_share;
+    let share = gained.map_or(format!(" {NO_INFORMATION}."), |share| {
         format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
     let (below, blind) = (below_in_words(best), blind_in_words(best));
     let list: String = blind.list.iter().chain(&near.list).map(|of| format!("\n{of}")).collect();
     let blind = format!("{}{}", blind.sentence, near.sentence);
-    let warnings = warnings_in_words(best, !blind.is_empty());
+    let warnings = warnings_in_words(best, !blind.is_empty() || gained.is_none());
     format!("{below}{required}{blind}{against}{last}.{share}{warnings}{list}")
 }
 
@@ -132,16 +137,20 @@ fn below_in_words(best: &Scored) -> String {
 fn alone_in_words(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
     // A requirement that it misses tells more than a guard, which may stand against the result, too.
     let reason = |b: &Scored| {
-        let lacking = b.scores.required.iter().find(|seen| !seen.is_met()).map(ToString::to_string);
-        lacking.or_else(|| b.reasons().into_iter().next())
+        let unmet = b.scores.required.iter().filter(|seen| !seen.is_met());
+        let unmet: Vec<&str> = unmet.map(|seen| &*seen.name).collect();
+        match unmet[..] {
+            [] => Some(format!("{}: {}", b.placement.name, b.reasons().into_iter().next()?)),
+            _ => Some(format!("{} misses {}", b.placement.name, unmet.join("; "))),
+        }
     };
-    let first = baselines.iter().find_map(|b| Some((&b.placement.name, reason(b)?)));
+    let first = baselines.iter().find_map(reason);
     let why = match first {
         None if baselines.is_empty() => "there is no baseline to compare it with".to_owned(),
         None => format!("{objective} has no value for any baseline"),
-        Some((name, reason)) => format!(
-            "no baseline keeps every rule and requirement without a warning ({name}: {reason})"
-        ),
+        Some(reason) => {
+            format!("no baseline keeps every rule and requirement without a warning ({reason})")
+        }
     };
     let allowed = baselines.iter().filter(|of| of.violations.is_empty());
     let least = allowed.min_by(|a, b| a.scores.missing().total_cmp(&b.scores.missing()));
@@ -212,7 +221,9 @@ fn warnings_in_words(best: &Scored, is_blind: bool) -> String {
         },
         [one] => format!(" Warning: {one}."),
         [first, ..] => {
-            format!(" {}, the first: {first}.", counted(warnings.len(), "warning"))
+            let with =
+                if best.scores.missing() > 0.0 { " with the unmet requirements" } else { "" };
+            format!(" {}{with}, the first: {first}.", counted(warnings.len(), "warning"))
         }
     }
 }
@@ -229,8 +240,10 @@ fn untold_in_words(best: &Scored) -> String {
     let lost = "less than 1 % of the information is lost, so that";
     let idle = match idle.len() {
         0 => None,
-        1 => Some(format!("with LiDAR {numbers} {lost} it could be left out")),
-        _ => Some(format!("with any one of LiDARs {numbers} {lost} that one could be left out")),
+        1 => Some(format!("without LiDAR {numbers} {lost} it could be left out")),
+        _ => Some(format!(
+            "without any one of LiDARs {numbers} {lost} one of them could be left out"
+        )),
     };
     [broken, idle].into_iter().flatten().collect::<Vec<_>>().join(", and ")
 }
@@ -441,7 +454,9 @@ pub(crate) fn methods_in_words(run: &RunRecord) -> String {
             (true, false) => " (the result)".to_owned(),
             (false, _) => String::new(),
         };
-        format!("{} reached {value}{met}, {} poses cast{won}", m.method, m.poses_cast)
+        // Files have the shorter name.
+        let of = if m.method == LAYOUT_GIVEN { "a baseline or start as given" } else { m.method };
+        format!("{of} reached {value}{met}, {} poses cast{won}", m.poses_cast)
     });
     each.collect::<Vec<_>>().join("; ")
 }
@@ -468,8 +483,9 @@ pub(crate) fn bound_in_words(certificate: &Certificate, best: &Scored) -> String
     let is_chosen = best.placement.lidars.iter().any(|lidar| !lidar.sensor.is_none());
     let Some(gain) = &certificate.gain else { return certificate.gain_says.clone() };
     let heeds = gain.heeds.is_some();
+    let says_so = certificate.gain_says.contains("with these sensors on their mounts");
     let words = [
-        (is_chosen, ", with these sensors on their mounts"),
+        (is_chosen && !says_so, ", with these sensors on their mounts"),
         (!heeds && !best.scores.required.is_empty(), ", whether it meets requirements or not"),
         (heeds && best.scores.missing() > 0.0, "; the result misses requirements"),
     ];

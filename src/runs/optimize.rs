@@ -428,8 +428,7 @@ fn settings_json(sitting: &RunSession, settings: &Settings, left_out: &[LeftOut]
     }
     if let Some(equipped) = sitting.run.equipped() {
         all["budget"] = json!(begun.files.budget);
-        all["equipped"] = json!(equipped);
-        all["equipped"]["open_mounts"] = json!(equipped.open_mounts(vehicle));
+        all["equipped"] = equipped.record(vehicle);
     }
     all
 }

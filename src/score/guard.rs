@@ -173,7 +173,7 @@ impl std::fmt::Display for Guard {
             ),
             Self::RedundantLidar { lidar, share } => write!(
                 f,
-                "redundant_lidar: with LiDAR {lidar} only {:.2} % of the information is lost, less than \
+                "redundant_lidar: without LiDAR {lidar} only {:.2} % of the information is lost, less than \
                  {:.0} %",
                 // Rounded down, so that it reads as less.
                 (1e4 * share).floor() / 100.0,

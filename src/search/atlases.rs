@@ -134,7 +134,7 @@ impl Atlases {
     /// Requirements that no rig meets whose poses are among those held, in words: areas, then rules on targets, ground and
     /// overlap. `mounts` says for each mount the fewest and most sensors that it holds and the numbers of its poses. See
     /// [`Sight::out_of_reach`].
-    pub(super) fn out_of_reach(&self, mounts: &[([usize; 2], Vec<u32>)]) -> Vec<String> {
+    pub(super) fn out_of_reach(&self, mounts: &[([usize; 2], Vec<u32>)]) -> Vec<OutOfReach> {
         let used = mounts.iter().filter(|([_, most], _)| *most > 0);
         let poses: Vec<u32> = used.flat_map(|(_, poses)| poses).copied().collect();
         let mut all = self.areas_out_of_reach(&poses);
@@ -153,8 +153,8 @@ impl Atlases {
         let in_words = |rule: OutOfReach| {
             let full = if rule.beams.is_some() { "every mount full, " } else { "" };
             match rule.is_measured {
-                true => format!("{} ({full}{over})", rule.words),
-                false => rule.words,
+                true => OutOfReach { words: format!("{} ({full}{over})", rule.words), ..rule },
+                false => rule,
             }
         };
         all.extend(sight.out_of_reach(&mounts).into_iter().map(in_words));
@@ -185,12 +185,12 @@ impl Atlases {
     }
 
     /// Areas that all these poses together see too little of, in words.
-    fn areas_out_of_reach(&self, poses: &[u32]) -> Vec<String> {
+    fn areas_out_of_reach(&self, poses: &[u32]) -> Vec<OutOfReach> {
         let areas = self.areas().zip(self.area_shares(poses));
         let beyond = areas.filter(|(required, share)| *share < required.share);
         let frames: usize = self.each.iter().map(|atlas| atlas.problem().frame_count()).sum();
         let in_words = |(required, share): (&Requirement, f64)| {
-            format!(
+            let words = format!(
                 "{}: even a LiDAR at every pose looked at on each mount leaves it {:.1} % {SEEN}, {:.1} % required; lower `share`, move \
                  the box, add or widen mounts, or take other sensors (measured over {} poses of a grid over the mounts and {frames} \
                  frames)",
@@ -198,7 +198,8 @@ impl Atlases {
                 percent_down(share),
                 percent_up(required.share),
                 poses.len()
-            )
+            );
+            OutOfReach { words, beams: None, share, is_measured: true }
         };
         beyond.map(in_words).collect()
     }

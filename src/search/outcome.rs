@@ -111,6 +111,9 @@ impl Scored {
     }
 }
 
+/// Method of a baseline or a start that is better than all that was found.
+pub(crate) const LAYOUT_GIVEN: &str = "layout given";
+
 /// Result of one search method.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MethodRecord {

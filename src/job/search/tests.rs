@@ -6,7 +6,8 @@ fn found(sensors: usize, cost: f64, missing: f64) -> Equipped {
     let placement = Placement { name: "x".to_owned(), lidars: vec![] };
     let equipment = vec![(0, crate::vehicle::SensorName::NONE); sensors];
     let (value, out_of_reach, is_cut) = (0.0, Vec::new(), false);
-    Equipped { equipment, placement, cost, value, missing, out_of_reach, is_cut }
+    let ceilings = Vec::new();
+    Equipped { equipment, placement, cost, value, missing, out_of_reach, ceilings, is_cut }
 }
 
 #[test]

@@ -8,11 +8,12 @@ use crate::job::Loss;
 use crate::json::{counted, fixed};
 use crate::report::ScoreColumn;
 use crate::report::coverage::{redundancy_rows, technology_rows};
+use crate::report::losses::margin_points;
 use crate::report::svg::trimmed;
 use crate::report::targets::{
     overlap_in_words, range_card_rows, range_card_svgs, reach_in_words, sizes_in_words,
 };
-use crate::score::percent_down;
+use crate::score::{Scores, Seen, percent_down};
 
 /// Distances of detection, and the sectors in which the result is blind.
 pub(super) fn range_card(subject: &Subject<'_>, figures: &Figures) -> Markup {
@@ -131,18 +132,25 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let row = |loss: &Loss| {
         let blind = loss.blind_degrees().map_or("–".into(), |degrees| fixed(degrees, 0));
         let mut row = vec![text(&loss.name), text(column.cell(&loss.scores))];
-        row.extend(requires.then(|| text(loss.broken.len().to_string())));
+        if requires {
+            row.extend([text(loss.broken.len().to_string()), text(least_margin(&loss.scores))]);
+        }
         row.push(text(blind));
         (false, row)
     };
     let mut titles = vec!["lost", column.title()];
-    titles.extend(requires.then_some("requirements that fail"));
+    if requires {
+        titles.extend(["requirements that fail", "least margin, percentage points"]);
+    }
     titles.push("blind °");
     let told = |loss: &Loss| loss.told().join("; ");
     html! {
         p {
             "Left when one LiDAR fails: " (column.title()) " (" (column.cell(&found.scores)) " with all)"
-            @if requires { ", requirements that are met with all and fail without it (others are told as " code { "already" } ")" }
+            @if requires {
+                ", requirements that are met with all and fail without it (others are told as " code { "already" } ")"
+                ", the requirement with the least margin (found less required)"
+            }
             ", and the width of all blind sectors."
         }
         (table("Left when one LiDAR fails", &titles, found.losses.iter().map(row)))
@@ -152,6 +160,15 @@ pub(super) fn losses(subject: &Subject<'_>, figures: &Figures) -> Markup {
             }
         }
     }
+}
+
+/// The requirement with the least margin, found less required: `−1.2 (child)`.
+fn least_margin(scores: &Scores) -> String {
+    let margin = |seen: &&Seen| seen.share - seen.least;
+    let least = scores.required.iter().min_by(|a, b| margin(a).total_cmp(&margin(b)));
+    least.map_or_else(String::new, |seen| {
+        format!("{} ({})", margin_points(seen.share, seen.least), seen.name)
+    })
 }
 
 /// Words where nothing was lost, since it takes long.

@@ -8,7 +8,7 @@ use crate::report::warnings::unmet_in_words;
 use crate::score::{Guard, Scores, Seen, TaskScores};
 use crate::search::bound::bound_of;
 use crate::targets::{BearingRanges, BlindSector, RangeCard, TargetRanges};
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::{Placement, SensorName, SensorPose};
 
 /// The verdict on a result that has no price and no near field.
 fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
@@ -409,11 +409,31 @@ fn checks_are_not_all_passed_where_a_requirement_or_a_sector_is_missed() {
     let end = "of the information that the scene holds.";
     assert!(words(&found).ends_with(end), "requirements are told above: {}", words(&found));
     found.scores.guards = vec![Guard::RedundantLidar { lidar: 2, share: 0.001 }];
-    let idle = "Warning: with LiDAR 2 less than 1 % of the information is lost, so that it could be left out.";
+    let idle = "Warning: without LiDAR 2 less than 1 % of the information is lost, so that it could be left out.";
     assert!(words(&found).ends_with(idle), "{}", words(&found));
     found.violations = vec!["LiDAR 0: z is 1 outside the mount".to_owned()];
-    let told = "Warning: LiDAR 0: z is 1 outside the mount, and with LiDAR 2 less";
+    let told = "Warning: LiDAR 0: z is 1 outside the mount, and without LiDAR 2 less";
     assert!(words(&found).contains(told), "{}", words(&found));
+}
+
+#[test]
+fn a_scene_without_information_is_told_and_not_all_checks_pass() {
+    let mut found = planted("found", -1.0, 500.0);
+    found.scores.segmentation.information_gain_share = None;
+    let words = verdict(Some(&found), &[], "near_gain");
+    let end = " NO INFORMATION: no voxel of the scene changes between its frames, so that a near gain counts near ground \
+               alone. No other check warns.";
+    assert!(words.ends_with(end), "{words}");
+}
+
+#[test]
+fn a_baseline_is_told_by_the_names_of_the_requirements_that_it_misses() {
+    let [mut found, mut plain] = ["found", "plain"].map(|name| planted(name, -1.0, 500.0));
+    found.scores.required = vec![Seen::of("child", 1.0), Seen::of("ring", 1.0)];
+    plain.scores.required = vec![Seen::of("child", 0.0), Seen::of("ring", 0.1)];
+    let words = verdict(Some(&found), &[plain], "near_gain");
+    assert!(words.contains(" (plain misses child; ring)"), "{words}");
+    assert!(!words.contains("NOT MET"), "{words}");
 }
 
 #[test]
@@ -485,6 +505,20 @@ fn a_bound_that_heeds_no_requirements_says_so() {
     ] {
         let said = said(heeds, seen);
         assert!(said.ends_with(&format!("{more}{end}")), "{said}");
+    }
+}
+
+#[test]
+fn a_bound_names_the_chosen_sensors_once() {
+    let mut found = planted("found", -1.0, 500.0);
+    let sensor = SensorName::new("a model of a test").unwrap();
+    found.placement.lidars = vec![SensorPose { sensor, ..SensorPose::default() }];
+    for over in ["the grid", "the grid, with these sensors on their mounts,"] {
+        let gain_says = format!("the best placement on {over} is at most 5 % better");
+        let gain = Some(bound_of(525.0, None));
+        let bound = Certificate { lipschitz: None, lipschitz_says: String::new(), gain, gain_says };
+        let words = bound_in_words(&bound, &found);
+        assert_eq!(words.matches("with these sensors on their mounts").count(), 1, "{words}");
     }
 }
 

@@ -90,7 +90,8 @@ impl<'a> BoundRequirements<'a> {
             kinds.map(|(kind, &lidars)| ([lidars; 2], poses(kind).collect())).collect();
         let unseen = self.atlas.out_of_reach(&kinds);
         if !unseen.is_empty() {
-            return Some(unseen.join("; "));
+            let words: Vec<String> = unseen.into_iter().map(|of| of.words).collect();
+            return Some(words.join("; "));
         }
         let too_few = self.bounded.iter().find(|rule| {
             let kinds = kinds.iter().map(|(left, poses)| Candidates {

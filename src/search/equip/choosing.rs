@@ -14,7 +14,7 @@ use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::{GridSearch, Places};
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::suite::Suite;
-use crate::targets::CAR_WEIGHT;
+use crate::targets::{CAR_WEIGHT, OutOfReach};
 use crate::vehicle::{
     Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Ties, Vehicle,
     is_within_budget,
@@ -137,7 +137,7 @@ pub(super) struct Equip {
     /// See [`GridSearch::require`].
     penalty: f64,
     /// Requirements that no rig on the grid meets, in words.
-    out_of_reach: Vec<String>,
+    out_of_reach: Vec<OutOfReach>,
     /// True if sensors come in mirrored pairs; an odd one of a kind lies in the plane of symmetry.
     in_pairs: bool,
 }
@@ -191,7 +191,7 @@ fn out_of_reach(
     vehicle: &Vehicle,
     kinds: &[(usize, SensorName)],
     grid: &GridSearch,
-) -> Vec<String> {
+) -> Vec<OutOfReach> {
     let poses = grid.atlas().grid();
     let on =
         |mount: usize| (0..poses.len()).filter(move |&pose| kinds[poses.kind(pose)].0 == mount);
@@ -240,7 +240,11 @@ impl Equip {
         }
         let (in_pairs, places, penalty) = (constraints.ties.symmetric, grid.places(), 0.0);
         let out_of_reach = out_of_reach(&vehicle, &kinds, &grid);
-        out_of_reach.iter().for_each(|words| watch.note(&format!("OUT OF REACH: {words}")));
+        let told = out_of_reach.iter().map(|of| format!("OUT OF REACH: {}", of.words));
+        told.for_each(|words| watch.note(&words));
+        if !out_of_reach.is_empty() {
+            watch.note("the search goes on to come as near as it can; it may end here and the vehicle be changed first");
+        }
         let mut search =
             Self { vehicle, limits, grid, places, kinds, penalty, out_of_reach, in_pairs };
         search.aim(objective, REQUIRED);
@@ -445,7 +449,8 @@ impl Equip {
             cost: self.cost(chosen.iter().copied()),
             value,
             missing,
-            out_of_reach: self.out_of_reach.clone(),
+            out_of_reach: self.out_of_reach.iter().map(|of| of.words.clone()).collect(),
+            ceilings: self.out_of_reach.iter().map(|of| of.share).collect(),
             is_cut: false,
         }
     }

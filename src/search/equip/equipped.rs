@@ -1,8 +1,9 @@
 //! Equipment of a vehicle: the outcome of choosing models and mounts, and the limits of a choice.
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use crate::score::reference_layout;
+use crate::score::{Seen, reference_layout};
 use crate::search::settings::Settings;
 use crate::vehicle::{Constraints, Equipment, MAX_LIDARS, Placement, SensorName, Vehicle};
 
@@ -25,6 +26,9 @@ pub struct Equipped {
     /// Requirements that no rig on the grid meets, in words: a bound over its poses.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub out_of_reach: Vec<String>,
+    /// The bound itself of each of them, a share: finer poses may exceed it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ceilings: Vec<f64>,
     /// True if the time ended before the choice was finished.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_cut: bool,
@@ -78,6 +82,31 @@ impl Equipped {
         open.map(|(_, mount)| mount).collect()
     }
 
+    /// Price of the dearest model that each mount takes, for as many LiDARs as were chosen for it.
+    fn dearest(&self, vehicle: &Vehicle) -> f64 {
+        let prices = |mount: usize| vehicle.mounts[mount].sensors.iter().map(|s| vehicle.price(*s));
+        self.equipment.iter().map(|(mount, _)| prices(*mount).fold(0.0, f64::max)).sum()
+    }
+
+    /// The choice as a result keeps it: with the mounts that have room, and the price of the dearest models.
+    pub fn record(&self, vehicle: &Vehicle) -> Value {
+        let mut all = json!(self);
+        all["open_mounts"] = json!(self.open_mounts(vehicle));
+        all["dearest"] = json!(self.dearest(vehicle));
+        all
+    }
+
+    /// Requirements out of reach that a result misses, in words. The bound is over poses of a grid: where the result sees
+    /// more than it, the requirement is not among them.
+    pub fn beyond_reach(&self, required: &[Seen]) -> Vec<&str> {
+        let all = self.out_of_reach.iter().zip(&self.ceilings);
+        let is_beyond = |(words, ceiling): &(&String, &f64)| {
+            let of = required.iter().find(|seen| is_about(words, seen));
+            of.is_none_or(|seen| !seen.is_met() && seen.share <= **ceiling)
+        };
+        all.filter(is_beyond).map(|(words, _)| words.as_str()).collect()
+    }
+
     /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
     pub fn words(equipment: &Equipment, vehicle: &Vehicle) -> String {
         let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();
@@ -92,6 +121,11 @@ impl Equipped {
         };
         counted.iter().map(word).collect::<Vec<_>>().join(", ")
     }
+}
+
+/// True if a sentence begins with the name of a requirement.
+pub(crate) fn is_about(words: &str, seen: &Seen) -> bool {
+    words.strip_prefix(&*seen.name).is_some_and(|words| words.starts_with(": "))
 }
 
 /// A mount that could hold more LiDARs than were chosen for it.

@@ -11,6 +11,7 @@ mod equipped;
 
 pub(crate) use choosing::REQUIRED;
 pub use choosing::{Choosing, EquipStep};
+pub(crate) use equipped::is_about;
 pub use equipped::{Equipped, Limits, OpenMount, PLAIN};
 
 use choosing::{Equip, FRAMES, Opened};
@@ -97,8 +98,8 @@ impl Spare {
         if !found.equipment.is_empty() || is_dear || count > self.limits.sensors {
             return Ok(found);
         }
-        let Equipped { out_of_reach, is_cut, .. } = found;
-        Ok(Equipped { out_of_reach, is_cut, ..self.scored(self.rig.clone(), self.cost)? })
+        let Equipped { out_of_reach, ceilings, is_cut, .. } = found;
+        Ok(Equipped { out_of_reach, ceilings, is_cut, ..self.scored(self.rig.clone(), self.cost)? })
     }
 
     /// The only equipment of a vehicle that leaves no choice, placed as in the reference layout. If that breaks a rule, a
@@ -128,6 +129,7 @@ impl Spare {
             value: self.objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
             missing: scores.missing(),
             out_of_reach: Vec::new(),
+            ceilings: Vec::new(),
             is_cut: false,
             equipment,
             cost,

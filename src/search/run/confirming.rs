@@ -11,7 +11,7 @@ use crate::search::evaluator::Evaluator;
 use crate::search::generations::why_left_out;
 use crate::search::observer::Watch;
 use crate::search::on_demand::{FramesOnDemand, SearchEnd};
-use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
+use crate::search::outcome::{LAYOUT_GIVEN, MethodRecord, Outcome, Scored, Stopped};
 use crate::search::pilot::Pilot;
 use crate::search::rules::{active_bounds, findings};
 use crate::search::seat::FRAMES_AT_ONCE;
@@ -133,7 +133,7 @@ impl Run {
             return Ok(Some(self.or_kept((methods, None), kept, watch)));
         };
         if let Some(given) = given.filter(|_| best == finalists.len()) {
-            methods.push(record_of("layout given", &given));
+            methods.push(record_of(LAYOUT_GIVEN, &given));
             finalists.push(given);
         }
         let mut result = finalists.swap_remove(best);

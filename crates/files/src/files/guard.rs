@@ -8,6 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::FileError;
 use super::paths::{folder_of, is_sink, target};
+use crate::json::nearest;
 
 /// Prefix of the files that are being written; the number of their process follows.
 const TEMPORARY: &str = ".sightline-";
@@ -96,7 +97,7 @@ pub fn open(path: &Path) -> Result<File> {
 
 /// Opens a plain file of the command's own folder, such as a checkpoint, which is replaced later.
 fn open_own(path: &Path) -> Result<File> {
-    plain(&std::fs::metadata(path)?)?;
+    plain(&std::fs::metadata(path).map_err(|error| with_hint(path, error))?)?;
     let mut options = File::options();
     options.read(true);
     // A pipe that takes the place of the file meanwhile is not waited for.
@@ -108,6 +109,30 @@ fn open_own(path: &Path) -> Result<File> {
     let file = options.open(path)?;
     plain(&file.metadata()?)?;
     Ok(file)
+}
+
+/// Most names of a folder that are compared with a missing file's.
+const MOST_NAMES: usize = 10_000;
+
+/// Adds to the error of a missing file the nearest name in its folder, or the folder that is missing.
+fn with_hint(path: &Path, error: Error) -> Error {
+    let (ErrorKind::NotFound, Some(name)) = (error.kind(), path.file_name()) else { return error };
+    let folder = folder_of(path);
+    let told = match std::fs::read_dir(folder) {
+        Ok(entries) => {
+            let names = entries.take(MOST_NAMES).filter_map(|entry| {
+                entry.ok().and_then(|entry| entry.file_name().into_string().ok())
+            });
+            let names: Vec<String> = names.collect();
+            match nearest(&name.to_string_lossy(), names.iter().map(String::as_str)) {
+                Some(near) => format!("its folder has `{near}`"),
+                None => return error,
+            }
+        }
+        Err(_) if !folder.exists() => format!("there is no folder `{}`", folder.display()),
+        Err(_) => return error,
+    };
+    Error::new(ErrorKind::NotFound, format!("No such file ({told})"))
 }
 
 fn plain(meta: &Metadata) -> Result<()> {
@@ -320,6 +345,20 @@ mod tests {
         std::fs::rename(&link, &other).expect("another name");
         std::fs::remove_file(&input).expect("the input's end");
         assert!(is_no_input(&other).is_ok());
+    }
+
+    #[test]
+    fn a_missing_file_is_told_with_the_nearest_name_or_the_folder_that_is_missing() {
+        let dir = tempfile::tempdir().expect("a folder");
+        for name in ["xt32.json", "m1.json"] {
+            std::fs::write(dir.path().join(name), "{}").expect("a file");
+        }
+        let told = |name: &str| open(&dir.path().join(name)).expect_err("missing").to_string();
+        assert_eq!(told("xt33.json"), "No such file (its folder has `xt32.json`)");
+        assert_eq!(told("q"), "No such file or directory (os error 2)");
+        let folder = dir.path().join("none");
+        let words = format!("No such file (there is no folder `{}`)", folder.display());
+        assert_eq!(told("none/m1.json"), words);
     }
 
     #[test]
