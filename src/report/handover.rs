@@ -4,18 +4,18 @@
 //! | file | holds |
 //! |---|---|
 //! | `draw` | a view on the sheet, with its measures, and the legend |
+//! | `fans` | fields of view as areas |
 //! | `labels` | places of words and numbers, so that none lies over another |
 
 mod draw;
+mod fans;
 mod labels;
-
-use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
+use self::fans::{cut, horizontal, is_on_its_side, numbered, vertical};
 use super::drawing::{Drawing, Flat, Point, outline};
 use crate::geom::Pose;
-use crate::maths;
 use crate::near_field::{Footprint, NearField};
 use crate::shared::FieldOfView;
 use crate::vehicle::SensorPose;
@@ -182,12 +182,8 @@ impl Sheet {
     }
 }
 
-/// Metres that fields of view are drawn to.
-const REACH: f64 = 2.0;
 /// Metres from the body that the blind zone is drawn to.
 const DRAWN: f64 = 5.0;
-/// Most radians between two corners of a field of view.
-const STEP: f64 = PI / 36.0;
 /// Metres around everything in a view.
 const AROUND: f64 = 0.3;
 
@@ -244,11 +240,17 @@ impl Views {
         };
         let corners = zone.iter().map(|(corner, _)| *corner).chain([[0.0; 2]]);
         let corners: Vec<Flat> = corners.collect();
-        let level = |k: usize, lidar: &DrawnLidar| vec![(k, horizontal(lidar))];
+        let level = |k: usize, lidar: &DrawnLidar| match is_on_its_side(lidar) {
+            true => numbered(k, cut(lidar, [DVec3::X, DVec3::Y])),
+            false => vec![(k, horizontal(lidar))],
+        };
         let upright = |axis: DVec3| {
-            move |k: usize, lidar: &DrawnLidar| {
-                let both = [axis, -axis].into_iter().filter_map(|towards| vertical(lidar, towards));
-                both.map(|fan| (k, fan)).collect::<Vec<_>>()
+            move |k: usize, lidar: &DrawnLidar| match is_on_its_side(lidar) {
+                true => numbered(k, cut(lidar, [axis, DVec3::Z])),
+                false => {
+                    let both = [axis, -axis].into_iter();
+                    numbered(k, both.filter_map(|towards| vertical(lidar, towards)).collect())
+                }
             }
         };
         let mut views = Self {
@@ -295,110 +297,9 @@ impl View {
     }
 }
 
-/// A direction in the sensor's frame by azimuth and elevation.
-fn direction(azimuth: f64, elevation: f64) -> DVec3 {
-    let ((sin_a, cos_a), (sin_e, cos_e)) = (maths::sin_cos(azimuth), maths::sin_cos(elevation));
-    DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
-}
-
-/// Angles from one to another in steps of at most [`STEP`], both among them.
-fn steps(from: f64, width: f64) -> impl Iterator<Item = f64> {
-    let count = (width / STEP).ceil().max(1.0);
-    (0..=count as u32).map(move |k| from + width * f64::from(k) / count)
-}
-
-/// The field of view in the sensor's own plane, around the LiDAR where it is a sector.
-fn horizontal(lidar: &DrawnLidar) -> Vec<DVec3> {
-    let sector = lidar.view.sector();
-    let [from, width] = sector.unwrap_or([0.0, TAU]);
-    let end = |azimuth| lidar.ego_from_sensor.apply(REACH * direction(azimuth, 0.0));
-    let middle = sector.map(|_| lidar.ego_from_sensor.apply(DVec3::ZERO));
-    middle.into_iter().chain(steps(from, width).map(end)).collect()
-}
-
-/// The field of view in the upright plane that holds a direction of the ego frame, on its side; `None` where the
-/// sensor does not look there.
-fn vertical(lidar: &DrawnLidar, towards: DVec3) -> Option<Vec<DVec3>> {
-    let pose = &lidar.ego_from_sensor;
-    let towards = pose.rotation.transpose() * towards;
-    let azimuth = maths::atan2(towards.y, towards.x);
-    let [low, high] = lidar.view.elevations(azimuth)?;
-    let end = |elevation| pose.apply(REACH * direction(azimuth, elevation));
-    let corners = std::iter::once(pose.apply(DVec3::ZERO));
-    Some(corners.chain(steps(low, high - low).map(end)).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::draw::broken;
-    use super::*;
-    use crate::vehicle::BeamTable;
-
-    fn lidar(pose: SensorPose, table: &BeamTable) -> DrawnLidar {
-        DrawnLidar {
-            pose,
-            ego_from_sensor: pose.ego_from_sensor(),
-            view: FieldOfView::of(table),
-            model: String::new(),
-            mount: String::new(),
-        }
-    }
-
-    fn assert_near(found: DVec3, wanted: [f64; 3]) {
-        assert!((found - DVec3::from(wanted)).length() < 1e-6, "{found}, not {wanted:?}");
-    }
-
-    /// Channels at −20° and 10° over 120°, a step every degree.
-    fn sector() -> BeamTable {
-        BeamTable::sector(&[(-20.0, 0.0), (10.0, 0.0)], [-60.0, 1.0], 121, 50.0).unwrap()
-    }
-
-    #[test]
-    fn a_sensor_on_the_left_side_looks_left_and_is_drawn_from_the_front_alone() {
-        let pose = SensorPose { yaw: 90_f64.to_radians(), ..SensorPose::at(2.0, 1.0, 0.5) };
-        let lidar = lidar(pose, &sector());
-        let fan = horizontal(&lidar);
-        assert_near(fan[0], [2.0, 1.0, 0.5]);
-        // From −60° to 60° around the left: 30° to 150°.
-        let (cos, sin) = (REACH * 0.75_f64.sqrt(), REACH * 0.5);
-        assert_near(fan[1], [2.0 + cos, 1.0 + sin, 0.5]);
-        assert_near(fan[fan.len() - 1], [2.0 - cos, 1.0 + sin, 0.5]);
-        assert!(vertical(&lidar, DVec3::X).is_none() && vertical(&lidar, -DVec3::X).is_none());
-        assert!(vertical(&lidar, -DVec3::Y).is_none());
-        let fan = vertical(&lidar, DVec3::Y).unwrap();
-        let at = |degrees: f64| {
-            let (up, out) = (degrees.to_radians().sin(), degrees.to_radians().cos());
-            [2.0, 1.0 + REACH * out, 0.5 + REACH * up]
-        };
-        assert_near(fan[1], at(-20.0));
-        assert_near(fan[fan.len() - 1], at(10.0));
-    }
-
-    #[test]
-    fn a_sector_to_the_left_is_drawn_on_the_left_alone() {
-        let table = BeamTable::sector(&[(-20.0, 0.0), (10.0, 0.0)], [30.0, 1.0], 71, 50.0).unwrap();
-        let lidar = lidar(SensorPose::at(0.0, 0.0, 1.0), &table);
-        assert!(vertical(&lidar, DVec3::Y).is_some() && vertical(&lidar, -DVec3::Y).is_none());
-        assert!(vertical(&lidar, DVec3::X).is_none());
-    }
-
-    #[test]
-    fn a_positive_pitch_turns_the_field_of_view_down_ahead() {
-        let pose = SensorPose { pitch: 10_f64.to_radians(), ..SensorPose::at(0.0, 0.0, 2.0) };
-        let turning = BeamTable::spinning(&[(-20.0, 0.0), (10.0, 0.0)], 360, 50.0).unwrap();
-        let lidar = lidar(pose, &turning);
-        let ahead = vertical(&lidar, DVec3::X).unwrap();
-        let [low, high] = [-30_f64, 0.0].map(f64::to_radians);
-        assert_near(ahead[1], [REACH * low.cos(), 0.0, 2.0 + REACH * low.sin()]);
-        assert_near(ahead[ahead.len() - 1], [REACH * high.cos(), 0.0, 2.0 + REACH * high.sin()]);
-        // Behind it looks up by as much.
-        let behind = vertical(&lidar, -DVec3::X).unwrap();
-        let high = 20_f64.to_radians();
-        assert_near(behind[behind.len() - 1], [-REACH * high.cos(), 0.0, 2.0 + REACH * high.sin()]);
-        // All round: no corner at the sensor.
-        let is_around = |corner: &DVec3| (corner.z - 2.0).abs() <= REACH && corner.length() > 1.0;
-        assert!(horizontal(&lidar).iter().all(is_around));
-    }
 
     #[test]
     fn long_warnings_are_broken_between_words_and_told_to_their_end() {
@@ -411,24 +312,5 @@ mod tests {
         );
         let told: Vec<&str> = lines.iter().flat_map(|line| line.split_whitespace()).collect();
         assert_eq!(told.join(" "), words);
-    }
-
-    #[test]
-    fn listed_directions_leave_a_sector() {
-        let degrees =
-            (-30..=30).flat_map(|across| [-5, 0, 5].map(|up| (f64::from(across), f64::from(up))));
-        let directions = degrees.map(|(across, up): (f64, f64)| {
-            let (across, up) = (across.to_radians(), up.to_radians());
-            DVec3::new(up.cos() * across.cos(), up.cos() * across.sin(), up.sin())
-        });
-        let view = FieldOfView::of(&BeamTable::from_directions(directions, 50.0).unwrap());
-        let [from, width] = view.sector().unwrap();
-        // Sectors of 2° that hold a beam.
-        assert!(
-            (from.to_degrees() + 31.0).abs() <= 1.0 && (width.to_degrees() - 62.0).abs() <= 2.0
-        );
-        let [low, high] = view.elevations(0.0).unwrap();
-        assert!((low.to_degrees() + 5.0).abs() < 1e-4 && (high.to_degrees() - 5.0).abs() < 1e-4);
-        assert_eq!(view.elevations(2.0), None);
     }
 }

@@ -1,7 +1,8 @@
 //! A view on the sheet: body, mounts, fields of view, blind zone, LiDARs and measures.
 
+use super::fans::REACH;
 use super::labels::{Labels, RADIUS, end_of_leader, half_width, signs};
-use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, REACH, Sheet, View, Views};
+use super::{BETWEEN, DRAWN, DrawnMount, DrawnRig, Flat, Panel, Sheet, View, Views};
 use crate::maths;
 use crate::report::columns::in_lines;
 use crate::report::drawing::{Anchor, Drawing, Ink, Point, Stroke};
