@@ -84,6 +84,8 @@ fn the_folder_of_a_run_alone_brings_its_scene_and_vehicle() {
         let told = "yard.json, as in the run, and cart.json as given";
         let is_level = on_level.iter().any(|study| command == format!("study {study}"));
         assert_eq!(said.contains(told), !is_level, "{command}: {said}");
+        let level = "cart.json is given without a scene, so that the ground is level; name ";
+        assert_eq!(said.contains(level), is_level, "{command}: {said}");
     }
     // Files that are others now, and options of the run, are told.
     change(&dir, "yard.json", |scene| scene["name"] = json!("field"));

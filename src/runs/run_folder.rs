@@ -87,10 +87,17 @@ pub(super) fn with_run<'a>(
     files: &[PathBuf],
     computing: &Computing<'a>,
 ) -> Result<(Vec<PathBuf>, Computing<'a>), RunError> {
-    match computing.vehicle {
-        Some(_) => Ok((files.to_vec(), computing.clone())),
-        None => with_run_scenes(files, computing),
+    let Some(vehicle) = &computing.vehicle else { return with_run_scenes(files, computing) };
+    if let Some(run) = run_of(files)? {
+        let scenes: Vec<String> = run.scenes().map(|scene| scene.display().to_string()).collect();
+        computing.watcher.note(&format!(
+            "{}: {} is given without a scene, so that the ground is level; name {} first for the ground of the run",
+            files[0].display(),
+            vehicle.display(),
+            scenes.join(" ")
+        ));
     }
+    Ok((files.to_vec(), computing.clone()))
 }
 
 /// Like [`with_run`], for a command that looks at level ground where the run has a vehicle, too.
