@@ -153,7 +153,7 @@ fn a_mask_holds_the_beams_whose_way_ends_at_a_box_of_the_body() {
         [("mask-0-roof", tilted, turning, STEPS, 300), ("mask-1-flank", left, side, SIDE.0, 0)]
     {
         let rows = cells(&read(&out, &format!("{name}.csv")));
-        assert_eq!(rows[0][..3], ["ring", "elevation_deg", "azimuth_offset_deg"]);
+        assert_eq!(rows[0][..3], ["channel", "elevation_deg", "azimuth_offset_deg"]);
         assert_eq!(rows.len() as u32, 1 + beams.len() as u32 / columns);
         let png = pixels(&out.path().join("out").join(format!("{name}.png")), columns as usize);
         let mut masked = 0;

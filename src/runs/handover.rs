@@ -352,21 +352,22 @@ fn text<'a>(
     let _ = write!(
         text,
         "\nMasks: mask-N-MOUNT of LiDAR N. A beam is masked if its closest hit within range is the own body, in frame \
-         {} of {}.\nCSV: a row a ring, a column an azimuth; the first line has the azimuths, the first columns have ring,\n\
+         {} of {}.\nCSV: a row a channel, a column an azimuth; the first line has the azimuths, the first columns have channel,\n\
          elevation and azimuth offset, in degrees; 1 is the own body. A beam points at the azimuth of its column plus\n\
-         the offset of its ring. PNG: the same rows and columns, {OWN} own body, {FREE} any other beam.\n\
-         Sensors without rings: a row a beam; the PNG then has azimuth 180 to -180 degrees from left to right and\n\
+         the offset of its channel. PNG: the same rows and columns, {OWN} own body, {FREE} any other beam.\n\
+         Sensors without channels: a row a beam; the PNG then has azimuth 180 to -180 degrees from left to right and\n\
          elevation 90 to -90 from top to bottom, half a degree a pixel, {NONE} where no beam points.\n",
         request.frame,
         rig.scene().name()
     );
     for (k, mask) in masks.iter().enumerate() {
         let [own, all] = mask.counts();
-        let rings = if mask.is_grid() { "" } else { ", no rings" };
+        let channels = if mask.is_grid() { "" } else { ", no channels" };
         // Guards are over the angles that scores have, masks are of the sensor at rest.
         let at_rest = if rig.spins_freely[k] { " at its angle 0" } else { "" };
         let share = percent_up(own as f64 / all as f64);
-        let _ = writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.1} %{at_rest}{rings}");
+        let _ =
+            writeln!(text, "  LiDAR {k}: {own} of {all} beams, {share:.1} %{at_rest}{channels}");
     }
     let (margin, [x, y, z]) = (request.margin, request.base_link.unwrap_or_default());
     let _ = write!(

@@ -40,7 +40,7 @@ impl<'a> SelfHitMask<'a> {
         [self.own.iter().filter(|own| **own).count(), self.own.len()]
     }
 
-    /// True if the beams are rings and columns.
+    /// True if the beams are channels and columns.
     pub(crate) fn is_grid(&self) -> bool {
         self.table.grid().is_some()
     }
@@ -54,8 +54,8 @@ impl<'a> SelfHitMask<'a> {
         })
     }
 
-    /// Rings as rows, columns as columns: 1 where the beam ends at the own body. The first row holds the columns' azimuths;
-    /// each row begins with its ring, elevation and azimuth offset. Listed directions are a row each.
+    /// Channels as rows, columns as columns: 1 where the beam ends at the own body. The first row holds the columns' azimuths;
+    /// each row begins with its channel, elevation and azimuth offset. Listed directions are a row each.
     pub(crate) fn csv(&self) -> String {
         let bit = |own: &bool| if *own { "1" } else { "0" }.to_owned();
         let Some(grid) = self.table.grid() else {
@@ -71,13 +71,13 @@ impl<'a> SelfHitMask<'a> {
             rounded(azimuth.to_degrees(), DECIMALS)
         };
         let mut titles =
-            ["ring", "elevation_deg", "azimuth_offset_deg"].map(str::to_owned).to_vec();
+            ["channel", "elevation_deg", "azimuth_offset_deg"].map(str::to_owned).to_vec();
         titles.extend((0..grid.steps).map(column));
-        let rings = self.own.chunks(grid.steps).zip(&grid.channels).enumerate();
-        let rows = rings.map(|(ring, (own, (elevation, offset)))| {
+        let channels = self.own.chunks(grid.steps).zip(&grid.channels).enumerate();
+        let rows = channels.map(|(channel, (own, (elevation, offset)))| {
             let [elevation, offset] =
                 [elevation, offset].map(|angle| rounded(angle.to_degrees(), DECIMALS));
-            let mut row = vec![ring.to_string(), elevation, offset];
+            let mut row = vec![channel.to_string(), elevation, offset];
             row.extend(own.iter().map(bit));
             row
         });
