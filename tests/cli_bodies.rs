@@ -311,6 +311,41 @@ fn an_stl_and_a_urdf_that_names_it_give_the_bits_of_an_obj() {
 }
 
 #[test]
+fn the_tractor_of_the_examples_bends_in_a_yard_of_as_many_frames_as_its_bodies_have_poses() {
+    let dir = TempDir::new().unwrap();
+    let tractor = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/vehicles/tractor.json");
+    let vehicle = read_json(tractor.clone());
+    let bodies = vehicle["bodies"].as_array().unwrap();
+    assert!(bodies.iter().all(|body| body["poses"].as_array().unwrap().len() == 5), "{vehicle}");
+    for frames in ["4", "5"] {
+        let yard = format!("yard-{frames}.json");
+        stdout(&dir, &["scene", "new", "--kind", "yard", "--frames", frames, "--out", &yard]);
+    }
+    // A LiDAR at the side of the trailer, and one at the front.
+    let lidars = json!([
+        { "x": -3, "y": 1.3, "z": 3.4, "pitch": 0.5, "yaw": 1.57, "sensor": "E1R", "rides_on": "trailer" },
+        { "x": 6.25, "y": 0, "z": 1, "pitch": 0.2, "sensor": "E1R" }
+    ]);
+    write_rig(dir.path(), "p.json", "p", lidars);
+    let run = |yard: &str| {
+        format!("score {yard} p.json --vehicle {} --tolerance 0 --backend cpu", tractor.display())
+    };
+    fails(&dir, &run("yard-4.json"))
+        .says("bodies[0].poses: a list of 5 is not one pose for all frames");
+    let (code, answer, told) = answer(&dir, &run("yard-5.json"));
+    assert_eq!(code, Some(1), "two LiDARs miss what must be seen: {told}");
+    told.says("bodies[0]: moves from frame to frame").lacks("inside the ego's body");
+    let [adult, pallet, ground] = &answer["scores"][0]["requirements"].list()[..] else {
+        panic!("{answer}");
+    };
+    // The LiDAR at the front looks ahead alone; the trailer turns the other one.
+    assert_eq!([&adult["met"], &pallet["met"]], [false, true], "{answer}");
+    for requirement in [adult, ground] {
+        assert_ne!(requirement["worst_frame"]["frame"], 0, "{requirement}");
+    }
+}
+
+#[test]
 fn bodies_that_cannot_be_end_in_one_sentence_and_exit_code_2() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| dir.path().join(name);
