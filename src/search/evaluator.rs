@@ -14,7 +14,7 @@ use crate::near_field::self_hits;
 use crate::problem::{Problem, Tally};
 use crate::scene::Scene;
 use crate::score::{Guard, Objective, Scores, Seen, totals};
-use crate::targets::{Sight, SightBeams};
+use crate::targets::{Cars, Sight, SightBeams};
 use crate::vehicle::{Constraints, Placement, SensorName, SensorPose, UnknownSensor};
 
 /// Scores placements on an engine for each scene; most have one scene.
@@ -90,15 +90,15 @@ fn scores_of(judged: Vec<Judged>) -> Vec<Scores> {
     judged.into_iter().map(|judged| judged.scores).collect()
 }
 
-/// Targets and ground that the rules of the vehicle name, and a car all round if `watches_cars`.
-fn sight_of(seats: &[Seat], watches_cars: bool) -> Option<Arc<Sight>> {
+/// Targets and ground that the rules of the vehicle name, and a car all round.
+fn sight_of(seats: &[Seat], cars: Cars) -> Option<Arc<Sight>> {
     let scenes = seats.iter().map(|seat| (seat.member.problem(), seat.member.is_mirrored()));
-    Sight::of(scenes, watches_cars).map(Arc::new)
+    Sight::of(scenes, cars).map(Arc::new)
 }
 
 impl Evaluator {
     fn of_seats(seats: Vec<Seat>) -> Self {
-        let sight = sight_of(&seats, false);
+        let sight = sight_of(&seats, Cars::Nowhere);
         Self { seats, sight, own_body: None }
     }
 
@@ -155,9 +155,15 @@ impl Evaluator {
     /// A copy that scores sight of a car all round, too: for a search by an objective that must not win by looking
     /// away.
     #[must_use]
-    pub(super) fn watching_cars(self, objective: &Objective) -> Self {
-        let sight = sight_of(&self.seats, objective.weighs_place());
-        Self { sight, ..self }
+    pub(super) fn watching_cars(mut self, objective: &Objective) -> Self {
+        self.watch_cars(objective, Cars::AtSome);
+        self
+    }
+
+    /// Scores sight of a car at these places from now on, where the objective must not win by looking away.
+    pub(super) fn watch_cars(&mut self, objective: &Objective, cars: Cars) {
+        let cars = if objective.weighs_place() { cars } else { Cars::Nowhere };
+        self.sight = sight_of(&self.seats, cars);
     }
 
     /// A copy that tells which LiDARs look at the own body of a scene.

@@ -208,6 +208,26 @@ pub(super) fn position(distance: f64, bearing: f64) -> [f64; 3] {
     [distance * cos, distance * sin, 0.0]
 }
 
+/// Places of a car at which sectors are tested, where it stands free.
+pub(super) fn car_places(site: &TargetSite) -> Vec<[f64; 3]> {
+    let range = f64::from(site.sensors().longest_range());
+    let [near, far] = sectors_between(range);
+    let distances = distances(range).into_iter().filter(|d| (near..=far).contains(d));
+    let at = distances.flat_map(|d| (0..FINE).map(move |fine| position(d, degrees(fine))));
+    at.filter_map(|at| site.standing(&card_targets()[0], at)).collect()
+}
+
+/// Distances between which sectors are tested, by the longest range of the sensors, metres.
+fn sectors_between(range: f64) -> [f64; 2] {
+    let [near, far] = SECTOR_RANGE;
+    [near, to_millimetres(range).clamp(near, far)]
+}
+
+/// A range is an f32: 30.2 is not to read 30.2000008.
+fn to_millimetres(metres: f64) -> f64 {
+    (1e3 * metres).round() / 1e3
+}
+
 /// Targets of a card; the first is the car.
 pub(super) fn card_targets() -> &'static [Arc<Target>] {
     static TARGETS_OF_CARD: OnceLock<Vec<Arc<Target>>> = OnceLock::new();
@@ -258,10 +278,7 @@ impl RangeCard {
                 .collect(),
         };
         let ranges = targets.iter().zip(&met).map(of_target).collect();
-        let [near, far] = SECTOR_RANGE;
-        // A range is an f32: 30.2 is not to read 30.2000008.
-        let metres = |range: f64| (1e3 * range).round() / 1e3;
-        let blind_between = [near, metres(range).clamp(near, far)];
+        let blind_between = sectors_between(range);
         let (bodies_move, ground) = (site.bodies_move(), site.card_ground().cloned());
         let mut blind = blind_sectors(&met[0], &distances, blind_between);
         for sector in &mut blind {
@@ -272,7 +289,7 @@ impl RangeCard {
             let model = site.sensors().number(lidar)?;
             reach = reach.max(f64::from(site.sensors().table(model).range()));
         }
-        let reach = Some(metres(reach)).filter(|&reach| reach < blind_between[1]);
+        let reach = Some(to_millimetres(reach)).filter(|&reach| reach < blind_between[1]);
         let (beams, targets) = (CARD_BEAMS, ranges);
         Ok(Self { beams, distances, targets, blind_between, blind, reach, ground, bodies_move })
     }

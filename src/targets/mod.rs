@@ -25,6 +25,7 @@
 //! | `sight` | beams of LiDARs at the places of rules and of a car all round |
 //! | `table` | the study: beams by distance and bearing, the range of first detection |
 
+mod all_round;
 mod apart;
 mod beams;
 mod bodies;
@@ -43,6 +44,7 @@ mod rules;
 mod sight;
 mod table;
 
+pub(crate) use all_round::CarAllRound;
 pub use beams::{PlacedTarget, Receiving, TargetSite};
 pub(crate) use bodies::BodyPoses;
 pub use card::{BearingRanges, BlindSector, CARD_BEAMS, RangeCard, TargetRanges, card_bearings};
@@ -53,7 +55,7 @@ pub(crate) use on_ground::stands_in_words;
 pub(crate) use places::{look_between, places_of};
 pub(crate) use reach::{MountPoses, OutOfReach, check_counting};
 pub(crate) use relief::Relief;
-pub use sight::{CAR_WEIGHT, Sight, SightBeams};
+pub use sight::{CAR_WEIGHT, Cars, Sight, SightBeams};
 pub use table::{Detection, TargetQuestion, TargetRow, TargetTable, is_bearing, is_distance};
 
 #[cfg(test)]

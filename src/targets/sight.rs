@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::beams::{LookingOut, PlacedTarget, TargetSite};
 use super::bodies::{BodyPoses, RuleSite, SitePlace, SitePose};
-use super::card::{CARD_BEAMS, card_targets, position};
+use super::card::{CARD_BEAMS, car_places, card_targets, position};
 use super::places::places_of;
 use super::rules::Rule;
 use crate::near_field::RequiredGround;
@@ -18,6 +18,21 @@ use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Penalty for a car that is seen nowhere, in the unit of a near gain. docs/targets.md has trials of other weights.
 pub const CAR_WEIGHT: f64 = 1.0;
+
+/// Weight of the share of places that lose a car, beside the share of beams that lack, where all places are watched: one
+/// lost place costs about a fifth of a percentage point of near gain.
+const LOST_WEIGHT: f64 = 5.0;
+
+/// Places around the vehicle at which a search watches a car.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cars {
+    /// No car is watched.
+    Nowhere,
+    /// At few bearings and distances.
+    AtSome,
+    /// At every place of a range card, each of which must not lose it.
+    AtAll,
+}
 
 /// Bearings of the car.
 const BEARINGS: usize = 24;
@@ -32,6 +47,8 @@ pub struct Sight {
     pub(super) places: Vec<SitePlace>,
     /// Places of the car all round; empty where a search does not look.
     car: Range<usize>,
+    /// True if each place that loses the car counts beside the beams that lack.
+    counts_lost: bool,
     pub(super) rules: Vec<Rule>,
     /// Beams that count at each place.
     pub(super) enough: Vec<u8>,
@@ -70,16 +87,16 @@ impl SightBeams {
 }
 
 impl Sight {
-    /// Sight of the vehicle of some scenes: its rules and, if `watches_cars`, a car all round. Each scene is given with
+    /// Sight of the vehicle of some scenes: its rules and a car all round. Each scene is given with
     /// `true` for a mirror image, whose problem has mirrored sensors. `None` where there is nothing to look for, and
     /// with coverage `through`, where nothing is known of a body.
     pub fn of<'a>(
         scenes: impl IntoIterator<Item = (&'a Arc<Problem>, bool)>,
-        watches_cars: bool,
+        cars: Cars,
     ) -> Option<Self> {
         let scenes: Vec<_> = scenes.into_iter().collect();
         let &(problem, is_mirrored) = scenes.first()?;
-        if !(watches_cars || problem.requires_sight()) || !problem.ends_at_hits() {
+        if !(cars != Cars::Nowhere || problem.requires_sight()) || !problem.ends_at_hits() {
             return None;
         }
         let site = match is_mirrored {
@@ -99,15 +116,17 @@ impl Sight {
             enough.resize(places.len(), beams.min(u32::from(u8::MAX)) as u8);
             begin..places.len()
         };
-        let car = match card_targets().first().filter(|_| watches_cars) {
-            Some(car) => {
+        let round = match cars {
+            Cars::Nowhere => Vec::new(),
+            Cars::AtSome => {
                 let step = 360.0 / BEARINGS as f64;
-                let round =
-                    (0..BEARINGS).flat_map(|b| DISTANCES.map(|d| position(d, step * b as f64)));
-                group(0, car, round.collect(), CARD_BEAMS)
+                let at = |b: usize| DISTANCES.map(|d| position(d, step * b as f64));
+                (0..BEARINGS).flat_map(at).collect()
             }
-            None => 0..0,
+            Cars::AtAll => car_places(&bodies.sites[0]),
         };
+        let car = group(0, &card_targets()[0], round, CARD_BEAMS);
+        let counts_lost = cars == Cars::AtAll;
         for rule in problem.target_rules() {
             let in_pose = |pose: &SitePose| {
                 let places = group(pose.site, &rule.target, places_of(rule), rule.beams);
@@ -126,7 +145,7 @@ impl Sight {
         rules.extend(of_ground.map(|(number, rule)| Rule::Ground(rule.clone(), number)));
         rules.extend(problem.overlap_required().rules.iter().cloned().map(Rule::Overlap));
         let problem = problem.clone();
-        Some(Self { bodies, places, car, rules, enough, ground, overlap, problem })
+        Some(Self { bodies, places, car, counts_lost, rules, enough, ground, overlap, problem })
     }
 
     /// Mount of a LiDAR of a placement, where it has a name.
@@ -239,10 +258,14 @@ impl Sight {
 
     /// Missing share of beams on a car all round: 0 where five meet it at every place, 1 where none meets it anywhere,
     /// `None` where a search does not look. Each LiDAR lowers it, by less the more there are: 1 less the share is
-    /// submodular.
+    /// submodular. Where every place is watched, the weighted share of places that lose it comes on top.
     pub(crate) fn car_missing(&self, all: &SightBeams) -> Option<f64> {
         let places = self.car.clone();
-        (!places.is_empty()).then(|| 1.0 - self.soft(all, places))
+        let lost = match self.counts_lost {
+            true => LOST_WEIGHT * (1.0 - self.hard(all, places.clone())),
+            false => 0.0,
+        };
+        (!places.is_empty()).then(|| 1.0 - self.soft(all, places) + lost)
     }
 
     /// Beams at some places as a share of the beams that count there.
@@ -290,7 +313,7 @@ mod tests {
         let roi = scene.roi().grid().unwrap();
         let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
         let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
-        Sight::of([(&Arc::new(problem), false)], false).unwrap()
+        Sight::of([(&Arc::new(problem), false)], Cars::Nowhere).unwrap()
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub(super) fn posed(vehicle: &str) -> Sight {
     let roi = scene.roi().grid().unwrap();
     let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
     let problem = Problem::from_scene(&scene, &psog, scene.sensors().unwrap(), &[0]).unwrap();
-    Sight::of([(&Arc::new(problem), false)], false).unwrap()
+    Sight::of([(&Arc::new(problem), false)], Cars::Nowhere).unwrap()
 }
 
 /// Metres along a ray to a box by slabs, in `f64`; `None` where the ray misses it or passes closer than a tenth of a
@@ -333,7 +333,7 @@ fn askew(ego: &str, bearings: [f64; 2], has_house: bool) -> Arc<Problem> {
 
 /// Share of each rule for a LiDAR 1.8 m up.
 fn shares(scenes: &[(&Arc<Problem>, bool)]) -> Vec<f64> {
-    let sight = Sight::of(scenes.iter().copied(), false).unwrap();
+    let sight = Sight::of(scenes.iter().copied(), Cars::Nowhere).unwrap();
     let seen = sight.beams(&SensorPose::at(0.0, 0.0, 1.8)).unwrap();
     sight.rules_met(&[&seen]).iter().map(|met| met.share).collect()
 }
@@ -430,7 +430,7 @@ fn a_target_on_the_ground_of_a_scene_counts_in_the_worst_pose_of_the_bodies() {
     let image = Arc::new(bends.mirrored());
     let lidar = SensorPose::at(1.0, 0.0, 1.8);
     let met = |scenes: &[(&Arc<Problem>, bool)]| {
-        let sight = Sight::of(scenes.iter().copied(), false).unwrap();
+        let sight = Sight::of(scenes.iter().copied(), Cars::Nowhere).unwrap();
         let seen = sight.beams(&lidar).unwrap();
         let met = sight.rules_met(&[&seen]);
         let by_scene = sight.in_each_scene(&[&seen], &met, scenes.len());

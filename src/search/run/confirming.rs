@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use super::seeing::Flaw;
 use super::state::Run;
 use crate::json::counted;
 use crate::score::Standing;
@@ -126,10 +127,9 @@ impl Run {
         let kept: Vec<Placement> = self.sitting.kept.iter().cloned().collect();
         let Some(judged) = self.judged_over_all(&kept, watch)? else { return Ok(None) };
         let kept = self.scored(&kept, judged, watch)?.pop();
-        let mut standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
-        standings.extend(given.iter().map(Scored::standing));
         // The first of equal ones: a layout that was given is the result only where it is better than all that was found.
-        let Some(best) = Standing::best(&standings) else {
+        let all: Vec<&Scored> = finalists.iter().chain(&given).collect();
+        let Some(best) = self.best_of(&all)? else {
             return Ok(Some(self.or_kept((methods, None), kept, watch)));
         };
         if let Some(given) = given.filter(|_| best == finalists.len()) {
@@ -251,12 +251,14 @@ impl Run {
     }
 
     /// The best of the ends of the swaps. Fewer frames than all tell the ends apart too badly to take the first, and another
-    /// end is better than a first one that looks at the own body. Where the time is over before the others are scored, the
+    /// end is better than a first one that looks at the own body or loses a car. Where the time is over before the others are scored, the
     /// first one counts alone.
     fn found_by_swaps(&mut self, watch: &mut Watch) -> Result<MethodResult, SearchError> {
         let Some(swaps) = self.state.swaps.clone() else { return Ok(Some(None)) };
         let mut ends = vec![swaps.placement];
-        if !self.is_over_all() || !self.guards_of_body(&ends[0], watch)?.is_empty() {
+        let is_flawed =
+            self.has(Flaw::AtBody, &ends[0], watch)? || self.has(Flaw::Blind, &ends[0], watch)?;
+        if !self.is_over_all() || is_flawed {
             ends.extend(swaps.others);
         }
         let ends: Vec<Placement> = ends.iter().map(|end| self.written(end)).collect();
@@ -269,8 +271,8 @@ impl Run {
             }
         }
         let mut scored = self.scored(&ends[..judged.len()], judged, watch)?;
-        let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
-        let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
+        let best = self.best_of(&scored.iter().collect::<Vec<_>>())?;
+        let scored = scored.swap_remove(best.unwrap_or(0));
         let (evaluations, poses_cast) = (swaps.evaluations, swaps.poses_cast);
         let method = MethodRecord { evaluations, poses_cast, ..record_of("swaps", &scored) };
         Ok(Some(Some((method, scored))))

@@ -15,13 +15,14 @@
 //! the cut: a resumed run does the phase anew.
 //!
 //! `state` holds the value and the run around it, which puts the steps together; `choosing`, `generating`, `on_grid`,
-//! `securing` and `confirming` hold the steps.
+//! `seeing`, `securing` and `confirming` hold the steps.
 
 mod choosing;
 mod confirming;
 mod generating;
 mod on_grid;
 mod securing;
+mod seeing;
 mod state;
 
 pub use state::{Phase, Run, State, optimize};

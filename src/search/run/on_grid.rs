@@ -1,6 +1,7 @@
 //! Swaps on a grid of sensor poses, over the frames of the search, and bounds, over those that it began with.
 
-use super::state::{Phase, Run, State};
+use super::seeing::Flaw;
+use super::state::{Phase, Run};
 use crate::score::Standing;
 use crate::search::bound::bounds;
 use crate::search::error::SearchError;
@@ -9,6 +10,7 @@ use crate::search::outcome::Scored;
 use crate::search::seat::FRAMES_AT_ONCE;
 use crate::search::settings::{Method, Settings};
 use crate::search::swaps::{Climbing, SwapSettings, Swapped, swap_anywhere, swap_from};
+use crate::targets::Cars;
 use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Swaps over more frames than the first swaps.
@@ -39,10 +41,10 @@ const REFINEMENTS: [Refinement; 2] = [
 /// Frames of each scene that refinements count from if the first swaps are over fewer.
 const LEAST_FRAMES: usize = 4;
 
-/// Spacings of the grids, as shares of the first one, on which LiDARs look away from the own body: the next only where they
-/// do not on the one before.
+/// Spacings of the grids, as shares of the first one, on which a flaw is mended: the next only where it stays on the one
+/// before.
 const AWAY: [f64; 2] = [0.25, 1.0];
-/// Steps along a pose field, at most, by which a LiDAR looks away.
+/// Steps along a pose field, at most, by which a LiDAR moves then.
 const AWAY_STEPS: u32 = 8;
 
 /// Casts of the swaps over all frames, as a multiple of a refinement's.
@@ -106,13 +108,25 @@ impl Run {
         starts: &[Placement],
         watch: &mut Watch,
     ) -> Result<Option<Swapped>, SearchError> {
+        self.swap_over(self.frames(), (casts, whole, Cars::AtSome), starts, watch)
+    }
+
+    /// Swaps anywhere over some frames, with about `casts` casts of a pose or all poses of the whole grid.
+    fn swap_over(
+        &mut self,
+        frames: Vec<usize>,
+        (casts, whole, cars): (u64, bool, Cars),
+        starts: &[Placement],
+        watch: &mut Watch,
+    ) -> Result<Option<Swapped>, SearchError> {
         let settings = self.state.settings.clone();
         let (grid, spacing) = settings.grid(self.suite.constraints())?;
         let all = u64::from(grid.len());
         let total = if whole { all } else { all.min(casts) };
         let on_grid = self.settings_on(spacing, casts, whole);
         let climbing = Climbing::default();
-        let (evaluator, objective) = (self.evaluator(watch)?, &settings.objective);
+        let (evaluator, objective) = (self.evaluator_over(frames, watch)?, &settings.objective);
+        evaluator.watch_cars(objective, cars);
         let mut go_on = |cast: u64| {
             let (work, [done, total]) = match climbing.progress() {
                 Some(climbs) => (Work::Climbs, climbs),
@@ -120,7 +134,9 @@ impl Run {
             };
             watch.tell(&Event::Progress { work, done, total })
         };
-        swap_anywhere(evaluator, objective, &on_grid, starts, &climbing, &mut go_on)
+        let found = swap_anywhere(evaluator, objective, &on_grid, starts, &climbing, &mut go_on);
+        evaluator.watch_cars(objective, Cars::AtSome);
+        found
     }
 
     /// Swaps anywhere once more, over all frames, and adds the ends to the starts of the refinement that follows:
@@ -135,10 +151,8 @@ impl Run {
         let others = self.starts_of_swaps(watch)?;
         work.done += work.casts;
         let Some(found) = self.swap_present(casts, false, &others, watch)? else { return Ok(()) };
-        self.note_swaps(found.poses_cast);
+        self.count_swaps(&found);
         if let Some(swaps) = &mut self.state.swaps {
-            swaps.evaluations += found.evaluations;
-            swaps.poses_cast += found.poses_cast;
             swaps.climbs = found.climbs;
         }
         starts.splice(0..0, std::iter::once(found.placement).chain(found.others));
@@ -179,16 +193,34 @@ impl Run {
                 return Ok(());
             }
         }
-        self.turn_away(before, &starts, work.casts / self.frames().len() as u64, watch)
+        let casts = work.casts / self.frames().len() as u64;
+        for flaw in [Flaw::AtBody, Flaw::Blind] {
+            self.mend(flaw, &mut starts, casts, watch)?;
+            if watch.is_over() {
+                self.cut_at(before, watch);
+                break;
+            }
+        }
+        Ok(())
     }
 
-    /// Where the best end looks at the own body, swaps once more from the ends with LiDARs that look away, with so many
-    /// `casts` at most on each grid. Their end joins the others: the best of them is the result. A run that is stopped here
-    /// goes on from the state `before`.
-    fn turn_away(
+    /// Counts the work of more swaps.
+    fn count_swaps(&mut self, found: &Swapped) {
+        self.note_swaps(found.poses_cast);
+        if let Some(swaps) = &mut self.state.swaps {
+            swaps.evaluations += found.evaluations;
+            swaps.poses_cast += found.poses_cast;
+        }
+    }
+
+    /// Where the best end has a flaw, swaps once more from the ends against it, with so many `casts` at most on each grid.
+    ///
+    /// LiDARs look away from the own body then, or each place that loses a car counts. The new end joins the others: the best
+    /// of them is the result.
+    fn mend(
         &mut self,
-        before: State,
-        starts: &[Placement],
+        flaw: Flaw,
+        starts: &mut Vec<Placement>,
         casts: u64,
         watch: &mut Watch,
     ) -> Result<(), SearchError> {
@@ -196,36 +228,42 @@ impl Run {
             return Ok(());
         };
         let (settings, mut end) = (self.state.settings.clone(), best);
+        if flaw == Flaw::Blind && !watch.is_over() && self.has(flaw, &end, watch)? {
+            // From the first grid on: near an end that few lost places separate from a better one, swaps stay there.
+            let all = settings.poses_for_swaps(self.suite.constraints().lidars());
+            let frames = self.frames_of_bounds();
+            let found = self.swap_over(frames, (all, false, Cars::AtAll), starts, watch)?;
+            found.iter().for_each(|found| self.count_swaps(found));
+            starts.splice(0..0, found.into_iter().map(|found| found.placement));
+        }
         let Spacing { metres, radians } = settings.grid(self.suite.constraints())?.1;
         for share in AWAY {
-            if watch.is_over() || self.guards_of_body(&end, watch)?.is_empty() {
+            if watch.is_over() || !self.has(flaw, &end, watch)? {
                 break;
             }
             let spacing = Spacing { metres: share * metres, radians: share * radians };
             if PoseGrid::new(self.suite.constraints(), spacing).is_err() {
                 continue;
             }
-            let on_grid =
-                SwapSettings { looks_away: true, ..self.settings_on(spacing, casts, false) };
+            let looks_away = flaw == Flaw::AtBody;
+            let on_grid = SwapSettings { looks_away, ..self.settings_on(spacing, casts, false) };
             let (evaluator, objective) = (self.evaluator(watch)?, &settings.objective);
+            evaluator.watch_cars(objective, if looks_away { Cars::AtSome } else { Cars::AtAll });
             let mut go_on = |cast: u64| {
                 let (before, total) =
                     (REFINEMENTS.len() as u64 * casts, (REFINEMENTS.len() as u64 + 1) * casts);
                 let done = (before + cast).min(total);
                 watch.tell(&Event::Progress { work: Work::Refinements, done, total })
             };
-            let found = swap_from(evaluator, objective, &on_grid, AWAY_STEPS, starts, &mut go_on)?;
-            if let (Some(found), Some(swaps)) = (found, &mut self.state.swaps) {
-                swaps.evaluations += found.evaluations;
-                swaps.poses_cast += found.poses_cast;
+            let found = swap_from(evaluator, objective, &on_grid, AWAY_STEPS, starts, &mut go_on);
+            evaluator.watch_cars(objective, Cars::AtSome);
+            let Some(found) = found? else { continue };
+            self.count_swaps(&found);
+            if let Some(swaps) = &mut self.state.swaps {
                 swaps.others.insert(0, found.placement.clone());
-                self.note_swaps(found.poses_cast);
-                end = found.placement;
             }
-            if watch.is_over() {
-                self.cut_at(before, watch);
-                break;
-            }
+            starts.insert(0, found.placement.clone());
+            end = found.placement;
         }
         Ok(())
     }

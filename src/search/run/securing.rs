@@ -1,5 +1,6 @@
 //! Requirements that are to hold within the mounting tolerance, too.
 
+use super::seeing::places_lost;
 use super::state::Run;
 use crate::search::copies::{FRAMES_OF_COPIES, Holds, Moved, SEED_OF_SEARCH};
 use crate::search::error::SearchError;
@@ -34,7 +35,7 @@ impl Run {
     /// meet all requirements, or moves make no more of them do so. If enough copies do after several moves, the move
     /// of the largest objective is taken; else the one after which most do. Returns the placements scored for it.
     ///
-    /// No move adds the guard `self_hit` or `below_ground`. A move is chosen by copies that flatter it: after each, other copies are drawn, and of all placements on the way the one
+    /// No move adds the guard `self_hit` or `below_ground`, or loses a car at more places around the vehicle. A move is chosen by copies that flatter it: after each, other copies are drawn, and of all placements on the way the one
     /// that holds in most of the copies it was not chosen by is the result.
     ///
     /// Does nothing without a tolerance or requirements, and where the result itself does not meet these.
@@ -114,12 +115,15 @@ impl Run {
         // Stable: of equal ones the first.
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
         let of_body = now.scores.guards.iter().filter(|guard| guard.is_of_body()).count();
+        let car = self.car_all_round();
+        let most_lost = places_lost(car.as_ref(), &now.placement)?;
         let mut offers = Vec::new();
         for (_, offer) in ranked {
             if offers.len() == SCORED || watch.is_over() {
                 break;
             }
-            if self.guards_of_body(&offer, watch)?.len() <= of_body {
+            let lost = places_lost(car.as_ref(), &offer)?;
+            if lost <= most_lost && self.guards_of_body(&offer, watch)?.len() <= of_body {
                 offers.push(offer);
             }
         }

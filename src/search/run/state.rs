@@ -394,7 +394,7 @@ impl Run {
     }
 
     /// Scores over some frames; closes an engine over others.
-    fn evaluator_over(
+    pub(super) fn evaluator_over(
         &mut self,
         frames: Vec<usize>,
         watch: &mut Watch,
