@@ -4,6 +4,7 @@ mod riding;
 mod shared;
 pub(super) mod size;
 mod standing;
+mod swept;
 
 use glam::DVec3;
 
@@ -168,7 +169,7 @@ fn actors(scene: &Scene) -> Vec<String> {
         if longest > ACTOR {
             doubts.push(format!(
                 "actors[{i}] is {longest:.0} m large; lengths are in metres: give its mesh `\"scale\": 0.001` for \
-                 millimetres"
+                 millimetres, or 0.01 for centimetres"
             ));
         }
         let way = actor

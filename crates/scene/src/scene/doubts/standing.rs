@@ -7,6 +7,7 @@ use glam::DVec3;
 use lidar_cast::geom::Pose;
 
 use super::super::{around, clipped};
+use super::swept::{swept, swept_in_words};
 use super::{Ground, Scene, Solid, corners, inside, inside_faces};
 use crate::scene::parts::{self, OwnBody};
 use crate::vehicle::Region;
@@ -40,7 +41,7 @@ impl Looks {
     }
 
     /// [`inside`] closed triangles, and false where no look is left.
-    fn inside(&self, solid: &Solid, p: DVec3) -> bool {
+    pub(super) fn inside(&self, solid: &Solid, p: DVec3) -> bool {
         self.spend(solid.faces.len()) && inside(solid, p)
     }
 }
@@ -211,13 +212,10 @@ pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
         let [from, to] = mount.region.corners().map(DVec3::from);
         let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
         let is_box = mount.region.ego_from_region.is_none();
-        let swept = is_box.then(|| swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner), &looks)).flatten();
+        let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(corner);
+        let swept = is_box.then(|| swept(scene, &corners, mount.region.rides_on, &looks)).flatten();
         if let Some((body, frame)) = swept {
-            return Some(format!(
-                "{at}: the whole mount lies inside the ego's {} in frame {frame}, where every beam ends at once; move it out \
-                 of the way of that body, or correct its `poses`",
-                scene.own_body_in_words(body)
-            ));
+            return Some(swept_in_words(scene, at, mount.region.rides_on, body, frame));
         }
         if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
             return Some(format!(
@@ -250,17 +248,6 @@ pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
         ))
     });
     far.collect()
-}
-
-/// Number of a body that moves and the first frame in which all corners of a mount lie inside it; `None` where none does.
-fn swept(scene: &Scene, corners: &[DVec3; 8], looks: &Looks) -> Option<(usize, usize)> {
-    (0..scene.frames).take_while(|_| looks.is_left()).find_map(|t| {
-        let holds = |body: &OwnBody| {
-            let body_from_ego = body.motion.pose(t).inverse();
-            corners.iter().all(|corner| looks.inside(&body.parts, body_from_ego.apply(*corner)))
-        };
-        Some((scene.bodies.iter().position(holds)?, t))
-    })
 }
 
 /// True if a patch with an offset lies inside the body with its nearer and its farther places. One without an offset lies on
