@@ -397,10 +397,13 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
             child(json!({ "bearing": [0, 6.25] })),
             "require[0].bearing: 0 to 6.25 are degrees; radians? 6.25 rad are 358.1°",
         ),
-        (child(json!({ "within": -40 })), "require[0].within: -40 is not metres above 0 to 1000"),
+        (
+            child(json!({ "within": -40 })),
+            "require[0].within: -40 is not above 0 m and at most 1000 m",
+        ),
         (
             child(json!({ "from": 9, "within": 4 })),
-            "require[0].within: 4 is not metres from 9 (`from`) to 1000",
+            "require[0].within: 4 m must be at least `from` (9 m)",
         ),
         (
             json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "without_any_one": true }),

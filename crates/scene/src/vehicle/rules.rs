@@ -218,10 +218,18 @@ fn from_of(at: &Location, given: Option<f64>, within: f64) -> Checked<f64> {
     if (from..=FARTHEST).contains(&within) && within != 0.0 {
         return Ok(from);
     }
-    let least = given.map_or("above 0".to_owned(), |from| format!("from {from} (`from`)"));
-    let is_large = |metres| within > FARTHEST && fits(metres);
-    let wanted = check::or_millimetres(format!("metres {least} to {FARTHEST}"), within, is_large);
-    Err(bad(&at.key("within"), within, wanted))
+    let at = at.key("within");
+    if within > FARTHEST {
+        let wanted = check::or_millimetres(format!("at most {FARTHEST} m"), within, fits);
+        return Err(bad(&at, within, wanted));
+    }
+    if within <= 0.0 {
+        return Err(bad(&at, within, format!("above 0 m and at most {FARTHEST} m")));
+    }
+    let told = format!(
+        "{within} m must be at least `from` ({from} m); if they are swapped, write \"from\": {within}, \"within\": {from}"
+    );
+    Err(check::refused(&at, told))
 }
 
 /// Bearings of a requirement, all round where none are given; both are checked.
@@ -359,7 +367,12 @@ mod tests {
             (ground(250), format!("{millimetres} 250 mm are 0.25")),
             (deep, "30 is not metres from the own body, above 0 and at most 10".to_owned()),
             (car(r#""from": -1, "within": 30"#), "metres from 0 to 1000".to_owned()),
-            (car(r#""from": 30, "within": 20"#), "metres from 30 (`from`) to 1000".to_owned()),
+            (car(r#""within": 2000000"#), "2000000 is not at most 1000 m".to_owned()),
+            (car(r#""within": 0"#), "within: 0 is not above 0 m and at most 1000 m".to_owned()),
+            (
+                car(r#""from": 30, "within": 20"#),
+                "within: 20 m must be at least `from` (30 m); if they are swapped, write \"from\": 20, \"within\": 30".to_owned(),
+            ),
         ] {
             assert_ends!(refused(&required), &told);
         }

@@ -252,7 +252,10 @@ fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Checked<SpinPhase> {
         return Ok(SpinPhase::Locked(from));
     }
     if !(0.0..=TAU + check::ROUNDED).contains(&(to - from)) {
-        let wanted = "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough";
+        let meant = if from - to <= TAU { check::swapped([from, to]) } else { String::new() };
+        let wanted = format!(
+            "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough{meant}"
+        );
         return Err(bad(at, format!("{:?}", [from, to]), wanted));
     }
     Ok(SpinPhase::Between(from, to.min(from + TAU)))
