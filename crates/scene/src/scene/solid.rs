@@ -204,10 +204,8 @@ pub(crate) fn prism(at: &Location, p: &PrismDescription, class: u16) -> Checked<
         check::metres(&z.item(i), p.z[i])?;
     }
     if p.z[0] >= p.z[1] {
-        let mend = match p.z[0] > p.z[1] {
-            true => check::swapped(p.z),
-            false => "; raise the top".to_owned(),
-        };
+        let is_flat = p.z[0] == p.z[1];
+        let mend = if is_flat { "; raise the top".into() } else { check::swapped(p.z) };
         let wanted = format!("a range [bottom, top] with bottom < top{mend}");
         return Err(bad(&z, format!("{:?}", p.z), wanted));
     }
@@ -228,11 +226,9 @@ pub(crate) fn plane(at: &Location, p: &PlaneDescription, class: u16) -> Checked<
         check::metres(&at.key("max").item(i), p.max[i])?;
     }
     check::rising(at, p.min, p.max)?;
-    for i in 0..2 {
-        if p.min[i] >= p.max[i] {
-            let wanted = format!("above min ({}){APART}", p.min[i]);
-            return Err(bad(&at.key("max").item(i), p.max[i], wanted));
-        }
+    if let Some(i) = (0..2).find(|&i| p.min[i] == p.max[i]) {
+        let wanted = format!("above min ({}){APART}", p.min[i]);
+        return Err(bad(&at.key("max").item(i), p.max[i], wanted));
     }
     let z = check::metres(&at.key("z"), p.z)?;
     Ok(Solid::plane(p.min, p.max, z, class))
