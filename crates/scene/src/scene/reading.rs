@@ -97,8 +97,10 @@ impl Scene {
         places.scales.told = things.own.told;
         places.scales.first = places.scales.first.filter(|_| !things.own.joined);
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;
-        let doubts = scene.doubts(&places);
+        let (doubts, buried) = scene.doubts(&places);
         scene.notes.extend(doubts);
+        scene.notes = repeated::folded(std::mem::take(&mut scene.notes));
+        scene.buried_mounts = buried;
         let large = too_large("ego body", &scene.body, places.scales.first);
         scene.large_body = large.map(|large| format!("{}: {large}", places.body));
         scene.vehicle_file = places.vehicle.file;
@@ -162,6 +164,7 @@ impl Scene {
             notes,
             is_level_ground: false,
             large_body: None,
+            buried_mounts: None,
         })
     }
 }

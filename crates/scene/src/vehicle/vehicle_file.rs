@@ -84,15 +84,12 @@ impl Vehicle {
         let Requirements { areas, targets, ground, overlap, positions, .. } = required;
         files.extend(required.files);
         notes.extend(required.notes);
-        notes.extend(out_of_reach(
-            &at.key("require"),
-            &positions[1],
-            &targets,
-            (&sensors, &mounts),
-        )?);
-        notes.extend(out_of_light(&at.key("require"), &positions[1], &targets, &sensors));
+        let (rules, positions_of_targets) = (at.key("require"), &positions[1]);
+        let reach = out_of_reach(&rules, positions_of_targets, &targets, (&sensors, &mounts))?;
+        notes.extend(reach);
+        notes.extend(out_of_light(&rules, positions_of_targets, &targets, &sensors));
         let seats = mounts.iter().map(|mount| mount.count[1]).sum();
-        notes.extend(needing_more(&at.key("require"), &vehicle.require, seats));
+        notes.extend(needing_more(&rules, &vehicle.require, seats));
         let other_sensors = at.key("other_sensors");
         let other_sensors =
             OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;

@@ -96,6 +96,44 @@ mod tests {
     }
 
     #[test]
+    fn mounts_that_all_lie_inside_the_body_are_an_error_of_a_search() {
+        // Inside and above the body, each with a least and a most number of LiDARs.
+        let told = |inside: &[[u32; 2]], above: &[[u32; 2]]| {
+            let mount = |z: f64, k: usize, count: &[u32; 2]| {
+                format!(
+                    r#"{{"name": "m{z}-{k}", "count": {count:?}, "min": [0, 0, {z}], "max": [0.5, 0, {z}]}}"#
+                )
+            };
+            let inside = inside.iter().enumerate().map(|(k, count)| mount(1.0, k, count));
+            let above = above.iter().enumerate().map(|(k, count)| mount(2.0, k, count));
+            let mounts = inside.chain(above).collect::<Vec<_>>().join(", ");
+            let text = format!(
+                r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+                "vehicle": {{"sightline": 1,
+                  "body": [{{"class": "vehicle", "box": {{"min": [-2, -1, 0.2], "max": [2, 1, 1.8]}}}}],
+                  "sensors": [{{"name": "a", "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 50}}}}],
+                  "mounts": [{mounts}]}},
+                "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
+            );
+            let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
+            scene.buried_mounts().map(str::to_owned)
+        };
+        let one = told(&[[1, 1]], &[]).unwrap();
+        assert_begins!(one, "s.json: vehicle.mounts[0]: the whole mount lies inside the ego body");
+        assert!(one.ends_with("heights are in metres from the ground"), "{one}");
+        let two = told(&[[0, 1], [0, 2]], &[]).unwrap();
+        assert!(two.ends_with("; all 2 mounts that may hold a LiDAR lie inside"), "{two}");
+        // The one above may stay empty, or must.
+        for above in [[0, 1], [0, 0]] {
+            assert!(told(&[[1, 2]], &[above]).is_some(), "{above:?}");
+        }
+        assert!(told(&[[0, 2]], &[[0, 0]]).is_some());
+        for (inside, above) in [([0, 1], [0, 1]), ([0, 1], [1, 1]), ([1, 1], [1, 1])] {
+            assert_eq!(told(&[inside], &[above]), None, "{inside:?} {above:?}");
+        }
+    }
+
+    #[test]
     fn a_mount_moves_with_the_body_that_it_rides_on() {
         // Left of the hitch, where the trailer stands in frame 1; the mount is ahead of the hitch then.
         let left = told_of_mount([-2.2, 4.5, 0.8], [-2.0, 4.7, 1.2]);
