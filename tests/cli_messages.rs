@@ -142,6 +142,11 @@ fn millimetres_are_told_with_the_file_and_the_mount() {
         car["mounts"][0]["max"] = json!([1.5, 0.6, 1.2]);
     })
     .says("own.json: mounts[0]: the whole mount lies inside the ego body");
+    // A doubt of `score`, whose placements may stand elsewhere, and an error of a search.
+    let args = "optimize s.json --vehicle own.json --backend cpu --evaluations 40 --out run";
+    let refused = fails(&dir, args);
+    assert_eq!(refused.matches("the whole mount lies inside the ego body").count(), 1, "{refused}");
+    assert!(!dir.path().join("run").exists());
     of_car(&dir, |car| {
         car["body"][0]["box"] = json!({ "min": [-1000, -900, 300], "max": [3500, 900, 1600] });
     })
