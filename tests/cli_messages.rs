@@ -142,6 +142,11 @@ fn millimetres_are_told_with_the_file_and_the_mount() {
         car["mounts"][0]["max"] = json!([1.5, 0.6, 1.2]);
     })
     .says("own.json: mounts[0]: the whole mount lies inside the ego body");
+    // A doubt of `score`, whose placements may stand elsewhere, and an error of a search.
+    let args = "optimize s.json --vehicle own.json --backend cpu --evaluations 40 --out run";
+    let refused = fails(&dir, args);
+    assert_eq!(refused.matches("the whole mount lies inside the ego body").count(), 1, "{refused}");
+    assert!(!dir.path().join("run").exists());
     of_car(&dir, |car| {
         car["body"][0]["box"] = json!({ "min": [-1000, -900, 300], "max": [3500, 900, 1600] });
     })
@@ -397,10 +402,13 @@ fn rules_that_ask_for_nothing_radians_and_mounts_below_the_ground_are_told() {
             child(json!({ "bearing": [0, 6.25] })),
             "require[0].bearing: 0 to 6.25 are degrees; radians? 6.25 rad are 358.1°",
         ),
-        (child(json!({ "within": -40 })), "require[0].within: -40 is not metres above 0 to 1000"),
+        (
+            child(json!({ "within": -40 })),
+            "require[0].within: -40 is not above 0 m and at most 1000 m",
+        ),
         (
             child(json!({ "from": 9, "within": 4 })),
-            "require[0].within: 4 is not metres from 9 (`from`) to 1000",
+            "require[0].within: 4 m must be at least `from` (9 m)",
         ),
         (
             json!({ "name": "box", "min": [0, 0, 0], "max": [1, 1, 1], "share": 1, "without_any_one": true }),

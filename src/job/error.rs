@@ -50,6 +50,9 @@ pub enum JobError {
     Overlap(#[from] OverlapError),
     #[error(transparent)]
     Search(#[from] SearchError),
+    /// A search over mounts that all lie inside the own body; the sentence tells the first of them and the mend.
+    #[error("{0}")]
+    Buried(String),
     /// A scene that does not fit the others, or the objective.
     #[error("{scene}: {source}")]
     InScene { scene: String, source: SearchError },

@@ -89,13 +89,28 @@ pub(super) fn files(
 
 /// Reads the scenes of a job and reads or builds their P-SOGs; problems are made when they are first needed.
 pub(super) fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, RunError> {
-    job_within(files, None, computing)
+    opened(files, None, |_| Ok(()), computing)
 }
 
-/// [`job`] with a limit of time: an error where it ends before the P-SOGs are built.
+/// [`job`] of a search with a limit of time: an error where it ends before the P-SOGs are built, or where all mounts lie
+/// inside the own body.
 pub(crate) fn job_within(
     files: &JobFiles,
     time: Option<TimeLimit>,
+    computing: &Computing<'_>,
+) -> Result<Loaded, RunError> {
+    let is_open = |scene: &Scene| match scene.buried_mounts() {
+        Some(told) => Err(RunError::Usage(told.to_owned())),
+        None => Ok(()),
+    };
+    opened(files, time, is_open, computing)
+}
+
+/// [`job`] with a limit of time, of scenes that a check lets pass before anything is told about them.
+fn opened(
+    files: &JobFiles,
+    time: Option<TimeLimit>,
+    check: impl Fn(&Scene) -> Result<(), RunError>,
     computing: &Computing<'_>,
 ) -> Result<Loaded, RunError> {
     let watcher = computing.watcher;
@@ -107,6 +122,7 @@ pub(crate) fn job_within(
         let start = Instant::now();
         let scene = files.read_scene(path)?;
         no_hidden_places(&scene)?;
+        check(&scene)?;
         let scene = told(scene, watcher)?;
         note_frames(&scene, files.frames, watcher);
         // Before the P-SOG is scanned, which takes longest.

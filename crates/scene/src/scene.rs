@@ -12,6 +12,7 @@ pub(crate) mod description;
 mod doubts;
 mod parts;
 mod reading;
+mod repeated;
 mod route;
 mod settings;
 mod shapes;
@@ -87,6 +88,8 @@ pub struct Scene {
     pub(crate) is_level_ground: bool,
     /// Doubt about an own body far larger than a vehicle, with its file.
     large_body: Option<String>,
+    /// Error of a search over mounts that all lie inside the own body.
+    buried_mounts: Option<String>,
 }
 
 /// Moving object: triangles in its own frame and a pose for each frame.
@@ -182,6 +185,12 @@ impl Scene {
     /// Likely mistakes that are no errors: a sentence each, with file and place.
     pub fn notes(&self) -> &[Note] {
         &self.notes
+    }
+
+    /// The error of a search over mounts that lie inside the own body, where every beam ends at once: all that must hold a
+    /// LiDAR, or all. `None` where a beam gets out.
+    pub fn buried_mounts(&self) -> Option<&str> {
+        self.buried_mounts.as_deref()
     }
 
     /// Description of the vehicle: a vehicle file, or the file of the scene.

@@ -24,8 +24,11 @@ impl Job {
     /// no more poses than are possible, before anything is written.
     ///
     /// # Errors
-    /// No rig is found, too little money, or too many poses.
+    /// No rig is found, too little money, too many poses, or mounts that lie inside the own body.
     pub fn check_room(&self) -> Result<(), JobError> {
+        if let Some(told) = self.scenes.iter().find_map(|scene| scene.scene().buried_mounts()) {
+            return Err(JobError::Buried(told.to_owned()));
+        }
         let place = |file: &std::path::PathBuf| file.display().to_string();
         let vehicle = self.scene().vehicle();
         let found = vehicle.rig_by_the_rules();

@@ -171,8 +171,21 @@ pub fn point(at: &Location, value: [f64; 3]) -> Checked<[f64; 3]> {
 /// Lower and upper corner of a box, in metres; `empty` ends the error of one without an extent.
 pub fn corners(at: &Location, min: [f64; 3], max: [f64; 3], empty: &str) -> Checked<[[f64; 3]; 2]> {
     let (min, max) = (point(&at.key("min"), min)?, point(&at.key("max"), max)?);
+    rising(at, min, max)?;
     let Some(i) = (0..3).find(|&i| min[i] >= max[i]) else { return Ok([min, max]) };
     Err(bad(&at.key("max").item(i), max[i], format!("above min ({}){empty}", min[i])))
+}
+
+/// Checks that no coordinate of the upper corner of a box is below the lower corner's.
+pub fn rising<const N: usize>(at: &Location, min: [f64; N], max: [f64; N]) -> Checked<()> {
+    let Some(i) = (0..N).find(|&i| max[i] < min[i]) else { return Ok(()) };
+    let told = format!("{} is below min ({}); are `min` and `max` swapped?", max[i], min[i]);
+    Err(refused(&at.key("max").item(i), told))
+}
+
+/// End of the error of a range whose first number is above its last: the range as it is most likely meant.
+pub fn swapped([first, last]: [f64; 2]) -> String {
+    if last < first { format!("; write [{last}, {first}]") } else { String::new() }
 }
 
 /// A size `[x, y, z]` in metres, each above 0.
@@ -236,7 +249,8 @@ fn ordered(at: &Location, value: [f64; 2]) -> Checked<[f64; 2]> {
     if value[0] <= value[1] {
         return Ok(value);
     }
-    Err(bad(at, format!("{value:?}"), "a range [lower, upper] with lower <= upper"))
+    let wanted = format!("a range [lower, upper] with lower <= upper{}", swapped(value));
+    Err(bad(at, format!("{value:?}"), wanted))
 }
 
 /// Range of a LiDAR in metres.

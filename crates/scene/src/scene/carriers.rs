@@ -3,53 +3,66 @@
 use lidar_cast::geom::Pose;
 use lidar_cast::sensor::Ride;
 use sightline_files::json::check::{bad, refused};
-use sightline_files::json::{Checked, Location, quoted};
+use sightline_files::json::{Checked, Location, nearest, quoted};
 
+use super::description::BodyDescription;
 use super::parts::OwnBodies;
 use super::route::Motion;
 use super::{Coverage, Scene};
-use crate::vehicle::{SensorName, VehicleMount};
+use crate::vehicle::{MountingDescription, SensorName, VehicleMount};
 
 /// Mend of a `rides_on` that no body answers to.
 const LEAVE_OUT: &str = "; leave it out for what stands on the first body";
 
+/// Checks that each mount that rides on a body has one body of that name. It needs no more than names, and stands before
+/// the checks of symmetry: a mount on a misspelt body has no mirror image.
+pub(super) fn check_names(
+    at: &Location,
+    mounts: &[MountingDescription],
+    bodies: &[BodyDescription],
+) -> Checked<()> {
+    let names = bodies.iter().filter_map(|body| body.name.as_deref());
+    let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
+    for (number, mount) in mounts.iter().enumerate() {
+        let Some(carrier) = mount.rides_on.as_deref() else { continue };
+        let count = names.iter().filter(|name| **name == carrier).count();
+        // Names that are none are told where the mount is read.
+        let is_name = SensorName::new(carrier).is_ok_and(|name| !name.is_none());
+        if count == 1 || !is_name {
+            continue;
+        }
+        let wanted = match (count, &names[..]) {
+            (0, []) => format!(
+                "a body of `bodies`, of which none has a name; name the one that carries the mount{LEAVE_OUT}"
+            ),
+            (0, _) => match nearest(carrier, names.iter().copied()) {
+                Some(name) => format!("a body of `bodies`; did you mean `{name}`?"),
+                None => format!("a body of `bodies`, which are {}{LEAVE_OUT}", quoted(&names)),
+            },
+            _ => format!("one body of `bodies`: {count} have that name; give each its own"),
+        };
+        let at = at.key("mounts").item(number).key("rides_on");
+        return Err(bad(&at, format!("`{carrier}`"), wanted));
+    }
+    Ok(())
+}
+
 impl OwnBodies {
-    /// Checks that each mount that rides on a body has one body of that name, and that coverage is of each frame.
+    /// Checks that coverage is of each frame where a mount rides on a body.
     pub(crate) fn check_carriers(
-        &self,
         mounts: &[VehicleMount],
         coverage: Coverage,
         at: impl Fn(usize) -> Location,
     ) -> Checked<()> {
-        let moving = self.moving.iter().map(|body| &body.name);
-        let names: Vec<&String> = moving
-            .chain(self.still.iter().map(|(name, _)| name))
-            .filter(|name| !name.is_empty())
-            .collect();
-        for (number, mount) in mounts.iter().enumerate() {
-            let carrier = mount.region.rides_on;
-            let count = names.iter().filter(|name| **name == carrier.as_str()).count();
-            if carrier.is_none() {
-                continue;
-            }
-            if coverage == Coverage::Through {
+        let rides = |mount: &VehicleMount| !mount.region.rides_on.is_none();
+        match mounts.iter().position(rides).filter(|_| coverage == Coverage::Through) {
+            Some(number) => {
                 let told = "rides on a body, and beams that run through everything are of one frame; leave `rides_on` out, or \
                             give the scene geometry and \"coverage\": \"first-hit\"";
-                return Err(refused(&at(number), told));
+                Err(refused(&at(number), told))
             }
-            if count == 1 {
-                continue;
-            }
-            let wanted = match (count, &names[..]) {
-                (0, []) => format!(
-                    "a body of `bodies`, of which none has a name; name the one that carries the mount{LEAVE_OUT}"
-                ),
-                (0, _) => format!("a body of `bodies`, which are {}{LEAVE_OUT}", quoted(&names)),
-                _ => format!("one body of `bodies`: {count} have that name; give each its own"),
-            };
-            return Err(bad(&at(number).key("rides_on"), format!("`{carrier}`"), wanted));
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 

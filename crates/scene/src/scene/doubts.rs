@@ -4,6 +4,7 @@ mod riding;
 mod shared;
 pub(super) mod size;
 mod standing;
+mod swept;
 
 use glam::DVec3;
 
@@ -40,7 +41,8 @@ pub(super) struct SceneLocations {
 }
 
 impl Scene {
-    pub(super) fn doubts(&self, places: &SceneLocations) -> Vec<Note> {
+    /// Doubts about the scene, and the error of a search over mounts that lie inside the body.
+    pub(super) fn doubts(&self, places: &SceneLocations) -> (Vec<Note>, Option<String>) {
         let scene = self;
         // A body of a wrong size among several was told by its own name.
         let size = size_of("ego body", &scene.body, places.scales.first);
@@ -72,11 +74,13 @@ impl Scene {
         };
         let mut all = in_file(&places.body, of_body);
         all.extend(in_file(&places.scene, doubts));
-        all.extend(standing::mounts(scene, &places.mounts).into_iter().map(Note::doubt));
+        let of_mounts = standing::mounts(scene, &places.mounts);
+        let buried = standing::all_buried(scene, &of_mounts);
+        all.extend(of_mounts.into_iter().map(|(_, _, told)| Note::doubt(told)));
         all.extend(riding::mounts(scene, &places.mounts).into_iter().map(Note::fact));
         all.extend(standing::apart(scene, &places.vehicle).map(Note::doubt));
         all.extend(no_body(scene, places));
-        all
+        (all, buried)
     }
 }
 
@@ -168,7 +172,7 @@ fn actors(scene: &Scene) -> Vec<String> {
         if longest > ACTOR {
             doubts.push(format!(
                 "actors[{i}] is {longest:.0} m large; lengths are in metres: give its mesh `\"scale\": 0.001` for \
-                 millimetres"
+                 millimetres, or 0.01 for centimetres"
             ));
         }
         let way = actor

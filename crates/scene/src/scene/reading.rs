@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use sightline_files::Note;
 use sightline_files::json::{Checked, Location};
 
+use super::carriers::check_names;
 use super::classes::Classes;
 use super::description::{
     BodyDescription, PoseDescription, SceneDescription, ShapeDescription, VehicleSource,
@@ -96,8 +97,10 @@ impl Scene {
         places.scales.told = things.own.told;
         places.scales.first = places.scales.first.filter(|_| !things.own.joined);
         let mut scene = Self::of_parts(&top, scene, (name, roi, classes), carrier, things, dir)?;
-        let doubts = scene.doubts(&places);
+        let (doubts, buried) = scene.doubts(&places);
         scene.notes.extend(doubts);
+        scene.notes = repeated::folded(std::mem::take(&mut scene.notes));
+        scene.buried_mounts = buried;
         let large = too_large("ego body", &scene.body, places.scales.first);
         scene.large_body = large.map(|large| format!("{}: {large}", places.body));
         scene.vehicle_file = places.vehicle.file;
@@ -123,7 +126,7 @@ impl Scene {
         let coverage = scene.coverage.as_deref();
         let coverage = Coverage::new(&top.key("coverage"), coverage, has_geometry)?;
         let mount_at = |mount| at.key("mounts").item(mount);
-        own.check_carriers(&vehicle.mounts, coverage, mount_at)?;
+        OwnBodies::check_carriers(&vehicle.mounts, coverage, mount_at)?;
         let OwnBodies { body, moving: bodies, still, doubts, .. } = own;
         notes.extend(doubts);
         let ego = ego.unwrap_or(Motion::Still);
@@ -161,6 +164,7 @@ impl Scene {
             notes,
             is_level_ground: false,
             large_body: None,
+            buried_mounts: None,
         })
     }
 }
@@ -229,7 +233,8 @@ impl SceneVehicle {
             (Some(file), _) => file.to_owned(),
             (None, Some(VehicleSource::Inline(vehicle))) => {
                 only_vehicle(top, scene)?;
-                return Self::of_vehicle(top.key("vehicle"), *vehicle, None, dir);
+                let bodies = scene_bodies(scene);
+                return Self::of_vehicle(top.key("vehicle"), *vehicle, (None, dir), bodies);
             }
             (None, Some(VehicleSource::File(file))) => {
                 only_vehicle(top, scene)?;
@@ -239,7 +244,7 @@ impl SceneVehicle {
         };
         let at = Location::top(&file.display().to_string());
         let dir = file.parent().unwrap_or(Path::new("")).to_owned();
-        Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir)
+        Self::of_vehicle(at, read_vehicle(&file)?, (Some(file), &dir), scene_bodies(scene))
     }
 
     /// From the `lidar` and `mount` of a scene.
@@ -285,20 +290,27 @@ impl SceneVehicle {
     fn of_vehicle(
         at: Location,
         mut vehicle: VehicleDescription<ShapeDescription, BodyDescription>,
-        file: Option<PathBuf>,
-        dir: &Path,
+        (file, dir): (Option<PathBuf>, &Path),
+        of_scene: &[BodyDescription],
     ) -> Checked<Self> {
         let shapes = vehicle.take_body(&at)?;
         let others = std::mem::take(&mut vehicle.bodies);
+        let is_there = !(shapes.is_empty() && others.is_empty());
+        let bodies = if is_there { &others[..] } else { of_scene };
+        check_names(&at, &vehicle.mounts, bodies)?;
         let stem = file.as_ref().and_then(|file| file.file_stem());
         let stem = stem.map_or("vehicle".into(), |stem| stem.to_string_lossy());
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
-        let is_there = !(shapes.is_empty() && others.is_empty());
         let body = is_there.then_some(VehicleBody { shapes, others, dir: dir.to_owned() });
         let notes = vehicle.notes.clone();
         Ok(Self { at, notes, vehicle, body, files })
     }
+}
+
+/// Bodies that a scene gives a vehicle without a body of its own.
+fn scene_bodies(scene: &SceneDescription) -> &[BodyDescription] {
+    scene.ego.as_ref().map_or(&[], |ego| &ego.bodies)
 }
 
 /// Refuses a LiDAR or mount beside a vehicle.

@@ -204,7 +204,9 @@ pub(crate) fn prism(at: &Location, p: &PrismDescription, class: u16) -> Checked<
         check::metres(&z.item(i), p.z[i])?;
     }
     if p.z[0] >= p.z[1] {
-        let wanted = "a range [bottom, top] with bottom < top; raise the top";
+        let is_flat = p.z[0] == p.z[1];
+        let mend = if is_flat { "; raise the top".into() } else { check::swapped(p.z) };
+        let wanted = format!("a range [bottom, top] with bottom < top{mend}");
         return Err(bad(&z, format!("{:?}", p.z), wanted));
     }
     Ok(Solid::prism(&base, p.z, class))
@@ -222,10 +224,11 @@ pub(crate) fn plane(at: &Location, p: &PlaneDescription, class: u16) -> Checked<
     for i in 0..2 {
         check::metres(&at.key("min").item(i), p.min[i])?;
         check::metres(&at.key("max").item(i), p.max[i])?;
-        if p.min[i] >= p.max[i] {
-            let wanted = format!("above min ({}){APART}", p.min[i]);
-            return Err(bad(&at.key("max").item(i), p.max[i], wanted));
-        }
+    }
+    check::rising(at, p.min, p.max)?;
+    if let Some(i) = (0..2).find(|&i| p.min[i] == p.max[i]) {
+        let wanted = format!("above min ({}){APART}", p.min[i]);
+        return Err(bad(&at.key("max").item(i), p.max[i], wanted));
     }
     let z = check::metres(&at.key("z"), p.z)?;
     Ok(Solid::plane(p.min, p.max, z, class))

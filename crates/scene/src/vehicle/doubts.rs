@@ -44,9 +44,16 @@ fn in_degrees(angle: f64) -> Option<String> {
     is_whole.then(|| format!("rad is {:.0}°", angle.to_degrees()))
 }
 
+/// Radians of pitch above a quarter turn that a LiDAR has which looks straight down or up: mounts are given some room.
+const OVER_UPRIGHT: f64 = 0.1;
+
 /// Largest angle of a pose in radians that is usual, and its words: a half turn, and a quarter turn of pitch.
 fn usual_turn(field: &str) -> (f64, &'static str) {
-    if field == "pitch" { (FRAC_PI_2, "a quarter turn") } else { (PI, "half a turn") }
+    if field == "pitch" {
+        (FRAC_PI_2 + OVER_UPRIGHT, "a quarter turn")
+    } else {
+        (PI, "half a turn")
+    }
 }
 
 /// The angle of a pose outside its mount where it is most likely in degrees: beyond a half turn, or a quarter turn of pitch,
@@ -183,17 +190,11 @@ impl Doubts {
     }
 
     fn about_pose(&self, pose: &SensorPose) -> Vec<String> {
-        // A mount that holds the pose in radians, and not in degrees, says which it is.
-        let in_degrees = SensorPose {
-            roll: pose.roll.to_radians(),
-            pitch: pose.pitch.to_radians(),
-            yaw: pose.yaw.to_radians(),
-            ..*pose
-        };
-        let holds =
-            |pose: &SensorPose| self.regions.iter().any(|region| region.outside(pose).is_empty());
-        let is_meant = holds(pose) && !holds(&in_degrees);
-        let units = if is_meant { Vec::new() } else { doubts_of_units(pose) };
+        // A search puts LiDARs anywhere in the mount, and its own poses are sound. Degrees, as 15 or 90, lie outside: ranges
+        // of a mount are at most a turn, and looked at where the vehicle is read.
+        let is_meant = self.regions.iter().any(|region| region.outside(pose).is_empty());
+        let phase = SensorPose { phase: pose.phase, ..SensorPose::at(0.0, 0.0, 1.0) };
+        let units = doubts_of_units(if is_meant { &phase } else { pose });
         let is_far = pose.position().abs().max_element() > FARTHEST;
         let beside = self.regions.iter().map(|region| beside(region, pose));
         let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
@@ -302,9 +303,11 @@ mod tests {
         assert!(doubts_of_units(&rounded).is_empty());
         let beyond = SensorPose { roll: more, ..rounded };
         assert!(doubts_of_units(&beyond)[0].starts_with("roll = 3.1417 is more than half a turn"));
-        let pitched = SensorPose { pitch: 1.6, ..rounded };
+        // Straight down, with some room.
+        assert!(doubts_of_units(&SensorPose { pitch: 1.58, ..rounded }).is_empty());
+        let pitched = SensorPose { pitch: 1.7, ..rounded };
         assert!(
-            doubts_of_units(&pitched)[0].starts_with("pitch = 1.6 is more than a quarter turn")
+            doubts_of_units(&pitched)[0].starts_with("pitch = 1.7 is more than a quarter turn")
         );
         assert!(of_angles("`yaw`", &[-5.0, 5.0]).is_some());
         assert!(of_angles("`pitch`", &[0.05, 5.0]).is_some());
@@ -352,14 +355,28 @@ mod tests {
         let outside = "LiDAR 1: it stands 0.500 m outside its mount; it is looked at there anyway";
         assert_ends!(doubts(&all, at(1.3, 0.0, 2.9)), outside);
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
-        // Three radians on a mount that looks back, and three degrees on one that may look ahead.
+        // Three radians are sound on mounts that allow them, and doubted on one that looks ahead.
         let looks = |yaw: [f64; 2]| {
             let pose = |x, z, yaw| [x, -1.0, z, 0.0, 0.0, yaw];
             Doubts::of(&Constraints::in_box(pose(-1.0, 1.5, yaw[0]), pose(1.0, 2.5, yaw[1]), 2))
         };
         let back = SensorPose { yaw: 3.0, ..at(0.0, -1.0, 2.0) };
-        assert!(!doubts(&looks([2.6, 3.7]), back).contains("radians"));
-        assert_holds!(doubts(&looks([-3.2, 3.2]), back), "yaw = 3 rad is 172°");
+        for allowed in [[2.6, 3.7], [-3.2, 3.2]] {
+            assert!(!doubts(&looks(allowed), back).contains("radians"), "{allowed:?}");
+        }
+        assert_holds!(doubts(&looks([-0.5, 0.5]), back), "yaw = 3 rad is 172°");
+        // Degrees lie outside of any mount, and the phase is no matter of one.
+        let turned = |yaw, phase| SensorPose { yaw, phase, ..at(0.0, -1.0, 2.0) };
+        assert_holds!(doubts(&looks([-3.2, 3.2]), turned(15.0, None)), "15° are 0.2618");
+        assert_holds!(doubts(&looks([-3.2, 3.2]), turned(0.0, Some(100.0))), "phase = 100");
+        // A pose of a search on a mount whose pitch ends beyond a quarter turn by more than usual.
+        let down = Doubts::of(&Constraints::in_box(
+            [-1.0, -1.0, 1.5, 0.0, -0.1, 0.0],
+            [1.0, 1.0, 2.5, 0.0, 1.75, 0.0],
+            1,
+        ));
+        let pitched = |pitch| SensorPose { pitch, ..at(0.0, 0.0, 2.0) };
+        assert!(!doubts(&down, pitched(1.74)).contains("1.74"), "{}", doubts(&down, pitched(1.74)));
         // A mount that holds none is named, in the doubt and in the broken rule alike.
         let rear = box_of([-3.0, -2.0], 1);
         let region = Region { name: "rear".into(), ..Region::clone(&rear.slots[0].region) };

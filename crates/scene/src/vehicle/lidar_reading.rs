@@ -80,7 +80,7 @@ impl DescribedLidar {
                 let range = range?;
                 let count = lidar.channels.unwrap_or(0);
                 let channels = even_channels(at, count, lidar.fov)?;
-                let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at))?;
+                let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at, lidar.azimuth))?;
                 let mut described =
                     Self::plain(spinning_in(at, channels, steps, lidar.azimuth, range)?);
                 described.notes.extend(narrow_fov(at, count, lidar.fov));
@@ -128,7 +128,7 @@ impl DescribedLidar {
         };
         let lidar = if let Some(sector) = lidar.azimuth {
             // Columns stated by a file are columns of a whole turn.
-            let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at))?;
+            let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at, Some(sector)))?;
             notes.extend(pattern.azimuth.filter(|stated| *stated != sector).map(|stated| {
                 let at = at.key("azimuth");
                 Note::fact(format!(
@@ -139,7 +139,7 @@ impl DescribedLidar {
         } else {
             let stated = pattern.azimuth_steps;
             let steps =
-                lidar.azimuth_steps.or(stated.map(u64::from)).ok_or_else(|| no_steps(at))?;
+                lidar.azimuth_steps.or(stated.map(u64::from)).ok_or_else(|| no_steps(at, None))?;
             let steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
             notes.extend(other(at, "azimuth_steps", f64::from(steps), stated.map(f64::from)));
             let (steps, azimuth) = pattern.columns(steps);
@@ -165,10 +165,21 @@ fn form(at: &Location, lidar: &LidarDescription) -> Checked<&'static str> {
     Ok(form)
 }
 
-fn no_steps(at: &Location) -> DescriptionError {
-    let mend = "give the measurements of one channel in a turn, 250 for example";
-    check::missing(at, "azimuth_steps", mend)
+/// Error of a LiDAR without azimuth steps, which are those of a turn or of a sector.
+fn no_steps(at: &Location, azimuth: Option<[f64; 2]>) -> DescriptionError {
+    let mend = match azimuth.map(|[from, to]| to - from).filter(|across| *across > 0.0) {
+        None => format!("of one channel in a turn: {IN_A_TURN}"),
+        // The first and the last measurement point at the two ends of a sector.
+        Some(across) => format!(
+            "of one channel across `azimuth`: {across} / horizontal resolution + 1, {:.0} for 0.2°",
+            (across / 0.2).round() + 1.0
+        ),
+    };
+    check::missing(at, "azimuth_steps", format!("give the measurements {mend}"))
 }
+
+/// Words on the measurements of a channel that turns.
+const IN_A_TURN: &str = "360 / horizontal resolution in degrees, 1800 for 0.2°";
 
 /// A note on a number that the sensor file states otherwise; the description's own counts.
 pub(super) fn other(at: &Location, key: &str, given: f64, stated: Option<f64>) -> Option<Note> {
@@ -196,8 +207,12 @@ fn narrow_fov(at: &Location, channels: u64, fov: Option<[f64; 2]>) -> Option<Not
 
 /// A doubt about a LiDAR that measures once in a turn.
 fn one_step(at: &Location, steps: u64) -> Option<Note> {
-    let text = "1, so that each channel is one beam; give the measurements of one channel in a turn, 900 for example";
-    (steps == 1).then(|| Note::doubt(format!("{}: {text}", at.key("azimuth_steps"))))
+    (steps == 1).then(|| {
+        Note::doubt(format!(
+            "{}: 1, so that each channel is one beam; give the measurements of one channel in a turn: {IN_A_TURN}",
+            at.key("azimuth_steps")
+        ))
+    })
 }
 
 /// Elevations and azimuth offsets in degrees, as many.
@@ -295,7 +310,9 @@ fn file_pattern(at: &Location, lidar: &LidarDescription, file: &Path) -> Checked
         && !(from < to && to - from <= 1e6)
     {
         let found = format!("{:?}", [from, to]);
-        return Err(bad(&at.key("window"), found, "a window [from, to] in seconds with from < to"));
+        let wanted =
+            format!("a window [from, to] in seconds with from < to{}", check::swapped([from, to]));
+        return Err(bad(&at.key("window"), found, wanted));
     }
     let read = sensor_file::read(file, lidar.window);
     let mut pattern = read.map_err(|error| error.of_file(at.key("file")))?;

@@ -26,7 +26,9 @@ pub use self::rules::{
     ANY_LOST, FARTHEST_GROUND, GroundAsked, GroundRule, ON_SCENE, OverlapRule, Side, TargetRule,
 };
 pub use constraints::{Constraints, OtherModel, Slot, Ties, Violation};
-pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
+pub(crate) use description::{
+    LidarDescription, MountDescription, MountingDescription, VehicleDescription,
+};
 pub use doubts::{
     Doubts, FARTHEST as FARTHEST_ON_VEHICLE, doubt_of_ground, doubts_of_units, of_degrees,
 };

@@ -111,15 +111,7 @@ pub(super) fn angles(at: &Location, [roll, pitch, yaw]: [[f64; 2]; 3]) -> Checke
 pub(super) fn corners(at: &Location, min: [f64; 3], max: [f64; 3]) -> Checked<[[f64; 3]; 2]> {
     let min = check::point(&at.key("min"), min)?;
     let max = check::point(&at.key("max"), max)?;
-    for i in 0..3 {
-        if min[i] > max[i] {
-            let wanted = format!(
-                "{} or more, the lower corner of the mount; are `min` and `max` swapped?",
-                min[i]
-            );
-            return Err(bad(&at.key("max").item(i), max[i], wanted));
-        }
-    }
+    check::rising(at, min, max)?;
     Ok([min, max])
 }
 
@@ -208,7 +200,9 @@ fn with_ranges(
     let [from, to] = mount.offset.unwrap_or_default();
     let far = if from.abs() > to.abs() { from } else { to };
     if !(from <= to && far.abs() <= 10.0) {
-        let wanted = "a range of metres in front of the patch, [0, 0.1] for example";
+        let mend =
+            if from > to { check::swapped([from, to]) } else { ", [0, 0.1] for example".into() };
+        let wanted = format!("a range of metres in front of the patch{mend}");
         let is_large = |metres: f64| from <= to && far.abs() > 10.0 && metres.abs() <= 10.0;
         let wanted = check::or_millimetres(wanted, far, is_large);
         return Err(bad(&at.key("offset"), format!("{:?}", [from, to]), wanted));
@@ -297,6 +291,8 @@ pub(super) fn face_back(at: &Location, mounts: &mut [VehicleMount]) -> Vec<Note>
 /// A mount without a mirror image for as many sensors of the same models, or more sensors than a placement has.
 pub(super) fn check_pairs(at: &Location, mounts: &[VehicleMount]) -> Checked<()> {
     let at = at.key("symmetric");
+    let rides = mounts.iter().any(|mount| !mount.region.rides_on.is_none());
+    let same = if rides { "`count`, `sensors` and `rides_on`" } else { "`count` and `sensors`" };
     for mount in mounts {
         let name = &mount.region.name;
         let holds = |other: &&VehicleMount| {
@@ -307,7 +303,7 @@ pub(super) fn check_pairs(at: &Location, mounts: &[VehicleMount]) -> Checked<()>
             let wanted = format!(
                 "possible with `{name}`, which has no mirror image at the plane y = 0: y, roll and yaw must run \
                  from -a to a (yaw of a mount that faces back from 3.1416 - a to 3.1416 + a), or another mount be its \
-                 image (of meshes to within {OFF} m), with the same `count` and `sensors`; change the mount, or leave \
+                 image (of meshes to within {OFF} m), with the same {same}; change the mount, or leave \
                  `symmetric` out"
             );
             return Err(bad(&at, true, wanted));

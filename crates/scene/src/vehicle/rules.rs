@@ -218,10 +218,18 @@ fn from_of(at: &Location, given: Option<f64>, within: f64) -> Checked<f64> {
     if (from..=FARTHEST).contains(&within) && within != 0.0 {
         return Ok(from);
     }
-    let least = given.map_or("above 0".to_owned(), |from| format!("from {from} (`from`)"));
-    let is_large = |metres| within > FARTHEST && fits(metres);
-    let wanted = check::or_millimetres(format!("metres {least} to {FARTHEST}"), within, is_large);
-    Err(bad(&at.key("within"), within, wanted))
+    let at = at.key("within");
+    if within > FARTHEST {
+        let wanted = check::or_millimetres(format!("at most {FARTHEST} m"), within, fits);
+        return Err(bad(&at, within, wanted));
+    }
+    if within <= 0.0 {
+        return Err(bad(&at, within, format!("above 0 m and at most {FARTHEST} m")));
+    }
+    let told = format!(
+        "{within} m must be at least `from` ({from} m); if they are swapped, write \"from\": {within}, \"within\": {from}"
+    );
+    Err(check::refused(&at, told))
 }
 
 /// Bearings of a requirement, all round where none are given; both are checked.
@@ -325,6 +333,16 @@ mod tests {
 
     /// Error of a vehicle with one requirement.
     fn refused(required: &str) -> String {
+        scene_of(required).unwrap_err().to_string()
+    }
+
+    /// Notes on one, a line each.
+    fn notes(required: &str) -> String {
+        let scene = scene_of(required).unwrap();
+        scene.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+    }
+
+    fn scene_of(required: &str) -> sightline_files::json::Checked<Scene> {
         let text = format!(
             r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
             "vehicle": {{"sightline": 1,
@@ -334,7 +352,7 @@ mod tests {
               "require": [{{{required}}}]}},
             "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
         );
-        Scene::from_json(&text, Path::new(""), "s.json").unwrap_err().to_string()
+        Scene::from_json(&text, Path::new(""), "s.json")
     }
 
     #[test]
@@ -359,9 +377,40 @@ mod tests {
             (ground(250), format!("{millimetres} 250 mm are 0.25")),
             (deep, "30 is not metres from the own body, above 0 and at most 10".to_owned()),
             (car(r#""from": -1, "within": 30"#), "metres from 0 to 1000".to_owned()),
-            (car(r#""from": 30, "within": 20"#), "metres from 30 (`from`) to 1000".to_owned()),
+            (car(r#""within": 2000000"#), "2000000 is not at most 1000 m".to_owned()),
+            (car(r#""within": 0"#), "within: 0 is not above 0 m and at most 1000 m".to_owned()),
+            (
+                car(r#""from": 30, "within": 20"#),
+                "within: 20 m must be at least `from` (30 m); if they are swapped, write \"from\": 20, \"within\": 30".to_owned(),
+            ),
         ] {
             assert_ends!(refused(&required), &told);
+        }
+    }
+
+    #[test]
+    fn targets_beyond_every_sensor_are_refused_and_narrow_sectors_told() {
+        let far = |from: u32| {
+            format!(r#""target": "child", "from": {from}, "within": 250, "share": 0.9"#)
+        };
+        assert_ends!(
+            refused(&far(200)),
+            "require[0].from: 200 m is farther than any sensor of the vehicle reaches, 50 m, and so is every place of the \
+             target; lower `from` and `within`, or give a sensor of longer range"
+        );
+        // The nearest places are within reach of the sensor above the origin: a doubt, as before.
+        assert_holds!(notes(&far(50)), "require[0].within: 250 m is farther than any sensor");
+        let sector = |bearing: &str| {
+            notes(&format!(
+                r#""target": "child", "within": 20, "share": 0.9, "bearing": {bearing}"#
+            ))
+        };
+        assert_holds!(
+            sector("[-1.0, 1.0]"),
+            "require[0].bearing: [-1, 1] is a sector of 2°; bearings are degrees"
+        );
+        for fine in ["[0, 0]", "[-2, 2]", "[89, 91]"] {
+            assert_eq!(sector(fine), "", "{fine}");
         }
     }
 

@@ -84,10 +84,12 @@ impl Vehicle {
         let Requirements { areas, targets, ground, overlap, positions, .. } = required;
         files.extend(required.files);
         notes.extend(required.notes);
-        notes.extend(out_of_reach(&at.key("require"), &positions[1], &targets, &sensors));
-        notes.extend(out_of_light(&at.key("require"), &positions[1], &targets, &sensors));
+        let (rules, positions_of_targets) = (at.key("require"), &positions[1]);
+        let reach = out_of_reach(&rules, positions_of_targets, &targets, (&sensors, &mounts))?;
+        notes.extend(reach);
+        notes.extend(out_of_light(&rules, positions_of_targets, &targets, &sensors));
         let seats = mounts.iter().map(|mount| mount.count[1]).sum();
-        notes.extend(needing_more(&at.key("require"), &vehicle.require, seats));
+        notes.extend(needing_more(&rules, &vehicle.require, seats));
         let other_sensors = at.key("other_sensors");
         let other_sensors =
             OtherSensor::read_all(&other_sensors, vehicle.other_sensors, &mut notes)?;
@@ -252,7 +254,10 @@ fn phase_between(at: &Location, [from, to]: [f64; 2]) -> Checked<SpinPhase> {
         return Ok(SpinPhase::Locked(from));
     }
     if !(0.0..=TAU + check::ROUNDED).contains(&(to - from)) {
-        let wanted = "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough";
+        let meant = if from - to <= TAU { check::swapped([from, to]) } else { String::new() };
+        let wanted = format!(
+            "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough{meant}"
+        );
         return Err(bad(at, format!("{:?}", [from, to]), wanted));
     }
     Ok(SpinPhase::Between(from, to.min(from + TAU)))
@@ -284,13 +289,33 @@ fn area(at: &Location, required: &RequirementDescription) -> Checked<Requirement
 }
 
 /// Doubts about targets at distances that no beam of any model reaches; `positions` are theirs in the file.
+///
+/// # Errors
+/// A target of which no place is within reach, from any mount.
 fn out_of_reach(
     at: &Location,
     positions: &[usize],
     rules: &[TargetRule],
-    sensors: &[VehicleSensor],
-) -> Vec<Note> {
+    (sensors, mounts): (&[VehicleSensor], &[VehicleMount]),
+) -> Checked<Vec<Note>> {
     let farthest = sensors.iter().map(|model| model.lidar.range()).fold(0.0, f64::max);
+    let corners = mounts.iter().flat_map(|mount| mount.region.corners());
+    let from_origin = corners.map(|[x, y, _]| x.abs().hypot(y.abs())).fold(0.0, f64::max);
+    // A mount that rides on a body may be anywhere.
+    let is_fixed = mounts.iter().all(|mount| mount.region.rides_on.is_none());
+    for (position, rule) in positions.iter().zip(rules).filter(|_| is_fixed) {
+        let [low, high] = rule.target.corners;
+        let half = 0.5 * (high[0] - low[0]).hypot(high[1] - low[1]);
+        // Corners of a box are the smallest and the largest coordinates, which may lie √2 as far out.
+        if rule.from - half > farthest + std::f64::consts::SQRT_2 * from_origin {
+            let told = format!(
+                "{} m is farther than any sensor of the vehicle reaches, {farthest} m, and so is every place of the target; \
+                 lower `from` and `within`, or give a sensor of longer range",
+                rule.from
+            );
+            return Err(check::refused(&at.item(*position).key("from"), told));
+        }
+    }
     let beyond = positions.iter().zip(rules).filter(|(_, rule)| rule.within > farthest);
     let doubt = |(position, rule): (&usize, &TargetRule)| {
         Note::doubt(format!(
@@ -300,7 +325,7 @@ fn out_of_reach(
             rule.within
         ))
     };
-    beyond.map(doubt).collect()
+    Ok(beyond.map(doubt).collect())
 }
 
 /// Notes on rules that count beams farther out than enough light comes back to a model whose rated range is stated;
@@ -369,8 +394,21 @@ fn doubts_of_rule(at: &Location, required: &RequirementDescription) -> Vec<Note>
             high.to_degrees()
         ));
     }
-    doubts.into_iter().map(Note::doubt).collect()
+    let mut notes: Vec<Note> = doubts.into_iter().map(Note::doubt).collect();
+    // A sector of a few whole degrees may be meant.
+    let is_narrow = 0.0 < high - low && high - low < NARROW_SECTOR;
+    if is_within_a_turn && is_narrow && [low, high].iter().all(|bearing| bearing.fract() == 0.0) {
+        notes.push(Note::fact(format!(
+            "{}: [{low}, {high}] is a sector of {}°; bearings are degrees, and 1 rad is 57.3°",
+            at.key("bearing"),
+            high - low
+        )));
+    }
+    notes
 }
+
+/// Width of a sector in degrees below which its bearings may be radians: half a turn is 3.14 rad.
+const NARROW_SECTOR: f64 = 3.2;
 
 /// Content of a vehicle's `require`.
 #[derive(Default)]

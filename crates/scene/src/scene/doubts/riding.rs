@@ -101,8 +101,9 @@ mod tests {
                 "parts": [{{"class": "vehicle", "box": {{"min": [-11, -1.2, 0.2], "max": [0, 1.2, 3]}}}}],
                 "poses": [{{"x": -1, "y": 0}}, {{"x": -1, "y": 0, "yaw": 0.7}}, {{"x": -1, "y": 0, "yaw": 0.3}}]}}],
               "sensors": [{{"name": "a", "lidar": {{"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 50}}}}],
-              "mounts": [{{"name": "m", "count": 1, {mount}}}]}},
-            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#
+              "symmetric": {}, "mounts": [{{"name": "m", "count": 1, {mount}}}]}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": 0}}}}]}}"#,
+            mount.contains("trailor")
         );
         Scene::from_json(&text, Path::new(""), "s.json")
     }
@@ -141,8 +142,21 @@ mod tests {
 
     #[test]
     fn a_mount_rides_on_one_body_that_there_is() {
-        let mount = r#""min": [-12.15, 0, 1.2], "max": [-12.05, 0, 2.2], "rides_on": "boom""#;
-        let refused = scene_of(mount).unwrap_err().to_string();
+        let on = |name: &str| {
+            let place = r#""min": [-12.15, 0, 1.2], "max": [-12.05, 0, 2.2]"#;
+            scene_of(&format!(r#"{place}, "rides_on": "{name}""#)).unwrap_err().to_string()
+        };
+        // A slip is named before the vehicle is looked at for symmetry, which it breaks.
+        let told =
+            "mounts[0].rides_on: `trailor` is not a body of `bodies`; did you mean `trailer`?";
+        assert_holds!(on("trailor"), told);
+        let tail = r#"trailor"}, {"name": "n", "count": 1, "min": [-12.15, 0, 3], "max": [-12.05, 0, 3.1], "rides_on": "trailer"#;
+        let side = tail.replace("0, 3", "1, 3");
+        for mounts in [tail, &*side] {
+            let symmetric = on(mounts);
+            assert_holds!(symmetric, told);
+        }
+        let refused = on("boom");
         let wanted = "vehicle.mounts[0].rides_on: `boom` is not a body of `bodies`, which are `trailer`; leave it out for what \
                       stands on the first body";
         assert_holds!(refused, wanted);

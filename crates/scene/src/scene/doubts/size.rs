@@ -13,6 +13,8 @@ const BODY: [f64; 2] = [0.3, 30.0];
 const LAMP: f64 = 0.03;
 /// Metres between which most vehicles are long.
 const USUAL: [f64; 2] = [1.5, 25.0];
+/// Metres between which a body is long that is taken for one in centimetres.
+const CENTIMETRES: [f64; 2] = [2.0, 25.0];
 /// Scales of meshes: metres, millimetres, centimetres, inches, feet.
 const SCALES: [f64; 5] = [1.0, 0.001, 0.01, 0.0254, 0.3048];
 /// Scale of the smallest unit that meshes of vehicles are drawn in: millimetres.
@@ -101,14 +103,25 @@ pub(in crate::scene) fn too_large(who: &str, solid: &Solid, scale: Option<f64>) 
     }
     Some(scale.map_or_else(
         || {
+            let [(unit, parts, scale), (_, _, other)] = units(longest);
             format!(
-                "the {who} is {longest:.1} m large; lengths are in metres, {longest:.0} mm would be {:.2} m: divide the \
-                 numbers of its shapes by 1000, or give its mesh `\"scale\": 0.001`, or 0.01 for centimetres",
-                longest / 1000.0
+                "the {who} is {longest:.1} m large; lengths are in metres, {longest:.0} {unit} would be {:.2} m: divide the \
+                 numbers of its shapes by {parts}, or give its mesh `\"scale\": {scale}`, or {other}",
+                longest / parts
             )
         },
         |scale| format!("the {who} is {longest:.1} m large {}", of_scale(longest, scale, "smaller")),
     ))
+}
+
+/// Units of a length far too large for metres, the likelier first: a short name, how many make a metre, and the scale of a
+/// mesh, with the unit for the second. Centimetres where they make a vehicle, and millimetres make a toy.
+fn units(longest: f64) -> [(&'static str, f64, &'static str); 2] {
+    let is_vehicle = (CENTIMETRES[0]..=CENTIMETRES[1]).contains(&(longest / 100.0));
+    match is_vehicle && longest / 1000.0 < 1.0 {
+        true => [("cm", 100.0, "0.01"), ("mm", 1000.0, "0.001 for millimetres")],
+        false => [("mm", 1000.0, "0.001"), ("cm", 100.0, "0.01 for centimetres")],
+    }
 }
 
 /// A doubt about a body that is far smaller than a vehicle.
@@ -199,6 +212,17 @@ mod tests {
              `\"scale\": 0.001` would make it 6.00 m"
         );
         assert_ends!(large(6000.0, None).unwrap(), "`\"scale\": 0.001`, or 0.01 for centimetres");
+        assert_eq!(
+            large(450.0, None).unwrap(),
+            "the ego body is 450.0 m large; lengths are in metres, 450 cm would be 4.50 m: divide the numbers of its shapes by \
+             100, or give its mesh `\"scale\": 0.01`, or 0.001 for millimetres"
+        );
+        // 1.9 m or 0.19 m, and 12 m or 1.2 m: millimetres, as before.
+        for (metres, told) in
+            [(190.0, "190 mm would be 0.19 m"), (1200.0, "1200 mm would be 1.20 m")]
+        {
+            assert_holds!(large(metres, None).unwrap(), told, "by 1000, or");
+        }
         assert!(large(1e9, Some(1.0)).unwrap().ends_with("give its mesh a smaller one"));
         assert_eq!(large(30.0, Some(0.01)), None);
         let small =

@@ -7,9 +7,10 @@ use glam::DVec3;
 use lidar_cast::geom::Pose;
 
 use super::super::{around, clipped};
+use super::swept::{swept, swept_in_words};
 use super::{Ground, Scene, Solid, corners, inside, inside_faces};
 use crate::scene::parts::{self, OwnBody};
-use crate::vehicle::Region;
+use crate::vehicle::{Region, VehicleMount};
 use sightline_files::json::Location;
 
 /// Metres below and above the ground z = 0 that the lowest point of a body may lie: wheels sink in, a body may be without
@@ -40,7 +41,7 @@ impl Looks {
     }
 
     /// [`inside`] closed triangles, and false where no look is left.
-    fn inside(&self, solid: &Solid, p: DVec3) -> bool {
+    pub(super) fn inside(&self, solid: &Solid, p: DVec3) -> bool {
         self.spend(solid.faces.len()) && inside(solid, p)
     }
 }
@@ -202,64 +203,95 @@ const MAST: f64 = 3.0;
 /// Places of a patch that are looked at.
 const MOST_PLACES: usize = 16;
 
-/// Doubts about mounts inside the body, or far from it.
-pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<String> {
+/// Doubts about mounts inside the body, or far from it, with the number of each mount, and true for one inside of it.
+pub(super) fn mounts(scene: &Scene, places: &[Location]) -> Vec<(usize, bool, String)> {
     let body = parts::standing(&scene.body, &scene.bodies, 0);
     let Some([low, high]) = corners(&body) else { return Vec::new() };
     let looks = Looks::new();
-    let far = scene.vehicle.mounts.iter().zip(places).filter_map(|(mount, at)| {
-        let [from, to] = mount.region.corners().map(DVec3::from);
-        let corner = |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
-        let is_box = mount.region.ego_from_region.is_none();
-        let swept = is_box.then(|| swept(scene, &[0, 1, 2, 3, 4, 5, 6, 7].map(corner), &looks)).flatten();
-        if let Some((body, frame)) = swept {
-            return Some(format!(
-                "{at}: the whole mount lies inside the ego's {} in frame {frame}, where every beam ends at once; move it out \
-                 of the way of that body, or correct its `poses`",
-                scene.own_body_in_words(body)
-            ));
+    let doubt = |(number, at): (usize, &Location)| {
+        let mount = &scene.vehicle.mounts[number];
+        if let Some((in_all_frames, told)) = buried(scene, mount, at, &looks) {
+            return Some((number, in_all_frames, told));
         }
-        if is_box && (0..8).all(|k| inside(&scene.body, corner(k))) {
-            return Some(format!(
-                "{at}: the whole mount lies inside the ego body, where every beam ends at once; move it onto the body: \
-                 heights are in metres from the ground"
-            ));
-        }
-        if !is_box && leads_inside(&scene.body, &mount.region) {
-            return Some(format!(
-                "{at}: `offset` leads into the ego body, where every beam ends at once; offsets count along the outer side: \
-                 give positive ones, list the corners of a polygon counter-clockwise as seen from outside, or say with \
-                 `facing` which side of a mesh is meant"
-            ));
-        }
-        let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
-        let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
-        let outside = if nearest > BESIDE { nearest } else { farthest };
-        let above = to.z - high.z;
-        if nearest <= BESIDE && farthest <= REACH {
-            return (above > MAST).then(|| {
-                format!(
-                    "{at}: reaches {above:.1} m above the ego body; heights are in metres from the ground, not from the roof: \
-                     check `max`"
-                )
-            });
-        }
-        Some(format!(
-            "{at}: reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
-             check `min` and `max`, and the place of the body"
-        ))
-    });
-    far.collect()
+        let told = far(at, mount.region.corners().map(DVec3::from), [low, high])?;
+        Some((number, false, told))
+    };
+    (0..scene.vehicle.mounts.len()).zip(places).filter_map(doubt).collect()
 }
 
-/// Number of a body that moves and the first frame in which all corners of a mount lie inside it; `None` where none does.
-fn swept(scene: &Scene, corners: &[DVec3; 8], looks: &Looks) -> Option<(usize, usize)> {
-    (0..scene.frames).take_while(|_| looks.is_left()).find_map(|t| {
-        let holds = |body: &OwnBody| {
-            let body_from_ego = body.motion.pose(t).inverse();
-            corners.iter().all(|corner| looks.inside(&body.parts, body_from_ego.apply(*corner)))
+/// A doubt about a mount inside a body, and true if it lies there in every frame.
+fn buried(
+    scene: &Scene,
+    mount: &VehicleMount,
+    at: &Location,
+    looks: &Looks,
+) -> Option<(bool, String)> {
+    let [from, to] = mount.region.corners().map(DVec3::from);
+    let corner =
+        |k: usize| DVec3::from([0, 1, 2].map(|i| if k >> i & 1 == 0 { from[i] } else { to[i] }));
+    let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(corner);
+    let is_box = mount.region.ego_from_region.is_none();
+    let rides_on = mount.region.rides_on;
+    let swept = is_box.then(|| swept(scene, &corners, rides_on, looks)).flatten();
+    if let Some((body, frame)) = swept {
+        let is_carrier = body.is_some_and(|body| {
+            !rides_on.is_none() && scene.own_body_name(body) == rides_on.as_str()
+        });
+        return Some((is_carrier, swept_in_words(scene, at, rides_on, body, frame)));
+    }
+    if is_box && corners.iter().all(|corner| inside(&scene.body, *corner)) {
+        let told = format!(
+            "{at}: the whole mount lies inside the ego body, where every beam ends at once; move it onto the body: \
+             heights are in metres from the ground"
+        );
+        return Some((rides_on.is_none(), told));
+    }
+    (!is_box && leads_inside(&scene.body, &mount.region)).then(|| {
+        let told = format!(
+            "{at}: `offset` leads into the ego body, where every beam ends at once; offsets count along the outer side: \
+             give positive ones, list the corners of a polygon counter-clockwise as seen from outside, or say with \
+             `facing` which side of a mesh is meant"
+        );
+        (rides_on.is_none(), told)
+    })
+}
+
+/// A doubt about a mount far from the body or above it; both with their lower and upper corner.
+fn far(at: &Location, [from, to]: [DVec3; 2], [low, high]: [DVec3; 2]) -> Option<String> {
+    let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
+    let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
+    let outside = if nearest > BESIDE { nearest } else { farthest };
+    let above = to.z - high.z;
+    if nearest <= BESIDE && farthest <= REACH {
+        return (above > MAST).then(|| {
+            format!(
+                "{at}: reaches {above:.1} m above the ego body; heights are in metres from the ground, not from the roof: \
+                 check `max`"
+            )
+        });
+    }
+    Some(format!(
+        "{at}: reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
+         check `min` and `max`, and the place of the body"
+    ))
+}
+
+/// Error of a search over mounts from which no beam gets out: every mount that must hold a LiDAR lies inside the body, or
+/// every one that may.
+pub(super) fn all_buried(scene: &Scene, told: &[(usize, bool, String)]) -> Option<String> {
+    let inside = |number: usize| told.iter().find(|(of, inside, _)| *of == number && *inside);
+    let mounts = scene.vehicle.mounts.iter().enumerate();
+    let of = |least: bool| {
+        let chosen = mounts.clone().filter(|(_, mount)| mount.count[usize::from(!least)] > 0);
+        chosen.map(|(number, _)| number).collect::<Vec<_>>()
+    };
+    [(of(true), "must"), (of(false), "may")].into_iter().find_map(|(numbers, holds)| {
+        let first = inside(*numbers.first()?)?;
+        let end = match numbers.len() {
+            1 => String::new(),
+            count => format!("; all {count} mounts that {holds} hold a LiDAR lie inside"),
         };
-        Some((scene.bodies.iter().position(holds)?, t))
+        numbers.iter().all(|number| inside(*number).is_some()).then(|| format!("{}{end}", first.2))
     })
 }
 

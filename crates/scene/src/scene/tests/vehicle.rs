@@ -165,7 +165,7 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         (
             "\"share\": 0.5",
             "\"share\": 0.5, \"without\": [{ \"min\": [0, 1, 0], \"max\": [1, 2, -1] }]",
-            "require[0].without[0].max[2]: -1 is not above min (0): the box would take nothing away",
+            "require[0].without[0].max[2]: -1 is below min (0); are `min` and `max` swapped?",
         ),
         ("\"share\": 0.5", "\"share\": 2", "require[0].share: 2 is not a share"),
         ("\"offset\": [0, 0.1]", "\"offset\": [0.1, 0]", "mounts[1].offset"),
