@@ -6,7 +6,7 @@ use super::Job;
 use super::error::JobError;
 use crate::engine::{EngineChoice, open};
 use crate::geom::Pose;
-use crate::near_field::{BlindDepths, NearSite, few_frames, place};
+use crate::near_field::{BlindDepths, NearSite, cast_frames, place};
 use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{Psog, read_psog};
 use crate::scan::conditions::{Condition, in_words};
@@ -177,17 +177,17 @@ impl JobScene {
         Ok(Some(self.on_ground.get_or_init(on_ground).as_ref().unwrap_or(level)))
     }
 
-    /// Ground near the vehicle over a few frames. `None` with coverage `through`, and without own body or ground.
+    /// Ground near the vehicle. `None` with coverage `through`, and without own body or ground.
     ///
     /// # Errors
     /// See [`Self::problem`].
     pub(crate) fn near_site(&self) -> Result<Option<&NearSite>, JobError> {
         let problem = self.problem()?;
-        let site = || NearSite::new(&self.scene, &few_frames(&problem)).ok();
+        let site = || NearSite::new(&self.scene, &cast_frames(&problem)).ok();
         Ok(problem.ends_at_hits().then(|| self.near.get_or_init(site).as_ref()).flatten())
     }
 
-    /// Adds the depth of the blind zone on each side to scores, over few frames; none without a [site](Self::near_site).
+    /// Adds the depth of the blind zone on each side to scores; none without a [site](Self::near_site).
     ///
     /// # Errors
     /// See [`Self::problem`]; an engine that fails, a sensor that the vehicle does not have.

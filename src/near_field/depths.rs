@@ -1,4 +1,4 @@
-//! Depth of the blind zone on each side, over a few frames.
+//! Depth of the blind zone on each side.
 
 use std::sync::Arc;
 
@@ -6,20 +6,18 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::zone::BlindZone;
-use super::{NEAR, NearField, bodies_move};
+use super::{NEAR, NearField};
 use crate::problem::{Problem, spread};
 use crate::score::metres_up;
 
-/// Frames that the near field of a result is taken over.
-const FEW_FRAMES: u32 = 4;
-/// Frames of it where bodies of the vehicle move: the straight trailer may be in any of them.
-const MOVING_FRAMES: u32 = 12;
-
-/// A problem over the few frames in which the near field of a result is looked at.
-pub(crate) fn few_frames(problem: &Problem) -> Arc<Problem> {
-    // A P-SOG without geometry has no frame to cast into.
-    let most = if bodies_move(problem) { MOVING_FRAMES } else { FEW_FRAMES };
-    Arc::new(problem.over(&spread(problem.geometry_frame_count(), Some(most))))
+/// A problem over the frames in which the near field of a result is looked at: all, as in studies and requirements, but frames
+/// of a P-SOG without geometry.
+pub(crate) fn cast_frames(problem: &Arc<Problem>) -> Arc<Problem> {
+    let (all, with_geometry) = (problem.frame_count(), problem.geometry_frame_count());
+    match all == with_geometry {
+        true => problem.clone(),
+        false => Arc::new(problem.over(&spread(with_geometry, None))),
+    }
 }
 
 /// Depth of the blind zone of a placement on each side.

@@ -48,7 +48,7 @@ pub(crate) use self::body::under_raised;
 pub use self::body::{FEW_PLACEMENTS, Footprint, below_ground, mounts_into_body, self_hits};
 pub(crate) use self::body::{WheelPlane, under_raised_in_words};
 pub use depths::BlindDepths;
-pub(crate) use depths::few_frames;
+pub(crate) use depths::cast_frames;
 pub(crate) use ground::{CELL, CLOSE, NEAR, Pole, RING, Standard};
 pub use look::{NearField, NearSite};
 pub(crate) use look::{bodies_move, body_poses, outline, place, returned_hits};

@@ -25,7 +25,7 @@ use super::{
 };
 use crate::engine::{BackendError, EngineChoice, open};
 use crate::job::{Job, JobError, JobScene, Losses};
-use crate::near_field::{Footprint, NearField, NearSite, few_frames};
+use crate::near_field::{Footprint, NearField, NearSite, cast_frames};
 use crate::problem::Problem;
 use crate::scan::conditions::under;
 use crate::scene::Target;
@@ -313,29 +313,29 @@ pub fn near_record(job: &Job, placement: &Placement) -> Result<Option<NearRecord
     Ok(Some(NearRecord { frames: near.frames as usize, near, rival: None }))
 }
 
-/// Near fields of placements over a few frames of a scene, and the LiDARs of the first one against each other.
+/// Near fields of placements over the frames of a scene, and the LiDARs of the first one against each other.
 fn near<'a>(
     of: &JobScene,
-    problem: &Problem,
+    problem: &Arc<Problem>,
     choice: &EngineChoice,
     placements: impl Iterator<Item = &'a Placement> + Clone,
 ) -> Result<(Result<Near, String>, Several), JobError> {
     let scene = &**of.scene();
-    let few = few_frames(problem);
-    let frames = few.geometry_frame_count();
-    let mut engine = open(few.task(), choice, |_| {})?.engine;
+    let cast = cast_frames(problem);
+    let frames = cast.geometry_frame_count();
+    let mut engine = open(cast.task(), choice, |_| {})?.engine;
     let mut several = Several::default();
     let has_others = !scene.vehicle().other_sensors.is_empty();
     let first = placements.clone().next();
     if let Some(first) = first.filter(|first| has_others || first.lidars.len() > 1) {
-        several.overlap = Overlap::new(scene, &few, &mut *engine, first, LEAST_SHARED).ok();
+        several.overlap = Overlap::new(scene, &cast, &mut *engine, first, LEAST_SHARED).ok();
         let targets = REDUNDANCY_TARGETS.iter().filter_map(|name| Target::named(name).ok());
         let question = redundancy_question(targets.collect());
-        let site = RedundancySite::new(scene, few.clone(), of.target_site()?.cloned());
+        let site = RedundancySite::new(scene, cast.clone(), of.target_site()?.cloned());
         several.notes = site.notes();
         several.redundancy = Some(site.look(&mut *engine, &question, first)?);
     }
-    let site = match NearSite::new(scene, &few) {
+    let site = match NearSite::new(scene, &cast) {
         Ok(site) => site,
         Err(why) => return Ok((Err(why.to_string()), several)),
     };

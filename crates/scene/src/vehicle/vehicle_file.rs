@@ -20,6 +20,7 @@ use super::{
     TargetRule, Ties, lidar,
 };
 use crate::scene::RATED_REFLECTANCE;
+use lidar_cast::maths;
 use sightline_files::Note;
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{self, Checked, FileKind, Location};
@@ -300,12 +301,12 @@ fn out_of_reach(
 ) -> Checked<Vec<Note>> {
     let farthest = sensors.iter().map(|model| model.lidar.range()).fold(0.0, f64::max);
     let corners = mounts.iter().flat_map(|mount| mount.region.corners());
-    let from_origin = corners.map(|[x, y, _]| x.abs().hypot(y.abs())).fold(0.0, f64::max);
+    let from_origin = corners.map(|[x, y, _]| maths::hypot(x, y)).fold(0.0, f64::max);
     // A mount that rides on a body may be anywhere.
     let is_fixed = mounts.iter().all(|mount| mount.region.rides_on.is_none());
     for (position, rule) in positions.iter().zip(rules).filter(|_| is_fixed) {
         let [low, high] = rule.target.corners;
-        let half = 0.5 * (high[0] - low[0]).hypot(high[1] - low[1]);
+        let half = 0.5 * maths::hypot(high[0] - low[0], high[1] - low[1]);
         // Corners of a box are the smallest and the largest coordinates, which may lie √2 as far out.
         if rule.from - half > farthest + std::f64::consts::SQRT_2 * from_origin {
             let told = format!(
