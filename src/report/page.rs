@@ -14,6 +14,8 @@ mod scores;
 mod search;
 mod seen;
 
+use std::sync::Arc;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::coverage::near_field_svg;
