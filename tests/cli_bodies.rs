@@ -334,7 +334,8 @@ fn the_tractor_of_the_examples_bends_in_a_yard_of_as_many_frames_as_its_bodies_h
         .says("bodies[0].poses: a list of 5 is not one pose for all frames");
     let (code, answer, told) = answer(&dir, &run("yard-5.json"));
     assert_eq!(code, Some(1), "two LiDARs miss what must be seen: {told}");
-    told.says("bodies[0]: moves from frame to frame").lacks("inside the ego's body");
+    told.says("bodies[0] (likewise bodies[1], bodies[2]): moves from frame to frame")
+        .lacks("inside the ego's body");
     let [adult, pallet, ground] = &answer["scores"][0]["requirements"].list()[..] else {
         panic!("{answer}");
     };

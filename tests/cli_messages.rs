@@ -58,6 +58,9 @@ fn files_of_other_kinds_are_named() {
             let told = fails(&dir, &args);
             let begins = format!("{name}: {looks}; {begins}");
             assert!(told.contains(&begins), "{begins}: {told}");
+            let imports = told.contains("; `sightline rig import` reads rigs of other programs");
+            let is_rig = args[2] == name && ["a.csv", "a.yaml"].contains(&name);
+            assert_eq!(imports, is_rig, "{told}");
         }
     }
     fs::create_dir(dir.path().join("runs")).unwrap();

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::RunRecord;
 use crate::csv::rounded;
-use crate::score::Seen;
+use crate::score::{Guard, Seen};
 use crate::search::{OpenMount, PLAIN, Scored, is_about};
 
 /// Mounts with room that are named.
@@ -116,8 +116,8 @@ fn firmer_in_words(best: &Scored, seed: u64) -> Option<String> {
 }
 
 /// Advice to look for less where a baseline meets all requirements, too, on more than paper: for fewer sensors than `plain`
-/// has, or at the price of a baseline that costs less than the result. `None` where nothing is required, and where the sensors
-/// were given or are the fewest.
+/// has, or at the price of a baseline that costs less than the result; or where the result has a LiDAR too many. `None` where
+/// nothing is required, and where the sensors were given or are the fewest.
 fn fewer_in_words(best: &Scored, baselines: &[Scored], settings: &Value) -> Option<String> {
     let is_chosen = settings["equipped"].is_object() && settings["fewest"] != true;
     if !is_chosen || best.scores.required.is_empty() {
@@ -137,8 +137,17 @@ fn fewer_in_words(best: &Scored, baselines: &[Scored], settings: &Value) -> Opti
         ));
     }
     let is_own = |of: &&Scored| of.placement.name == PLAIN && of.placement.lidars.len() > 1;
-    baselines.iter().filter(firm).find(is_own)?;
-    Some(format!("`{PLAIN}` meets all requirements, too; `--fewest` looks for fewer sensors."))
+    if baselines.iter().filter(firm).any(|of| is_own(&of)) {
+        return Some(format!(
+            "`{PLAIN}` meets all requirements, too; `--fewest` looks for fewer sensors."
+        ));
+    }
+    best.scores.guards.iter().find_map(Guard::redundant_lidar)?;
+    Some(
+        "A LiDAR could be left out: `--fewest` looks for the fewest that meet all requirements, `--front price,near_gain` for \
+         rigs at every price."
+            .to_owned(),
+    )
 }
 
 /// Advice to spend more; none where what is left pays for a LiDAR on a mount with room, or all mounts are full and the budget
@@ -247,6 +256,10 @@ mod tests {
         assert_eq!(told(on_paper), None);
         assert_eq!(told(rig("by-hand", 1.0, 900.0)), None);
         assert_eq!(told(rig("plain", 0.5, 900.0)), None);
+        let mut idle = rig("found", 1.0, 900.0);
+        idle.scores.guards = vec![Guard::RedundantLidar { lidar: 1, share: 0.001 }];
+        let words = fewer_in_words(&idle, &[rig("plain", 0.5, 900.0)], &chosen).unwrap();
+        assert!(words.starts_with("A LiDAR could be left out: `--fewest` looks for"), "{words}");
         let plain = [rig("plain", 1.0, 900.0)];
         for settings in [json!({}), json!({ "equipped": {}, "fewest": true })] {
             assert_eq!(fewer_in_words(&best, &plain, &settings), None);

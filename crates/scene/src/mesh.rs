@@ -76,6 +76,10 @@ fn reader(extension: &str) -> Parsed<ReadMesh> {
             "name",
             "ends in none of .obj, .ply, .stl, .gltf, .glb; docs/own-mesh.md has a converter of three lines",
         )),
+        "urdf" | "xacro" => Err(MeshFault::new(
+            "name",
+            "is a robot description, not a mesh; name it under the key `urdf` in place of `mesh`",
+        )),
         _ => Err(MeshFault::new(
             "name",
             "ends in none of .obj, .ply, .stl, .gltf, .glb; convert it to one of these",

@@ -183,7 +183,7 @@ impl Run {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
@@ -198,7 +198,7 @@ mod tests {
 
     /// A LiDAR that turns about a mast, with a low wall on its left. The further it turns left, the more copies see the cars
     /// that are required there, and the more beams end at the wall: 24.9 % at 0.025 rad, 25.3 % at 0.05 rad.
-    fn walled() -> Arc<Scene> {
+    pub(in crate::search::run) fn walled() -> Arc<Scene> {
         let scene = json!({ "sightline": 1, "name": "walled", "coverage": "first-hit",
             "roi": { "min": [-8, -8, -0.5], "max": [8, 8, 2.5], "voxel": [0.5, 0.5, 0.5] },
             "static": [{ "class": "road", "plane": { "min": [-60, -60], "max": [60, 60], "z": 0 } }],
@@ -212,7 +212,7 @@ mod tests {
         Arc::new(Scene::from_json(&scene.to_string(), Path::new(""), "walled.json").unwrap())
     }
 
-    fn run_in(scene: &Scene) -> Run {
+    pub(in crate::search::run) fn run_in(scene: &Scene) -> Run {
         let (roi, classes) = (scene.roi().grid().unwrap(), scene.classes().to_vec());
         // Every third voxel is occupied in one of two frames, by the first class.
         let index: Vec<u64> = (0..roi.voxel_count()).step_by(3).collect();

@@ -73,3 +73,40 @@ pub(super) fn places_lost(
     let lost = car.map_or(Ok(0), |car| car.lost(&placement.lidars));
     Ok(lost.map_err(BackendError::from)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::securing::tests::{run_in, walled};
+    use super::*;
+    use crate::search::observer::Event;
+
+    #[test]
+    fn a_result_gives_up_one_per_cent_at_most_to_lose_a_car_at_fewer_places() {
+        let mut run = run_in(&walled());
+        let mut goes_on = |_: &Event| true;
+        let watch = &mut Watch::new(&mut goes_on, false);
+        let turned = |yaw: f64, run: &Run| {
+            let lidars = run.suite.constraints().poses_of(&[yaw]);
+            Placement { name: "turned".into(), lidars }
+        };
+        // The further it turns to the wall, the more places lose the car.
+        let both = [turned(0.9, &run), turned(-0.9, &run)];
+        let car = run.car_all_round();
+        let [many, few] = [0, 1].map(|k| places_lost(car.as_ref(), &both[k]).unwrap());
+        assert!(few > 0 && many > few, "{many} and {few} places lose the car");
+        let judged = run.judged_over_all(&both, watch).unwrap().unwrap();
+        let mut scored = run.scored(&both, judged, watch).unwrap();
+        scored.iter_mut().for_each(|of| {
+            of.scores.required.clear();
+            of.scores.guards.clear();
+        });
+        for (values, best) in [([1.0, 0.995], 1), ([1.0, 0.98], 0), ([0.98, 1.0], 1)] {
+            scored.iter_mut().zip(values).for_each(|(of, value)| of.objective = Some(value));
+            let found = run.best_of(&scored.iter().collect::<Vec<_>>()).unwrap();
+            assert_eq!(found, Some(best), "{values:?}");
+        }
+        assert_eq!(run.best_of(&[]).unwrap(), None);
+        run.state.settings.objective = "m_sog".parse().unwrap();
+        assert!(run.car_all_round().is_none());
+    }
+}

@@ -68,7 +68,11 @@ fn at_line(line: Option<u64>) -> String {
 /// Error of a text that is no object of JSON, from a line on if one is given.
 fn no_json(path: &Path, line: Option<u64>, told: &str) -> PlacementFileError {
     let place = format!("{}{}", path.display(), at_line(line));
-    Refused(format!("{place}: {told}; a file of placements begins with {{"))
+    // Rigs of other programs are not read as they are.
+    let is_of_others = ["YAML", "CSV", "XML"].iter().any(|kind| told.ends_with(kind));
+    let mend =
+        if is_of_others { "; `sightline rig import` reads rigs of other programs" } else { "" };
+    Refused(format!("{place}: {told}; a file of placements begins with {{{mend}"))
 }
 
 fn too_large(path: &Path) -> PlacementFileError {

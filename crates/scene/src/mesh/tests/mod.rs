@@ -77,6 +77,8 @@ fn unknown_endings_and_missing_files_are_told() {
          docs/own-mesh.md has a converter of three lines"
     );
     assert_ends!(load(&at, Path::new("car.max")).unwrap_err(), "convert it to one of these");
+    let told = load(&at, Path::new("car.urdf")).unwrap_err();
+    assert_ends!(told, "name it under the key `urdf` in place of `mesh`");
     let message = load(&at, Path::new("nowhere/car.obj")).unwrap_err().to_string();
     let start = "s.json: static[0].mesh: mesh nowhere/car.obj: file: cannot be read: No such file";
     assert!(message.starts_with(start), "{message}");
