@@ -87,6 +87,8 @@ mod cli_stops;
 #[cfg(feature = "cli")]
 mod cli_study;
 #[cfg(feature = "cli")]
+mod cli_study_notes;
+#[cfg(feature = "cli")]
 mod cli_study_rigs;
 #[cfg(feature = "cli")]
 mod cli_sweep;
