@@ -115,6 +115,8 @@ mod fast_stages;
 mod front;
 #[cfg(feature = "cli")]
 mod front_baselines;
+#[cfg(feature = "cli")]
+mod front_whole;
 #[cfg(feature = "gpu")]
 mod gpu_cast_closest;
 #[cfg(feature = "gpu")]
