@@ -274,7 +274,7 @@ fn the_program_writes_a_front_whose_placements_score_alike() {
     for words in [
         "cheapest that meets all requirements",
         "best near_gain",
-        "The cheapest that meets all requirements costs 11",
+        "The cheapest found that meets all requirements costs 11",
     ] {
         text.says(words);
     }

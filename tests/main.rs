@@ -87,6 +87,8 @@ mod cli_stops;
 #[cfg(feature = "cli")]
 mod cli_study;
 #[cfg(feature = "cli")]
+mod cli_study_notes;
+#[cfg(feature = "cli")]
 mod cli_study_rigs;
 #[cfg(feature = "cli")]
 mod cli_sweep;
@@ -113,6 +115,8 @@ mod fast_stages;
 mod front;
 #[cfg(feature = "cli")]
 mod front_baselines;
+#[cfg(feature = "cli")]
+mod front_whole;
 #[cfg(feature = "gpu")]
 mod gpu_cast_closest;
 #[cfg(feature = "gpu")]

@@ -22,6 +22,7 @@ use baselines::begun;
 use cheaper::is_met;
 use checks::check_equipped;
 use fewest::{Fewest, Next, taken};
+pub(super) use fewest::{LESS, NEARLY};
 use told::{tell_equipment, tell_given};
 
 /// Checkpoint of a job's search, beside the job itself: a value that is saved and read again.

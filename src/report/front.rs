@@ -349,6 +349,7 @@ mod tests {
             picks: Vec::new(),
             baselines: Vec::new(),
             scored: 1,
+            is_whole: false,
             stopped: FrontStopped::Complete,
             backend: String::new(),
             adapter: String::new(),
@@ -455,10 +456,12 @@ mod tests {
         }
         assert!(!table.contains("pick") && table.contains("  NOT MET\n"), "{table}");
         assert_eq!(front_rows(&missing)[2][4], "NOT MET: child, 25.0 of 90.0 %");
-        let verdict =
-            front_verdict(&Front { points: vec![missing.points[0].clone(); 2], ..missing });
+        let all = Front { points: vec![missing.points[0].clone(); 2], ..missing };
+        let verdict = front_verdict(&all);
         let words = "2 placements by price and near gain. No other placement found is better in both and meets the \
-                     requirements as well. The cheapest that meets all requirements costs";
+                     requirements as well. The cheapest found that meets all requirements costs";
         assert!(verdict.starts_with(words), "{verdict}");
+        let whole = front_verdict(&Front { is_whole: true, ..all });
+        assert!(whole.contains(". The cheapest that meets all requirements costs"), "{whole}");
     }
 }

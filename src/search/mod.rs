@@ -45,9 +45,9 @@ mod tolerance;
 
 pub use bound::{Certificate, GainBound};
 pub(crate) use copies::{COPIES, FRAMES_OF_COPIES, Moved, SEED_OF_RESULT, drawn, error_of_share};
-pub(crate) use equip::REQUIRED;
 pub(crate) use equip::is_about;
 pub use equip::{Choosing, EquipStep, Equipped, Equipping, Limits, OpenMount, PLAIN, cost_front};
+pub(crate) use equip::{EveryRig, REQUIRED};
 pub use error::SearchError;
 pub use evaluator::{Evaluator, Judged, SceneScores};
 pub use generations::{GenerationRecord, GenerationsStop};

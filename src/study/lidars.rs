@@ -5,7 +5,7 @@ use super::table::{Cases, SCORES, made_large};
 use super::{Row, StudyError, Table, TablePlot, table};
 use crate::json::counted;
 use crate::search::{EquipStep, Equipped, Equipping, Event, Limits, Settings, cost_front};
-use crate::vehicle::{Constraints, Equipment, Placement, Vehicle};
+use crate::vehicle::{Constraints, Equipment, Placement, Vehicle, is_within_budget};
 
 /// Numbers of LiDARs that are compared.
 const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
@@ -13,6 +13,8 @@ const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
 const GAINS: [usize; 2] = [0, 1];
 /// Columns behind [`SCORES`]: LiDARs that the rig of a vehicle has, and their price.
 const TAKEN: [&str; 2] = ["LiDARs taken", "price"];
+/// Note of a row with fewer LiDARs than its number, where money is why.
+const PAYS_NO_MORE: &str = "the budget pays for no more LiDARs beside these";
 
 pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let held = held(scene.scene.vehicle());
@@ -124,9 +126,11 @@ fn chosen(
         );
         return Ok(Row::unanswered(why));
     }
+    let is_poor = equipped.equipment.len() < count && is_spent(vehicle, &equipped, limits.budget);
+    let note = is_poor.then(|| PAYS_NO_MORE.to_owned());
     // Equal sensors on equal poses would be searched alike.
     if let Some((_, row)) = last.as_ref().filter(|(known, _)| *known == equipped) {
-        return Ok(row.clone());
+        return Ok(Row { note, ..row.clone() });
     }
     let SearchSpace { constraints, starts, .. } = SearchSpace::of(scene, &equipped);
     let mut row = table::of_best(scene, &mut scene.evaluator_under(&constraints)?, &starts)?;
@@ -134,7 +138,14 @@ fn chosen(
         row.values.extend([Some(equipped.equipment.len() as f64), Some(equipped.cost)]);
     }
     *last = Some((equipped, row.clone()));
-    Ok(row)
+    Ok(Row { note, ..row })
+}
+
+/// True if mounts could hold more LiDARs beside a rig, and the rest of the budget pays for none.
+fn is_spent(vehicle: &Vehicle, equipped: &Equipped, budget: f64) -> bool {
+    let open = equipped.open_mounts(vehicle);
+    let is_dear = |price: f64| !is_within_budget(equipped.cost + price, budget);
+    !open.is_empty() && open.iter().all(|mount| is_dear(mount.price))
 }
 
 /// True if there is a sensor, and each mount holds the number that it must.

@@ -31,6 +31,9 @@ const OPTIMIZED: [&str; 2] = ["optimized", "optimized for the worst loss"];
 const OF_VALUE: [&str; 2] = ["all LiDARs", "after the worst loss"];
 const OF_OWN: [&str; 2] = ["most not met", "most blind °"];
 
+/// Note of a rig without a value after a loss.
+const NOTHING_LEFT: &str = "one LiDAR: nothing is left when it is lost";
+
 /// Table of rigs; `names` are those of the LiDARs that are lost.
 fn table(
     scene: &StudyScene,
@@ -56,7 +59,8 @@ fn table(
     if rows.iter().any(|row| !row.unmet_at.is_empty()) {
         notes.push("! before a value: a requirement is not met.".to_owned());
     }
-    if rows.iter().any(|row| row.placement.is_some() && row.values.get(1) == Some(&None)) {
+    let has_no_value = |row: &Row| row.placement.is_some() && row.values.get(1) == Some(&None);
+    if rows.iter().any(|row| row.note.is_none() && has_no_value(row)) {
         notes.push(format!(
             "– {}: without one LiDAR there is no value, or a guard speaks against the others.",
             OF_VALUE[1]
@@ -110,7 +114,8 @@ fn own_rigs(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> 
         let each = losses.losses.iter();
         let after = each.map(|of| AfterLoss::new(of.lidar, of.name.clone(), &of.scores));
         let after_loss = after.collect();
-        let row = Row { unmet_at: unmet_at(&losses, objective), after_loss, ..row };
+        let note = (rig.lidars.len() == 1).then(|| NOTHING_LEFT.to_owned());
+        let row = Row { unmet_at: unmet_at(&losses, objective), after_loss, note, ..row };
         looked.insert(rig.name.clone(), losses);
         Ok(row)
     })?;

@@ -48,6 +48,9 @@ pub struct Row {
     /// Guard that the placement violates, in words, where a study of random placements shows its value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
+    /// Reason of a value that is missing or repeats the one of another row.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
     /// The placement without each of its LiDARs, in a study of losses.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub after_loss: Vec<AfterLoss>,
@@ -91,11 +94,12 @@ impl Row {
         [met, self.not_met.join("; ")]
     }
 
-    /// A line for each requirement that is not met, for the warning, or for the reason why there is no answer.
+    /// A line for each requirement that is not met, for the warning, the note, or the reason why there is no answer.
     pub(crate) fn remarks(&self) -> impl Iterator<Item = String> {
         self.not_met
             .iter()
             .chain(&self.warning)
+            .chain(&self.note)
             .chain(&self.no_answer)
             .map(|word| format!("{}: {word}", self.marked()))
     }
@@ -195,19 +199,24 @@ impl Table {
     }
 
     /// Comma-separated, the columns' titles first; missing numbers are empty. Two columns more where a vehicle requires
-    /// something: whether all is met, and the misses. Then come scores and margins after each loss, where LiDARs are lost.
+    /// something: whether all is met, and the misses. Then come scores and margins after each loss, where LiDARs are lost, and
+    /// notes where rows have any.
     pub fn csv(&self) -> String {
+        let has_notes = self.rows.iter().any(|row| row.note.is_some());
         let (requires, of_losses) = (self.has_requirements(), titles_of_losses(&self.rows));
         let rows = self.rows.iter().map(|row| {
             let values = row.values.iter().map(|value| number(*value));
             let last = requires.then(|| row.requirements()).into_iter().flatten();
             let after_loss = cells_of_losses(row, &of_losses);
-            std::iter::once(row.name.clone()).chain(values).chain(last).chain(after_loss).collect()
+            let note = has_notes.then(|| row.note.clone().unwrap_or_default());
+            let cells = std::iter::once(row.name.clone()).chain(values).chain(last);
+            cells.chain(after_loss).chain(note).collect()
         });
         let last = REQUIREMENTS.map(str::to_owned);
         let mut titles = self.columns.clone();
         titles.extend(last.into_iter().filter(|_| requires));
         titles.extend(of_losses.iter().cloned());
+        titles.extend(has_notes.then(|| "note".to_owned()));
         csv(std::iter::once(titles).chain(rows))
     }
 }

@@ -27,7 +27,7 @@ use crate::search::{Observer, SceneScores, TimeLimit};
 use crate::vehicle::Placement;
 use pareto::{FrontProgress, Objectives, knee};
 use pool::Pool;
-use sweep::{End, FrontSweep, PoseCaster};
+use sweep::{End, FrontSweep, PoseCaster, Swept};
 
 pub use axis::{FrontError, FrontObjective, FrontObjectives};
 pub use pareto::FrontState;
@@ -36,6 +36,9 @@ pub use pareto::FrontState;
 const CHOICES_SHARE: f64 = 0.4;
 /// Share of the time limit for choices without a search of poses, and for casts before the first choice.
 const CASTS_SHARE: f64 = 0.85;
+
+/// Missing share of the requirements, summed, that a search around a placement may close, as for the fewest sensors.
+const NEARLY: f64 = super::search::NEARLY;
 
 /// Evaluations of the search around a point where none are given.
 pub const FRONT_EVALUATIONS: u64 = 40;
@@ -54,6 +57,9 @@ pub struct Front {
     pub baselines: Vec<FrontPoint>,
     /// Placements scored over all frames.
     pub scored: usize,
+    /// True if every rig that there is was scored: few models on poses that are fixed. The cheapest that meets all
+    /// requirements is then the cheapest of all.
+    pub is_whole: bool,
     /// Why the search ended.
     pub stopped: FrontStopped,
     /// `cpu` or `gpu`; empty where nothing was scored.
@@ -138,7 +144,10 @@ impl Job {
     /// With [`Settings::evaluations`] above 0 a search of poses follows around each point of the front, and around
     /// cheap sensors that miss little of the requirements. Each has that many evaluations. Where no point then meets
     /// all requirements, two more searches follow: for the fewest sensors that do, as [`Self::fewest`], and for the
-    /// best for all the money.
+    /// best for all the money. Where one does and the price is an objective, the search for the fewest sensors follows with
+    /// as many evaluations as each point has, so that the cheapest is not dearer than its result.
+    ///
+    /// Where rigs are few each of them is scored.
     ///
     /// A point that misses a requirement never takes the place of one that meets all. Sensors are chosen by gains. If
     /// the objectives name none, the job's own objective chooses them, or near gain.
@@ -187,7 +196,7 @@ impl Job {
             casts_until,
             until,
         };
-        let (chosen, mut end) = sweep.run(&casting, kept, observer)?;
+        let Swept { chosen, others, is_whole, mut end } = sweep.run(&casting, kept, observer)?;
         if chosen.is_empty() && end == End::Interrupted {
             return Ok(Front {
                 objectives: objectives.clone(),
@@ -195,20 +204,21 @@ impl Job {
                 picks: Vec::new(),
                 baselines: Vec::new(),
                 scored: 0,
+                is_whole: false,
                 stopped: FrontStopped::Interrupted,
                 backend: String::new(),
                 adapter: String::new(),
             });
         }
         let mut pool = Pool::open(self, &suite, vehicle, objectives, observer)?;
-        end = end.and(pool.add(chosen, end, observer)?);
+        end = end.and(pool.add(chosen, others, end, observer)?);
         if self.settings.evaluations > 0 && end != End::Interrupted {
             end = end.and(pool.polish(kept, observer)?);
         }
         if requires && self.settings.evaluations > 0 && end == End::Done {
-            end = pool.meet(kept, observer)?;
+            end = pool.meet(is_whole, kept, observer)?;
         }
-        pool.finish(requires, end, observer)
+        pool.finish(requires, is_whole, end, observer)
     }
 
     /// Checks that the vehicle has prices and requirements where the objectives name them.

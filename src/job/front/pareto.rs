@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::json::distinct;
 use crate::score::Objective;
-use crate::search::{Equipped, Limits};
+use crate::search::{Equipped, EveryRig, Limits};
 use crate::vehicle::{Equipment, Placement};
 
 /// Distance below which a point does not stand out of the plane between the extremes.
@@ -115,6 +115,9 @@ pub struct FrontState {
     pub(super) choices: Vec<Answered<Equipped>>,
     pub(super) polished: Vec<Answered<Option<Placement>>>,
     pub(super) met: Vec<Answered<Option<(Placement, Equipment)>>>,
+    /// Every rig of a vehicle that has few, none of one that has many; `None` until they are counted.
+    #[serde(default)]
+    pub(super) every: Option<EveryRig>,
 }
 
 /// One part of a front: a question and its answer.
@@ -163,6 +166,11 @@ impl FrontState {
         is_bound: bool,
     ) -> String {
         text((&start.lidars, kinds, objective, is_bound))
+    }
+
+    /// Question for the cheapest sensors and placement that meet all requirements, by a search of so many evaluations.
+    pub(super) fn cheapest(objective: &Objective, evaluations: u64) -> String {
+        text((objective, "cheapest", evaluations))
     }
 
     /// Question for sensors and placement that meet all requirements: the fewest sensors, or the best for all the money.

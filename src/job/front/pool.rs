@@ -5,7 +5,9 @@ use std::time::Instant;
 
 use super::pareto::{Answered, FrontProgress, FrontState, Objectives, front, known};
 use super::sweep::{Chosen, End, spread};
-use super::{Front, FrontObjective, FrontObjectives, FrontPoint, FrontStopped, is_over, picks};
+use super::{
+    Front, FrontObjective, FrontObjectives, FrontPoint, FrontStopped, NEARLY, is_over, picks,
+};
 use crate::job::{Job, JobError};
 use crate::score::Objective;
 use crate::search::{
@@ -13,8 +15,6 @@ use crate::search::{
 };
 use crate::vehicle::{Equipment, Placement, Vehicle};
 
-/// Missing share of the requirements, summed, that a search around a placement may close, as for the fewest sensors.
-const NEARLY: f64 = 0.3;
 /// Steps of progress in the search around one point, and the share that its generations take.
 const STEPS: u64 = 100;
 const GENERATIONS: u64 = 40;
@@ -66,16 +66,21 @@ impl<'a> Pool<'a> {
         Ok(Self { job, suite, vehicle, objectives, evaluator, candidates, scored })
     }
 
-    /// Scores equipment on its poses of the coarse grid. All of it where the observer has stopped the choices before, else
-    /// until it says so.
+    /// Scores equipment on its poses of the coarse grid. Chosen rigs: all of them where the observer has stopped the
+    /// choices before, else until it says so. Others: until the time is over, too.
     pub(super) fn add(
         &mut self,
         chosen: Vec<Chosen>,
+        others: Vec<Chosen>,
         end: End,
         observer: &mut dyn Observer,
     ) -> Result<End, JobError> {
-        let (total, frames) = (chosen.len() as u64, self.evaluator.frame_count());
-        for (done, chosen) in (0..).zip(chosen) {
+        let (first, frames) = (chosen.len() as u64, self.evaluator.frame_count());
+        let total = first + others.len() as u64;
+        for (done, chosen) in (0..).zip(chosen.into_iter().chain(others)) {
+            if done >= first && is_over(self.job.settings.time) {
+                return Ok(End::Time);
+            }
             let work = Work::Confirming { frames };
             let goes_on = observer.on(&Event::Progress { work, done, total });
             if done > 0 && !goes_on && end != End::Interrupted {
@@ -247,62 +252,82 @@ impl<'a> Pool<'a> {
     }
 
     /// Searches the fewest sensors that meet all requirements, and the best for all the money, unless a candidate meets
-    /// them.
+    /// them. If one does, and prices count, the fewest alone, by as many evaluations as a point has.
     pub(super) fn meet(
         &mut self,
+        is_whole: bool,
         kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
     ) -> Result<End, JobError> {
-        if self.candidates.iter().any(|of| of.point.meets) {
-            return Ok(End::Done);
-        }
         let gain = self.candidates.first().map_or_else(Objective::default, |of| of.gain.clone());
         let gain = self.sought(&gain);
+        if self.candidates.iter().any(|of| of.point.meets) {
+            if is_whole || !self.objectives.has(&FrontObjective::Price) {
+                return Ok(End::Done);
+            }
+            let evaluations = self.job.settings.evaluations;
+            let asked = FrontState::cheapest(&gain, evaluations);
+            return self.search_whole(
+                (asked, &gain),
+                (true, evaluations),
+                kept,
+                &mut Quiet(observer),
+            );
+        }
         let words = "no point meets all requirements so far: the fewest sensors that do are searched, then the best for all \
                      the money";
         observer.on(&Event::Note(words));
         for fewest in [true, false] {
             let asked = FrontState::meeting(&gain, fewest);
-            if let Some(known) = known(&kept.state.met, &asked).cloned() {
-                known.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
-                continue;
-            }
             let evaluations = Settings::default().evaluations;
-            // Baselines are compared with, not started from.
-            let baselines = Settings::default().baselines;
-            let settings = Settings {
-                evaluations,
-                baselines,
-                starts: Vec::new(),
-                ..self.job.settings.clone()
-            };
-            let job = self.job.clone().search(settings).objective(gain.clone()).fewest(fewest);
-            let mut is_interrupted = false;
-            let mut observe = |event: &Event| {
-                let goes_on = match event {
-                    Event::Generation(_) => observer.on(&Event::Asks),
-                    other => observer.on(other),
-                };
-                is_interrupted |= !goes_on;
-                goes_on
-            };
-            let found = job.optimize(&mut observe)?;
-            let found = found
-                .and_then(|found| Some((found.outcome.best?.placement, found.equipped?.equipment)));
-            let end = match is_interrupted {
-                true => End::Interrupted,
-                false if is_over(self.job.settings.time) => End::Time,
-                false => End::Done,
-            };
-            if end == End::Done {
-                kept.keep(|state| state.met.push(Answered { asked, found: found.clone() }));
-            }
-            found.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
+            let end = self.search_whole((asked, &gain), (fewest, evaluations), kept, observer)?;
             if end != End::Done {
                 return Ok(end);
             }
         }
         Ok(End::Done)
+    }
+
+    /// One search of sensors and placements together, by so many evaluations, whose result joins the candidates: of the
+    /// fewest sensors, or of the best for all the money.
+    fn search_whole(
+        &mut self,
+        (asked, gain): (String, &Objective),
+        (fewest, evaluations): (bool, u64),
+        kept: &mut FrontProgress<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<End, JobError> {
+        if let Some(known) = known(&kept.state.met, &asked).cloned() {
+            known.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
+            return Ok(End::Done);
+        }
+        // Baselines are compared with, not started from.
+        let baselines = Settings::default().baselines;
+        let settings =
+            Settings { evaluations, baselines, starts: Vec::new(), ..self.job.settings.clone() };
+        let job = self.job.clone().search(settings).objective(gain.clone()).fewest(fewest);
+        let mut is_interrupted = false;
+        let mut observe = |event: &Event| {
+            let goes_on = match event {
+                Event::Generation(_) => observer.on(&Event::Asks),
+                other => observer.on(other),
+            };
+            is_interrupted |= !goes_on;
+            goes_on
+        };
+        let found = job.optimize(&mut observe)?;
+        let found = found
+            .and_then(|found| Some((found.outcome.best?.placement, found.equipped?.equipment)));
+        let end = match is_interrupted {
+            true => End::Interrupted,
+            false if is_over(self.job.settings.time) => End::Time,
+            false => End::Done,
+        };
+        if end == End::Done {
+            kept.keep(|state| state.met.push(Answered { asked, found: found.clone() }));
+        }
+        found.map(|(best, kinds)| self.score(best, kinds, gain.clone())).transpose()?;
+        Ok(end)
     }
 
     /// Objective of a search around a point: the only score of the front, or the gain that it was chosen by.
@@ -314,13 +339,8 @@ impl<'a> Pool<'a> {
         }
     }
 
-    /// The front, each point looked at closely as `sightline score` does, and its picks.
-    pub(super) fn finish(
-        mut self,
-        requires: bool,
-        mut end: End,
-        observer: &mut dyn Observer,
-    ) -> Result<Front, JobError> {
+    /// Candidates on the front, with their names.
+    fn named_points(&self) -> Vec<FrontPoint> {
         let numbers = self.front();
         let best = numbers.iter().map(|&k| self.candidates[k].point.clone());
         let mut points: Vec<FrontPoint> = best.collect();
@@ -328,6 +348,18 @@ impl<'a> Pool<'a> {
             point.placement.name = format!("front-{number}");
             point.scores.name.clone_from(&point.placement.name);
         }
+        points
+    }
+
+    /// The front, each point looked at closely as `sightline score` does, and its picks.
+    pub(super) fn finish(
+        mut self,
+        requires: bool,
+        is_whole: bool,
+        mut end: End,
+        observer: &mut dyn Observer,
+    ) -> Result<Front, JobError> {
+        let mut points = self.named_points();
         let mut baselines = self.baselines(observer)?;
         let total = (points.len() + baselines.len()) as u64;
         // Copies of placements take most of a look, and a look at all points may take longer than the search had.
@@ -366,7 +398,30 @@ impl<'a> Pool<'a> {
         let engine = self.evaluator.backend();
         let (backend, adapter) = (engine.name().to_owned(), engine.adapter().to_owned());
         let (objectives, scored) = (self.objectives.clone(), self.scored);
-        Ok(Front { objectives, points, picks, baselines, scored, stopped, backend, adapter })
+        let is_whole = is_whole && end == End::Done;
+        Ok(Front {
+            objectives,
+            points,
+            picks,
+            baselines,
+            scored,
+            is_whole,
+            stopped,
+            backend,
+            adapter,
+        })
+    }
+}
+
+/// Passes on all but sentences, which would be about other sensors than those of a point.
+struct Quiet<'a>(&'a mut dyn Observer);
+
+impl Observer for Quiet<'_> {
+    fn on(&mut self, event: &Event) -> bool {
+        match event {
+            Event::Note(_) => self.0.on(&Event::Asks),
+            other => self.0.on(other),
+        }
     }
 }
 

@@ -4,11 +4,12 @@
 use std::time::Instant;
 
 use super::pareto::{FrontProgress, FrontState, known};
-use super::{FrontObjective, FrontObjectives};
+use super::{FrontObjective, FrontObjectives, NEARLY};
+use crate::job::search::LESS;
 use crate::score::Objective;
 use crate::search::{
-    EquipStep, Equipped, Equipping, Event, Limits, Observer, REQUIRED, SearchError, Settings,
-    Suite, Work,
+    EquipStep, Equipped, Equipping, Event, EveryRig, Limits, Observer, REQUIRED, SearchError,
+    Settings, Suite, Work,
 };
 use crate::vehicle::{MAX_LIDARS, Vehicle, is_within_budget, sum_of_prices};
 
@@ -21,6 +22,20 @@ const SUMS: usize = 4096;
 const WEIGHTS: [f64; 6] = [REQUIRED, 0.0, 1.0, 3.0, 0.3, 10.0];
 /// Shares of the first of two gains that are objectives.
 const SHARES: [f64; 3] = [0.5, 0.25, 0.75];
+
+/// Most choices one below the other on the way to the cheapest that may meet all requirements.
+const CHEAPER: usize = 24;
+
+/// Sensors of a sweep.
+pub(super) struct Swept {
+    /// Rigs chosen.
+    pub chosen: Vec<Chosen>,
+    /// All other rigs, where they are few.
+    pub others: Vec<Chosen>,
+    /// True if both are every rig that there is.
+    pub is_whole: bool,
+    pub end: End,
+}
 
 /// Equipment that was chosen, and the gain that it was chosen by.
 #[derive(Debug, Clone)]
@@ -46,6 +61,8 @@ pub(super) struct FrontSweep {
     /// Weights of the requirements.
     weights: Vec<f64>,
     gains: Vec<Objective>,
+    /// Numbers of sensors, and the least price, of the choices for the cheapest that meets all requirements.
+    cheapest: Option<([usize; 2], f64)>,
 }
 
 impl FrontSweep {
@@ -84,7 +101,10 @@ impl FrontSweep {
         if gains.is_empty() {
             gains.push(own.clone());
         }
-        Self { numbers, budgets, weights, gains }
+        let least_price = vehicle.cost(&vehicle.cheapest());
+        let has_cheapest = requires && objectives.has(&FrontObjective::Price);
+        let cheapest = has_cheapest.then_some(([least, most], least_price));
+        Self { numbers, budgets, weights, gains, cheapest }
     }
 
     /// An objective that needs all sums of the gains.
@@ -111,7 +131,7 @@ impl FrontSweep {
         casting: &PoseCaster<'_>,
         kept: &mut FrontProgress<'_>,
         observer: &mut dyn Observer,
-    ) -> Result<(Vec<Chosen>, End), SearchError> {
+    ) -> Result<Swept, SearchError> {
         let mixtures = self.gains.len() * (self.gains.len() - 1) / 2 * SHARES.len();
         let limits = self.numbers.len() * self.budgets.len();
         let total = (self.gains.len() + mixtures) * self.weights.len() * limits;
@@ -128,11 +148,56 @@ impl FrontSweep {
             done: 0,
             total,
         };
-        match self.choose(&mut under_way) {
-            Ok(()) => Ok((under_way.found, End::Done)),
-            Err(Stop::At(end)) => Ok((under_way.found, end)),
-            Err(Stop::Failed(error)) => Err(error),
+        let chosen = self.choose(&mut under_way);
+        let every = chosen.and_then(|()| {
+            let every = under_way.every_rig()?;
+            if every.rigs.is_empty() {
+                self.choose_cheaper(&mut under_way)?;
+            }
+            Ok(every)
+        });
+        let found = under_way.found;
+        let (every, end) = match every {
+            Ok(every) => (every, End::Done),
+            Err(Stop::At(end)) => (EveryRig::default(), end),
+            Err(Stop::Failed(error)) => return Err(error),
+        };
+        let is_new = |of: &Equipped| {
+            found.iter().all(|known| known.equipped.placement.lidars != of.placement.lidars)
+        };
+        let others: Vec<Equipped> = every.rigs.into_iter().filter(is_new).collect();
+        let others =
+            others.into_iter().map(|equipped| Chosen { equipped, gain: self.gains[0].clone() });
+        Ok(Swept { others: others.collect(), is_whole: every.is_fixed, chosen: found, end })
+    }
+
+    /// Chooses cheaper and cheaper sensors that miss little of the requirements, as a search for the fewest does. First come the
+    /// numbers of sensors up to the first that misses nothing and one more, then any number below the cheapest found.
+    fn choose_cheaper(&self, under_way: &mut UnderWay<'_, '_>) -> Result<(), Stop> {
+        let Some(([least, most], least_price)) = self.cheapest else { return Ok(()) };
+        (under_way.aimed, under_way.is_aimed) = ((self.gains[0].clone(), REQUIRED), false);
+        let meets = |of: &Equipped| of.missing <= 0.0;
+        let cheapest = |found: &[Chosen]| {
+            let met = found.iter().map(|of| &of.equipped).filter(|of| meets(of));
+            met.map(|of| of.cost).fold(self.widest().budget, f64::min)
+        };
+        // Dearer rigs than one that misses nothing were looked at.
+        let budget = cheapest(&under_way.found);
+        let mut last = most;
+        for sensors in (least..=most).take_while(|sensors| *sensors < MAX_LIDARS) {
+            if sensors > last {
+                break;
+            }
+            let found = under_way.cheaper(Limits { budget, sensors }, least_price)?;
+            if last == most && found.iter().any(meets) {
+                last = sensors + 1;
+            }
         }
+        let budget = below(cheapest(&under_way.found));
+        if budget >= least_price {
+            under_way.cheaper(Limits::budget(budget), least_price)?;
+        }
+        Ok(())
     }
 
     fn choose(&self, under_way: &mut UnderWay<'_, '_>) -> Result<(), Stop> {
@@ -229,7 +294,53 @@ struct UnderWay<'a, 'k> {
     total: u64,
 }
 
+/// A budget that does not pay for a price, just below it.
+fn below(price: f64) -> f64 {
+    price * (1.0 - LESS)
+}
+
 impl UnderWay<'_, '_> {
+    /// Every rig where they are few: known ones, or those of the poses, which are cast if they are not.
+    fn every_rig(&mut self) -> Result<EveryRig, Stop> {
+        if let Some(every) = &self.kept.state.every {
+            return Ok(every.clone());
+        }
+        let Self { casting, equipping, observer, .. } = self;
+        if equipping.is_none() {
+            *equipping = casting.open(&mut **observer).map_err(Stop::Failed)?;
+        }
+        let Some(equipping) = equipping else { return Err(Stop::At(End::Interrupted)) };
+        equipping.again(casting.sweep.widest());
+        let mut is_stopped = false;
+        let mut observe = |event: &Event| {
+            let goes_on = observer.on(event);
+            is_stopped |= !goes_on;
+            goes_on
+        };
+        let Some(every) = equipping.every_rig(&mut observe) else {
+            return Err(Stop::At(if is_stopped { End::Interrupted } else { End::Time }));
+        };
+        self.kept.keep(|state| state.every = Some(every.clone()));
+        Ok(every)
+    }
+
+    /// Choices under limits and then below the price of the one before, while they miss little of the requirements.
+    fn cheaper(&mut self, mut limits: Limits, least_price: f64) -> Result<Vec<Equipped>, Stop> {
+        let mut found = Vec::new();
+        while found.len() < CHEAPER {
+            let equipped = self.choice(limits)?;
+            if equipped.equipment.is_empty() || equipped.missing > NEARLY {
+                break;
+            }
+            limits.budget = below(equipped.cost);
+            found.push(equipped);
+            if limits.budget < least_price {
+                break;
+            }
+        }
+        Ok(found)
+    }
+
     /// One choice under limits: a known one, or a new one.
     fn choice(&mut self, limits: Limits) -> Result<Equipped, Stop> {
         let asked = FrontState::choice(&self.aimed.0, self.aimed.1, limits);

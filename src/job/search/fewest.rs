@@ -9,10 +9,10 @@ use crate::search::{Equipped, Event, Limits, Observer};
 use crate::vehicle::{Equipment, Vehicle};
 
 /// Share by which the next price is less than one that is met.
-const LESS: f64 = 1e-9;
+pub(in crate::job) const LESS: f64 = 1e-9;
 /// Share of the requirements, summed, that a choice on the coarse grid may miss: the search of placements, over finer
 /// poses and all frames, often closes a gap as wide.
-const NEARLY: f64 = 0.3;
+pub(in crate::job) const NEARLY: f64 = 0.3;
 
 /// State of a choice of the fewest sensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

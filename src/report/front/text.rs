@@ -84,7 +84,10 @@ pub(in crate::report) fn front_verdict(front: &Front) -> String {
                     )
                 });
                 let (price, name) = (trimmed(point.price, 2), &point.placement.name);
-                format!(". The cheapest that meets all requirements costs {price} ({name}{held})")
+                let found = if front.is_whole { "" } else { " found" };
+                format!(
+                    ". The cheapest{found} that meets all requirements costs {price} ({name}{held})"
+                )
             }
             None => ". NOT MET: no point meets all requirements".to_owned(),
         };

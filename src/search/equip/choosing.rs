@@ -5,7 +5,7 @@ mod few;
 
 use serde::{Deserialize, Serialize};
 
-use super::equipped::{Equipped, Limits};
+use super::equipped::{Equipped, EveryRig, Limits};
 use crate::engine::{BackendError, EngineChoice};
 use crate::score::Objective;
 use crate::search::atlases::Atlases;

@@ -34,6 +34,15 @@ pub struct Equipped {
     pub is_cut: bool,
 }
 
+/// Every rig of a grid that has few of them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct EveryRig {
+    /// The rigs; none where they are many.
+    pub rigs: Vec<Equipped>,
+    /// True if each sensor has one pose, so that there is no other rig.
+    pub is_fixed: bool,
+}
+
 impl Equipped {
     /// Settings that start from the chosen sensors; with `plainly` a plain layout of them is the only baseline.
     pub fn begin(&self, settings: Settings, constraints: &Constraints, plainly: bool) -> Settings {

@@ -11,8 +11,8 @@ mod equipped;
 
 pub(crate) use choosing::REQUIRED;
 pub use choosing::{Choosing, EquipStep};
-pub(crate) use equipped::is_about;
 pub use equipped::{Equipped, Limits, OpenMount, PLAIN};
+pub(crate) use equipped::{EveryRig, is_about};
 
 use choosing::{Equip, FRAMES, Opened};
 
@@ -232,6 +232,20 @@ impl Equipping {
         if let Search::Open(search) = &mut self.search {
             search.aim(objective, required);
         }
+    }
+
+    /// Every rig within the limits, where they are few; none where they are many. `None` where the time or the observer
+    /// ends the look.
+    pub(crate) fn every_rig(&mut self, observer: &mut dyn Observer) -> Option<EveryRig> {
+        let mut watch = Watch::until(observer, self.deadline);
+        if !watch.goes_on() {
+            return None;
+        }
+        let every = match &mut self.search {
+            Search::Open(search) => search.every_of_few(&watch),
+            Search::Chosen(_) | Search::OutOfTime(_) => None,
+        };
+        (!watch.is_over()).then(|| every.unwrap_or_default())
     }
 
     /// A given placement in place of the rig chosen, and its name, where it is better over the few frames of the choice. It is
