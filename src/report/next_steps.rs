@@ -115,9 +115,10 @@ fn firmer_in_words(best: &Scored, seed: u64) -> Option<String> {
     ))
 }
 
-/// Advice to look for less where a baseline meets all requirements, too, on more than paper: for fewer sensors than `plain`
-/// has, or at the price of a baseline that costs less than the result; or where the result has a LiDAR too many. `None` where
-/// nothing is required, and where the sensors were given or are the fewest.
+/// Advice to look for less: where a baseline meets all requirements, too, on more than paper, or the result has a LiDAR too many.
+///
+/// It names fewer sensors than `plain` has, or the price of a baseline that costs less than the result. `None` where nothing is
+/// required, and where the sensors were given or are the fewest.
 fn fewer_in_words(best: &Scored, baselines: &[Scored], settings: &Value) -> Option<String> {
     let is_chosen = settings["equipped"].is_object() && settings["fewest"] != true;
     if !is_chosen || best.scores.required.is_empty() {

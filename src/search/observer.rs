@@ -67,6 +67,8 @@ pub enum Work {
     Climbs,
     /// Casts, of a sensor pose in a frame, for swaps over more frames.
     Refinements,
+    /// Sensor poses cast for swaps against flaws of the best end: a look at the own body, blind sectors.
+    Mending,
     /// Moves of single LiDARs, looked at for requirements that are to hold within the mounting tolerance.
     Securing,
     /// Sets of sensors looked at for the bound on the gain.
@@ -91,6 +93,9 @@ impl fmt::Display for Work {
             Self::Generations => f.write_str("placements"),
             Self::Swaps => f.write_str("poses for swaps"),
             Self::Climbs => f.write_str("climbs of swaps at most"),
+            Self::Mending => {
+                f.write_str("poses for swaps against blind sectors and the own body at most")
+            }
             Self::Securing => f.write_str("moves within the mounting tolerance at most"),
             Self::Refinements => f.write_str("casts for swaps over more frames at most"),
             Self::Bounds => f.write_str("first poses bounded"),

@@ -237,7 +237,9 @@ impl Run {
             starts.splice(0..0, found.into_iter().map(|found| found.placement));
         }
         let Spacing { metres, radians } = settings.grid(self.suite.constraints())?.1;
-        for share in AWAY {
+        // Flaws come one after the other, each with its grids.
+        let (before, grids) = (usize::from(flaw == Flaw::Blind) * AWAY.len(), 2 * AWAY.len());
+        for (k, share) in AWAY.into_iter().enumerate() {
             if watch.is_over() || !self.has(flaw, &end, watch)? {
                 break;
             }
@@ -250,10 +252,9 @@ impl Run {
             let (evaluator, objective) = (self.evaluator(watch)?, &settings.objective);
             evaluator.watch_cars(objective, if looks_away { Cars::AtSome } else { Cars::AtAll });
             let mut go_on = |cast: u64| {
-                let (before, total) =
-                    (REFINEMENTS.len() as u64 * casts, (REFINEMENTS.len() as u64 + 1) * casts);
-                let done = (before + cast).min(total);
-                watch.tell(&Event::Progress { work: Work::Refinements, done, total })
+                let done = (before + k) as u64 * casts + cast.min(casts);
+                let (work, total) = (Work::Mending, grids as u64 * casts);
+                watch.tell(&Event::Progress { work, done, total })
             };
             let found = swap_from(evaluator, objective, &on_grid, AWAY_STEPS, starts, &mut go_on);
             evaluator.watch_cars(objective, Cars::AtSome);
