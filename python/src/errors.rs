@@ -67,7 +67,7 @@ pub(crate) fn bad(sentence: impl Into<String>) -> PyErr {
 }
 
 /// Phrases of the program, and their words in Python. A phrase stands before a shorter one with the same beginning.
-const PHRASES: [(&str, &str); 40] = [
+const PHRASES: [(&str, &str); 42] = [
     ("`study targets` with this scene looks", "`detections` looks"),
     ("`sightline score` tells", "`Scene.score` tells"),
     ("`sightline psog build` writes it", "`Psog.save` writes it"),
@@ -87,6 +87,8 @@ const PHRASES: [(&str, &str); 40] = [
     ("--backend cpu", "backend=\"cpu\""),
     ("--backend gpu", "backend=\"gpu\""),
     ("--front: ", "objectives: "),
+    ("`--front price,near_gain`", "`sightline.front`"),
+    ("`sightline rig import` reads", "`Rig.load` reads"),
     ("--condition blur: takes", "conditions: blur takes"),
     (
         "the scores of --objective, as in `price,near_gain`",

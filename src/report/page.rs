@@ -86,13 +86,16 @@ fn section(id: &str, title: &str, body: &Markup) -> Markup {
 }
 
 /// Head of a page: scene and weather, the first sentence of the verdict large, the others and its list below.
-fn heading(scene: &str, conditions: &[String], verdict: &str) -> Markup {
+fn heading((vehicle, scene): (&str, &str), conditions: &[String], verdict: &str) -> Markup {
     let (verdict, list) = verdict.split_once('\n').unwrap_or((verdict, ""));
     let (first, rest) = verdict.split_once(". ").unwrap_or((verdict, ""));
     let stop = if rest.is_empty() { "" } else { "." };
     html! {
         header {
-            p.scene { "sightline · " (scene) (under(conditions)) }
+            p.scene {
+                "sightline · " (scene) (under(conditions))
+                @if !vehicle.is_empty() { " · vehicle " (vehicle) }
+            }
             h1 { (layout::prose_of(first, unbroken)) (stop) }
             @if !rest.is_empty() { p { (layout::prose(rest)) } }
             @if !list.is_empty() { ul { @for place in list.lines() { li { (layout::prose(place)) } } } }
@@ -101,7 +104,8 @@ fn heading(scene: &str, conditions: &[String], verdict: &str) -> Markup {
 }
 
 fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
-    let head = heading(subject.scene, subject.conditions, &subject.verdict);
+    let names = (&*figures.vehicle, subject.scene);
+    let head = heading(names, subject.conditions, &subject.verdict);
     let main = html! {
         (section("required", "Requirements", &scores::required(subject)))
         @for step in run.map(next_in_words).unwrap_or_default() { p { (layout::prose(&step)) } }
@@ -209,6 +213,8 @@ const MOST_LOST: usize = 512;
 
 /// Figures that are computed of a placement for its page, beyond its scores.
 pub(crate) struct Looks {
+    /// Name of the vehicle; empty without one.
+    vehicle: String,
     /// Information that the placement gains, seen from above, by name of the scene.
     maps: Vec<(String, InformationMap)>,
     views: Vec<ViewData>,
@@ -291,7 +297,8 @@ impl Looks {
         }
         let has_moving_bodies = job.scene().has_moving_bodies();
         let relief = job.relief_in_words()?;
-        Ok(Self { maps, views, near, several, has_moving_bodies, relief })
+        let vehicle = job.scene().vehicle().name.clone();
+        Ok(Self { vehicle, maps, views, near, several, has_moving_bodies, relief })
     }
 
     /// Near field of the placement and of the best baseline; `None` where there is none to tell.
@@ -350,6 +357,8 @@ fn near<'a>(
 /// The drawings of a page, as SVG, and the data of its 3-D view.
 #[derive(Debug, Clone)]
 pub(crate) struct Figures {
+    /// Name of the vehicle; empty without one, and without a result.
+    vehicle: String,
     /// Objective against evaluations; `None` without a search.
     pub convergence: Option<String>,
     /// The placement on the vehicle; `None` without a result.
@@ -386,6 +395,7 @@ impl Figures {
         let mounts = mounts.unwrap_or_default().into_iter();
         let mut this = Self {
             mounts: mounts.map(|name| name.map(str::to_owned)).collect(),
+            vehicle: String::new(),
             convergence: None,
             placement: shown.map(|shown| placement_svg(shown, constraints, body)),
             maps: Vec::new(),
@@ -414,7 +424,7 @@ impl Figures {
             near_field_svg(&footprint, &drawn)
         });
         (this.several, this.views, this.relief) = (looks.several, looks.views, looks.relief);
-        this.has_moving_bodies = looks.has_moving_bodies;
+        (this.has_moving_bodies, this.vehicle) = (looks.has_moving_bodies, looks.vehicle);
         this
     }
 
@@ -465,12 +475,15 @@ mod tests {
     #[test]
     fn the_head_has_one_sentence_large_and_blind_places_as_a_list() {
         let verdict = "BLIND: 2 sectors, listed below. No warning.\nBLIND: ahead.\nBLIND: left.";
-        let head = heading("street", &[], verdict).into_string();
+        let head = heading(("", "street"), &[], verdict).into_string();
         let want = "<h1>BLIND: 2 sectors, listed below.</h1><p>No warning.</p>\
                     <ul><li>BLIND: ahead.</li><li>BLIND: left.</li></ul>";
         assert!(head.contains(want), "{head}");
+        assert!(head.contains("sightline · street<"), "{head}");
+        let of_van = heading(("van", "street"), &[], verdict).into_string();
+        assert!(of_van.contains("sightline · street · vehicle van<"), "{of_van}");
         assert!(
-            !heading("street", &[], "The placement found. No warning.")
+            !heading(("", "street"), &[], "The placement found. No warning.")
                 .into_string()
                 .contains("<ul>")
         );

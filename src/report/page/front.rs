@@ -18,7 +18,7 @@ pub fn front_html(front: &Front, record: &FrontRecord) -> String {
     let stopped = format!("Stopped: {}.", record.stopped);
     let command = on_backend(&record.command, &record.backend);
     let again = repeat(Some(&stopped), &command, None, Some(&record.settings));
-    let head = heading(&record.scene, &record.conditions, &format!("{verdict}."));
+    let head = heading(("", &record.scene), &record.conditions, &format!("{verdict}."));
     let main = html! {
         (section("front", "The front", &trade(front, record)))
         (section("sensors", "Sensors", &sensors(front)))
