@@ -35,7 +35,7 @@ use crate::search::{Evaluator, GenerationRecord, Member, Scored, Suite};
 use crate::shared::{
     LEAST_SHARED, Overlap, REDUNDANCY_TARGETS, Redundancy, RedundancySite, redundancy_question,
 };
-use crate::vehicle::{Constraints, Placement};
+use crate::vehicle::{Constraints, Placement, UNNAMED};
 
 pub use front::front_html;
 pub use search::found_html;
@@ -297,7 +297,8 @@ impl Looks {
         }
         let has_moving_bodies = job.scene().has_moving_bodies();
         let relief = job.relief_in_words()?;
-        let vehicle = job.scene().vehicle().name.clone();
+        let name = &job.scene().vehicle().name;
+        let vehicle = if name == UNNAMED { String::new() } else { name.clone() };
         Ok(Self { vehicle, maps, views, near, several, has_moving_bodies, relief })
     }
 

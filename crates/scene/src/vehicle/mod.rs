@@ -43,7 +43,7 @@ pub use lidar_cast::sensor::{
     SensorModel, SensorName, SensorPose, Sensors, SpinPhase, UnknownSensor,
 };
 pub use lidar_cast::task::Requirement;
-pub use mount::MountRules;
+pub use mount::{MountRules, UNNAMED};
 #[cfg(all(test, feature = "mesh"))]
 pub(crate) use pairing::tests::check_pairs;
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};

@@ -19,6 +19,9 @@ use super::{
 use sightline_files::json::check::{self, bad};
 use sightline_files::json::{Checked, Location};
 
+/// Name of a vehicle that a scene describes by a mount and a LiDAR alone.
+pub const UNNAMED: &str = "vehicle";
+
 /// Most keep-out boxes of a mount.
 const MAX_KEEP_OUT: usize = 32;
 
@@ -54,7 +57,7 @@ impl Vehicle {
         let name = SensorName::NONE;
         let ties = Ties { equal_height: mount.equal_height, symmetric: mount.symmetric };
         let mut vehicle = Self {
-            name: "vehicle".to_owned(),
+            name: UNNAMED.to_owned(),
             mounts: vec![VehicleMount { region, sensors: vec![name], count: [lidars; 2] }],
             min_distance,
             keep_out,
